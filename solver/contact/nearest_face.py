@@ -30,7 +30,7 @@ class FaceGroup:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class NearestFace:
-    """A labelled surface, prepared for many points."""
+    """A labelled surface, prepared for many points, of which all but few lie near the same vertices."""
 
     triangles: Array
     """Corners [m], shape (m, 3, 3)."""
@@ -40,8 +40,10 @@ class NearestFace:
     vertices: cKDTree
     vertex_label: Index
     """Of the faces around each vertex, shape (n,)."""
+    others: dict[int, tuple[FaceGroup, ...]]
+    """Faces of all labels but one, by that one; made when it is asked for."""
     clear: Array
-    """How far around each vertex there is no other label at least [m], shape (n,)."""
+    """How far around each vertex there is no other label at least [m], shape (n,); NaN until it is asked for."""
 
     @classmethod
     def of(cls, vertices: Array, faces: NDArray[np.int32], label: Index) -> "NearestFace":
@@ -50,24 +52,31 @@ class NearestFace:
         place = np.searchsorted(used, faces)
         vertex_label = np.zeros(len(used), dtype=np.int64)
         vertex_label[place.ravel()] = np.repeat(label, 3)
-        clear = np.full(len(used), np.inf)
-        for one in np.unique(label):
-            mine = np.flatnonzero(vertex_label == one)
-            for group in groups_of(triangles, np.flatnonzero(label != one)):
-                away = group.middle.query(vertices[used[mine]])[0] - group.radius
-                clear[mine] = np.minimum(clear[mine], away)
         groups = groups_of(triangles, np.arange(len(faces)))
-        return cls(triangles, label, groups, cKDTree(vertices[used]), vertex_label, clear)
+        return cls(triangles, label, groups, cKDTree(vertices[used]), vertex_label, {}, np.full(len(used), np.nan))
 
     def label_at(self, point: Array) -> Index:
         """Label of the face nearest to each point (k, 3), shape (k,)."""
         away, vertex = self.vertices.query(point)
         label = self.vertex_label[vertex]
         # the nearest face is no farther than the vertex, so within twice that of the vertex
-        unsure = np.flatnonzero(2.0 * away >= self.clear[vertex])
+        unsure = np.flatnonzero(2.0 * away >= self.clear_of(vertex))
         if len(unsure):
             label[unsure] = self.label[self.nearest(point[unsure])]
         return np.asarray(label)
+
+    def clear_of(self, vertex: Index) -> Array:
+        """`clear` of some vertices (k,)."""
+        new = np.unique(vertex[np.isnan(self.clear[vertex])])
+        for one in np.unique(self.vertex_label[new]).tolist():
+            mine = new[self.vertex_label[new] == one]
+            if one not in self.others:
+                self.others[one] = groups_of(self.triangles, np.flatnonzero(self.label != one))
+            place = np.asarray(self.vertices.data)[mine]
+            self.clear[mine] = np.inf
+            for group in self.others[one]:
+                self.clear[mine] = np.minimum(self.clear[mine], group.middle.query(place)[0] - group.radius)
+        return np.asarray(self.clear[vertex])
 
     def nearest(self, point: Array) -> Index:
         """Index of the face nearest to each point (k, 3), the first of several, shape (k,)."""

@@ -1,7 +1,8 @@
 """What the process of a stage runs: reads a job, runs the stage, reports.
 
-In: a job as JSON on standard input (module, function, inputs, configuration). Out: JSON lines on standard output,
-`{"progress": ...}` while it works and `{"done": ...}` or `{"error": ...}` at the end.
+In: jobs on standard input, each a line of JSON (module, function, inputs, configuration). Out: JSON lines on standard
+output, for each job `{"progress": ...}` while it works and `{"done": ...}` or `{"error": ...}` at its end. The process
+ends after an error, and where standard input is closed.
 """
 
 import ctypes
@@ -9,10 +10,13 @@ import importlib
 import json
 import logging
 import os
+import resource
 import signal
 import sys
 import time
-from typing import IO
+from contextlib import suppress
+from pathlib import Path
+from typing import IO, Any
 
 from dcap.language.protocol.session import Session
 from dcap.scene import errors
@@ -21,28 +25,63 @@ from tasks.runner.digests import PACKAGES
 from tasks.runner.stage import stage
 
 PR_SET_PDEATHSIG = 1
+RESET_PEAK = "5"  # what the kernel takes for: forget the peak
+KIB = 1024  # unit of the kernel's figures of memory [bytes]
 
 
 def main() -> None:
-    """The child: read the job, run the stage, report."""
+    """The child: read jobs, run their stages, report, until nobody has another one."""
     die_with_parent(int(sys.argv[1]))
     report = private_stdout()
-    job = json.loads(sys.stdin.read())
     forward_log(report)
-    try:
-        function = getattr(importlib.import_module(job["module"]), job["function"])
-        own = stage(function)
-        values = own.load(job["inputs"], job["config"], Session(**job["session"]))
-        begin = time.perf_counter()
-        value = function(**values)
-        done = own.save(value, time.perf_counter() - begin)
-    except Exception as error:
-        known = error if isinstance(error, errors.DcapError) else machine_error(error)
-        if known is None:
-            raise
-        say(report, error={"type": type(known).__name__, "message": str(known)})
-        return
-    say(report, done=done)
+    usage = Usage()
+    for line in sys.stdin:
+        try:
+            done = run(json.loads(line))
+        except Exception as error:
+            known = error if isinstance(error, errors.DcapError) else machine_error(error)
+            if known is None:
+                raise
+            say(report, error={"type": type(known).__name__, "message": str(known)})
+            return
+        say(report, done=done | usage.told())
+
+
+def run(job: dict[str, Any]) -> dict[str, Any]:
+    """Run the stage of a job; its reference, seconds and size as JSON."""
+    function = getattr(importlib.import_module(job["module"]), job["function"])
+    own = stage(function)
+    values = own.load(job["inputs"], job["config"], Session(**job["session"]))
+    begin = time.perf_counter()
+    value = function(**values)
+    return own.save(value, time.perf_counter() - begin)
+
+
+class Usage:
+    """What each job takes, of a process that may do several: the first has its start as well."""
+
+    def __init__(self) -> None:
+        self._cpu_seconds = 0.0
+
+    def told(self) -> dict[str, Any]:
+        """Since it was told last: processor time of its threads and of the processes that it waited for [s], and the
+        most memory that was resident at a time, pages that it shares included [bytes]."""
+        times = os.times()
+        now = times.user + times.system + times.children_user + times.children_system
+        since, self._cpu_seconds = now - self._cpu_seconds, now
+        return {"cpu_seconds": since, "peak_memory": peak_memory()}
+
+
+def peak_memory() -> int:
+    """Most memory that was resident at a time since this was asked last [bytes]; since the start of the process where
+    the system cannot begin anew."""
+    if sys.platform != "linux":
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    lines = Path("/proc/self/status").read_text().splitlines()
+    peak = next(int(line.split()[1]) for line in lines if line.startswith("VmHWM:"))
+    with suppress(OSError):  # not allowed in a container that is closed
+        Path("/proc/self/clear_refs").write_text(RESET_PEAK)
+    return peak * KIB
 
 
 def die_with_parent(parent: int) -> None:

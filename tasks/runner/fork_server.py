@@ -20,7 +20,7 @@ import signal
 import socket
 import sys
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 from tasks.runner import child
 from tasks.runner.process_group import kill_group, reap
@@ -130,7 +130,7 @@ class ForkServer:
             self.selector.unregister(job.link)
         self.selector.unregister(job.exit_fd)
         self.jobs.remove(job)
-        tell(job.link, **asdict(reap(job.pid)))
+        tell(job.link, status=reap(job.pid))
         job.link.close()
         os.close(job.exit_fd)
 

@@ -1,19 +1,19 @@
 """Runs one stage in a process of its own, tasks/runner/child.py, and hands back what it reports.
 
 The process leads its own session, dies with its parent, and is killed with all that it started when the parent is
-interrupted or the time is up.
+interrupted or the time is up. It does one job; where it is kept, one after the other.
 """
 
 import json
 import tempfile
 import threading
 from collections.abc import Callable
-from contextlib import suppress
-from typing import IO, Any
+from contextlib import ExitStack, suppress
+from typing import Any
 
 from dcap.scene import errors
 from tasks.runner.process_group import exit_words
-from tasks.runner.process_server import ProcessServer, SpawnedProcess, StageProcess, servers
+from tasks.runner.process_server import ProcessServer, SpawnedProcess, StageProcess, discard, servers
 
 MOST_SECONDS = 3600.0
 """A stage that runs longer hangs: budgets count steps, so this never decides a result."""
@@ -27,48 +27,76 @@ class StageProcessError(RuntimeError):
 
 
 def run_in_process(
-    job: dict[str, object], on_progress: Callable[[float, str], None], server: ProcessServer | None = None
+    job: dict[str, object],
+    on_progress: Callable[[float, str], None],
+    server: ProcessServer | None = None,
+    kind: str = "",
 ) -> dict[str, Any]:
     """Run a job in a process of its own, forked by the run's server if it has one, and return what it reports as done.
 
-    `cpu_seconds` and `peak_memory` [bytes] of the process are added to that.
+    A job of a `kind` gets the process of one of the same kind that is done, if there is one, and leaves it its own.
+    `cpu_seconds` and `peak_memory` [bytes] that the job took are added to what is returned.
     """
-    with tempfile.TemporaryFile("w+", errors="replace") as errors_file:
-        process = server.start(str(job["module"]), errors_file) if server else SpawnedProcess(errors_file)
-        running.add(process)
-        alarm = threading.Timer(MOST_SECONDS, process.kill)
-        alarm.daemon = True
-        alarm.start()
-        try:
-            return converse(process, json.dumps(job), errors_file, on_progress)
-        finally:
-            alarm.cancel()
-            process.kill()
-            running.discard(process)
+    process = server.take(kind) if server and kind else None
+    process = process or new_process(str(job["module"]), server)
+    running.add(process)
+    alarm = threading.Timer(MOST_SECONDS, process.kill)
+    alarm.daemon = True
+    alarm.start()
+    kept = False
+    try:
+        done = converse(process, json.dumps(job), on_progress)
+        alarm.cancel()
+        kept = bool(server and kind and server.keep(process, kind))
+        if not kept:
+            dismiss(process)
+        return done
+    finally:
+        alarm.cancel()
+        running.discard(process)
+        if not kept:
+            discard(process)
 
 
-def converse(
-    process: StageProcess, job: str, errors_file: IO[str], on_progress: Callable[[float, str], None]
-) -> dict[str, Any]:
+def new_process(module: str, server: ProcessServer | None) -> StageProcess:
+    """A process for a job of this module."""
+    with ExitStack() as opened:
+        errors = opened.enter_context(tempfile.TemporaryFile("w+", errors="replace"))
+        process = server.start(module, errors) if server else SpawnedProcess(errors)
+        opened.pop_all()
+    return process
+
+
+def converse(process: StageProcess, job: str, on_progress: Callable[[float, str], None]) -> dict[str, Any]:
     """Hand the job over and read lines until the result."""
-    with suppress(BrokenPipeError), process.input:  # it died at once; the exit status below says how
-        process.input.write(job)
-    done: dict[str, Any] | None = None
-    with process.output:
-        for line in process.output:
-            message = json.loads(line)
-            if "progress" in message:
-                on_progress(float(message["progress"]), str(message.get("text", "")))
-            elif "error" in message:
-                raise_again(message["error"])
-            else:
-                done = message["done"]
-    ended = process.wait()
-    if done is None or ended.status != 0:
-        errors_file.seek(0)
-        tail = "".join(errors_file.readlines()[-LAST_LINES:])
-        raise StageProcessError(f"the stage's process ended with {exit_words(ended.status)}\n{tail}")
-    return done | {"cpu_seconds": ended.cpu_seconds, "peak_memory": ended.peak_memory}
+    with suppress(BrokenPipeError):  # it died at once; the exit status below says how
+        process.input.write(job + "\n")
+        process.input.flush()
+    for line in process.output:
+        message = json.loads(line)
+        if "progress" in message:
+            on_progress(float(message["progress"]), str(message.get("text", "")))
+        elif "error" in message:
+            raise_again(message["error"])
+        else:
+            return dict(message["done"])
+    raise end_error(process)
+
+
+def dismiss(process: StageProcess) -> None:
+    """Let a process end that has done its job; StageProcessError where it does not end well."""
+    with suppress(BrokenPipeError):
+        process.input.close()
+    if process.wait() != 0:
+        raise end_error(process)
+
+
+def end_error(process: StageProcess) -> StageProcessError:
+    """The error that says how a process ended, with its last words."""
+    status = process.wait()
+    process.errors.seek(0)
+    tail = "".join(process.errors.readlines()[-LAST_LINES:])
+    return StageProcessError(f"the stage's process ended with {exit_words(status)}\n{tail}")
 
 
 def raise_again(error: dict[str, str]) -> None:

@@ -1,13 +1,15 @@
 """How a run starts the processes of its stages: forked by a server that has their modules loaded, or spawned.
 
-A run has one server of its own (fork_server.py beside this). A process is spawned, with an interpreter of its own,
-where a forked one would not be the same: the system cannot fork, the server has gone, or environment, working directory
-or our source files have changed since it was started. Each wait for the server ends: a server that does not answer a
-request in START_SECONDS is killed, and with it the children that it alone could tell about.
+A run has one server of its own (fork_server.py beside this). A process that has done its job may be kept for the next
+one that is started alike: what simulates has Taichi's kernels read by then. A process is spawned, with an interpreter
+of its own, where a forked one would not be the same: the system cannot fork, the server has gone, or environment,
+working directory or our source files have changed since it was started. Each wait for the server ends: a server that
+does not answer a request in START_SECONDS is killed, and with it the children that it alone could tell about.
 """
 
 import json
 import os
+import select
 import signal
 import socket
 import subprocess
@@ -23,7 +25,7 @@ from dcap.packages import module_command
 from dcap.scene.errors import InputError
 from dcap.scene.settings import PROJECT_ROOT
 from tasks.runner.digests import PACKAGES
-from tasks.runner.process_group import Ended, exit_words, kill_group, reap
+from tasks.runner.process_group import exit_words, kill_group, reap
 
 START_METHOD = "DCAP_START_METHOD"
 """Environment variable: `forkserver`, the default on Linux, or `spawn`."""
@@ -41,13 +43,15 @@ servers: set["ProcessServer"] = set()
 
 
 class StageProcess(Protocol):
-    """A process that leads a session and waits on its standard input for a job."""
+    """A process that leads a session and waits on its standard input for jobs, until that is closed."""
 
     input: IO[str]
     output: IO[str]
+    errors: IO[str]
+    """What it writes to standard error; whoever opened the file for it closes it."""
 
-    def wait(self) -> Ended:
-        """How it ended; nothing that it started is left."""
+    def wait(self) -> int:
+        """Exit status once it has ended; nothing that it started is left."""
 
     def kill(self) -> None:
         """Kill it and everything that it started, and wait."""
@@ -57,6 +61,7 @@ class SpawnedProcess:
     """A process with an interpreter of its own; what it writes to standard error goes to the file `errors`."""
 
     def __init__(self, errors: IO[str]) -> None:
+        self.errors = errors
         self._popen = subprocess.Popen(
             module_command("tasks.runner.child", str(os.getpid())),
             stdin=subprocess.PIPE,
@@ -69,15 +74,14 @@ class SpawnedProcess:
         assert self._popen.stdout is not None
         self.input: IO[str] = self._popen.stdin
         self.output: IO[str] = self._popen.stdout
-        self._ended: Ended | None = None
+        self._ended: int | None = None
         self._lock = threading.Lock()
 
-    def wait(self) -> Ended:
-        """How it ended; nothing that it started is left."""
+    def wait(self) -> int:
+        """Exit status once it has ended; nothing that it started is left."""
         with self._lock:
             if self._ended is None:
-                self._ended = reap(self._popen.pid)
-                self._popen.returncode = self._ended.status
+                self._ended = self._popen.returncode = reap(self._popen.pid)
             return self._ended
 
     def kill(self) -> None:
@@ -97,8 +101,8 @@ class ForkedProcess:
 
     def __init__(self, server: "ProcessServer", module: str, errors: IO[str]) -> None:
         self._server = server
-        self._errors = errors
-        self._ended: Ended | None = None
+        self.errors = errors
+        self._ended: int | None = None
         self._lock = threading.Lock()
         with ExitStack() as mine:
             with ExitStack() as theirs:
@@ -126,22 +130,26 @@ class ForkedProcess:
             raise OSError(forked["errno"], os.strerror(forked["errno"]))
         return int(forked["pid"])
 
-    def wait(self) -> Ended:
-        """How it ended; nothing that it started is left."""
+    def wait(self) -> int:
+        """Exit status once it has ended; nothing that it started is left."""
         with self._lock:
             if self._ended is None:
                 answer = self._answers.readline()
-                self._ended = Ended(**json.loads(answer)) if answer else self._lost()
+                self._ended = int(json.loads(answer)["status"]) if answer else self._lost()
                 self._answers.close()
                 self._link.close()
             return self._ended
 
-    def _lost(self) -> Ended:
-        """Its end without the server, which the kernel makes: only its group is left to kill, and nobody has waited
-        for it who could tell what it took. Its standard error says why."""
+    def waits(self) -> bool:
+        """Whether it is still there: nothing has been told of its end, nor has its server gone."""
+        return self._ended is None and not select.select([self._link], [], [], 0.0)[0]
+
+    def _lost(self) -> int:
+        """Its end without the server, which the kernel makes: only its group is left to kill. Its standard error says
+        why."""
         kill_group(self.pid)  # the number is its own while one of the group lives; another's only if all ended just now
-        os.write(self._errors.fileno(), self._server.last_words().encode())  # where the process itself stopped writing
-        return Ended(-signal.SIGKILL, 0.0, 0)
+        os.write(self.errors.fileno(), self._server.last_words().encode())  # where the process itself stopped writing
+        return -signal.SIGKILL
 
     def kill(self) -> None:
         """Kill it and everything that it started, and wait."""
@@ -164,6 +172,8 @@ class ProcessServer:
         self._given_up = ""
         self._closed = False
         self._lock = threading.Lock()
+        self._kept: dict[str, list[ForkedProcess]] = {}
+        """Processes that wait for another job, by what they are kept for."""
         self.requests, requests = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self.requests.settimeout(START_SECONDS)
         with requests:
@@ -195,6 +205,26 @@ class ProcessServer:
             raise InterruptedRunError("the run was interrupted before this stage's process started")
         return SpawnedProcess(errors)
 
+    def keep(self, process: StageProcess, kind: str) -> bool:
+        """Keep a process that has done its job for the next of this kind; False where it is not one to be kept."""
+        with self._lock:
+            if self._closed or not isinstance(process, ForkedProcess):
+                return False
+            self._kept.setdefault(kind, []).append(process)
+            return True
+
+    def take(self, kind: str) -> StageProcess | None:
+        """A process that was kept for this kind and is as a new one would be, if there is one."""
+        with self._lock:
+            found = self._kept.get(kind, [])
+            while found:
+                process = found.pop()
+                if process.waits() and surroundings() == self._surroundings:
+                    forget(process.errors)
+                    return process
+                discard(process)
+            return None
+
     def last_words(self) -> str:
         """How the server ended, and the last that it wrote to standard error."""
         with self._lock:
@@ -219,6 +249,22 @@ class ProcessServer:
         self.close()
         self._popen.wait()
         self.requests.close()
+        for process in (one for kept in self._kept.values() for one in kept):
+            discard(process)
+
+
+def discard(process: StageProcess) -> None:
+    """Kill a process and close what leads to it."""
+    process.kill()
+    for file in (process.input, process.output, process.errors):
+        with suppress(OSError):  # what was written to it and not read
+            file.close()
+
+
+def forget(errors: IO[str]) -> None:
+    """Empty a file that a process writes to; both have the same place in it."""
+    os.lseek(errors.fileno(), 0, os.SEEK_SET)
+    os.ftruncate(errors.fileno(), 0)
 
 
 def pipe(reader: ExitStack, writer: ExitStack) -> tuple[IO[str], IO[str]]:

@@ -12,6 +12,7 @@ value is a type error in the flow.
 """
 
 import inspect
+import json
 import time
 from collections.abc import Callable
 from contextlib import nullcontext
@@ -54,6 +55,8 @@ if TYPE_CHECKING:
 
 NOT_DECIDING = {"threads"}
 """Settings of any stage that change how long it takes, never what it returns."""
+STARTING = {"threads", "arch"}
+"""Settings of a simulation that a process can have one time."""
 CLIENT = "client"
 """Parameter through which a stage that asks questions gets who answers them."""
 
@@ -191,9 +194,10 @@ class Stage(Generic[P, ValueT_co]):
         with slot_of(self._limit(config)), context.slots or nullcontext():
             inputs, on_progress = call.deciders["inputs"], progress_to(log, context, self.name)
             if self._needs_process(inputs):
-                done = run_in_process(self.job(inputs, config, context.session), on_progress, context.server)
+                job, kind = self.job(inputs, config, context.session), self.kind(config)
+                done = run_in_process(job, on_progress, context.server, kind)
                 log.info(
-                    "%s: its process took %.2f s of processor time and %.0f MiB",
+                    "%s: took %.2f s of processor time and %.0f MiB",
                     self.name,
                     done["cpu_seconds"],
                     done["peak_memory"] / 2**20,
@@ -234,6 +238,11 @@ class Stage(Generic[P, ValueT_co]):
             "config": config,
             "session": session.to_json(),
         }
+
+    def kind(self, settings: object) -> str:
+        """For which jobs its process may be kept: simulations that start Taichi alike, which then has its kernels read;
+        empty for none."""
+        return json.dumps(starting(settings)) if self.simulates else ""
 
     def _needs_process(self, inputs: dict[str, Any]) -> bool:
         if isinstance(self.process, bool):
@@ -300,6 +309,14 @@ def deciding(tree: Any) -> Any:
     if isinstance(tree, dict):
         return {key: deciding(value) for key, value in tree.items() if key not in NOT_DECIDING}
     return [deciding(value) for value in tree] if isinstance(tree, list) else tree
+
+
+def starting(tree: Any) -> list[tuple[str, Any]]:
+    """Settings by which Taichi is started, once in a process, at any depth."""
+    if not isinstance(tree, dict):
+        return []
+    own = [(key, value) for key, value in sorted(tree.items()) if key in STARTING]
+    return own + [one for _, value in sorted(tree.items()) for one in starting(value)]
 
 
 def plain_input(name: str, value: Any) -> dict[str, object]:

@@ -46,6 +46,14 @@ def crash(path: str) -> Infeasible:
     print("last words", file=sys.stderr, flush=True)
     os.kill(os.getpid(), signal.SIGSEGV)
 
+def own_pid(path: str) -> Infeasible:
+    Path(path).write_text(str(os.getpid()))
+    return DONE
+
+def complain(path: str) -> Infeasible:
+    print("a complaint", file=sys.stderr, flush=True)
+    return DONE
+
 def family(path: str) -> Infeasible:
     grandchild = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
     draft = Path(path + ".draft")

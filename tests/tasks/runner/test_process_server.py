@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import textwrap
@@ -149,6 +150,46 @@ def test_jobs_run_at_the_same_time(folder: Path) -> None:
             one.kill()
         with pytest.raises(StageProcessError, match="signal SIGKILL"):
             doomed.result()
+
+
+def test_jobs_of_a_kind_share_a_process(folder: Path) -> None:
+    """A process that has done a job does the next of its kind, and tells what each took alone; another kind, a job that
+    failed, a process that has died since and a changed environment get a new one."""
+    with serving() as server:
+
+        def pid_of(kind: str) -> int:
+            run_in_process(job("own_pid", folder / "pid"), quiet, server, kind)
+            return int((folder / "pid").read_text())
+
+        first = pid_of("a")
+        assert alive(first)
+        assert pid_of("a") == first
+        assert first not in (pid_of("b"), pid_of(""))
+        peaks = [run_in_process(job("fill", folder / "p", mib=n), quiet, server, "a")["peak_memory"] for n in (300, 0)]
+        assert peaks[1] < 300 * MIB <= peaks[0]
+        with pytest.raises(StageProcessError, match="last words"):
+            run_in_process(job("crash", folder / "path"), quiet, server, "a")
+        second = pid_of("a")
+        assert second != first
+        os.kill(second, signal.SIGKILL)
+        wait_until(lambda: not alive(second))
+        third = pid_of("a")
+        assert third not in (first, second)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setenv("DCAP_SOMETHING", "new")
+            assert pid_of("a") != third
+        wait_until(lambda: not alive(third))
+        last = pid_of("a")
+    wait_until(lambda: not alive(last))
+
+
+def test_what_is_said_of_a_kept_process_is_of_its_last_job(folder: Path) -> None:
+    """The last words of a process that was kept are those of the job that ended it."""
+    with serving() as server:
+        run_in_process(job("complain", folder / "path"), quiet, server, "a")
+        with pytest.raises(StageProcessError) as caught:
+            run_in_process(job("crash", folder / "path"), quiet, server, "a")
+        assert str(caught.value) == "the stage's process ended with signal SIGSEGV\nlast words\n"
 
 
 def test_peak_memory_is_told(folder: Path) -> None:
