@@ -10,7 +10,7 @@ in. What only a simulation would tell is null.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property, lru_cache
 
 import numpy as np
 import trimesh
@@ -57,6 +57,10 @@ STRUCTURE = ("floor", "ceiling", "wall", "window", "door")
 COLOR = (40, 50, 110)
 
 Array = NDArray[np.float64]
+KEPT_SCENES = 4
+"""The two of a pair, and the room as it is."""
+KEPT_PICTURES = 64
+"""More than the questions about two pairs show."""
 DentReference = Callable[[Mesh, Mesh], float | None]
 """Of the ball over a bed that it has not pressed in, as meshes: how deep its weight ought to press it [m]."""
 
@@ -146,7 +150,12 @@ class RoomWithBall:
                 return {BED: self.below(middle)[0], FLOOR: point}
         raise InputError(f"room {self.name} has no free floor beside its bed; known answers need some")
 
-    def center(self, place: BallPlace) -> Array:
+    @cached_property
+    def center(self) -> Callable[[BallPlace], Array]:
+        """`let_down`, kept for each place."""
+        return cache(self.let_down)
+
+    def let_down(self, place: BallPlace) -> Array:
         """Middle of the ball [m], shape (3,): let down onto the room as it was given, then moved by its height."""
         xy = self.asked[place.on][:2].copy()
         xy[int(np.argmax(np.ptp(self.bed_mesh.bounds[:, :2], axis=0)))] += place.aside
@@ -155,7 +164,12 @@ class RoomWithBall:
         beneath = OwnedMesh(self.room.record.mesh, self.owner).over(thing).mesh
         return raised(over, place.height - float(columns(thing, Raycaster(beneath)).gap.min()))
 
-    def scene(self, place: BallPlace) -> OwnedMesh:
+    @cached_property
+    def scene(self) -> Callable[[BallPlace], OwnedMesh]:
+        """`built`, of which the last scenes are kept: a placement is measured and seen from many sides."""
+        return lru_cache(maxsize=KEPT_SCENES)(self.built)
+
+    def built(self, place: BallPlace) -> OwnedMesh:
         """The room of a placement: only where it is said to does the bed give way."""
         owner = self.owner
         if not place.dented:
@@ -216,7 +230,13 @@ class RoomWithBall:
         """The fixed pictures of a placement."""
         return tuple(NamedPicture(view, lambda view=view: self.seen(place, asked, view)) for view in VIEWS)  # type: ignore[misc]
 
-    def seen(self, place: BallPlace | None, asked: str, view: str) -> NDArray[np.uint8]:
+    @cached_property
+    def seen(self) -> Callable[[BallPlace | None, str, str], NDArray[np.uint8]]:
+        """`drawn`, of which the last pictures are kept: a question shows what the one before it showed, on other sides,
+        and the better placement of a pair is that of many."""
+        return lru_cache(maxsize=KEPT_PICTURES)(self.drawn)
+
+    def drawn(self, place: BallPlace | None, asked: str, view: str) -> NDArray[np.uint8]:
         """A view of the room with the ball, without one for None; the clean room is seen as in a view of what was
         asked for."""
         middle = self.asked[asked] if place is None or view in ASKED_VIEWS else self.center(place)
