@@ -17,7 +17,7 @@ from prefect.states import Completed, Failed
 from dcap.evaluation.methods import methods_of
 from dcap.scene.errors import DcapError
 from flows.benchmark import rerun_sample, run_benchmark
-from flows.benchmark_config import benchmark_config
+from flows.benchmark_config import benchmark_config, runner_of
 from flows.display import summary_line
 from flows.elsewhere import place_job
 from flows.output import result_line
@@ -64,6 +64,7 @@ def benchmark(
             only_failed=only_failed,
             methods=methods_of(methods),
             scenes=scenes,
+            runner=runner_of(asked),
         )
     except DcapError as error:
         return Failed(message=str(error))

@@ -7,6 +7,7 @@ heartbeat any more ends as Crashed, and waits in the pool again.
 import time
 from collections.abc import Iterator, Sequence
 from datetime import timedelta
+from typing import Any
 from uuid import UUID
 
 from prefect.client.orchestration import SyncPrefectClient, get_client
@@ -14,8 +15,9 @@ from prefect.client.schemas.actions import WorkPoolCreate
 from prefect.client.schemas.filters import FlowRunFilter
 from prefect.client.schemas.objects import FlowRun, WorkerStatus
 from prefect.deployments import run_deployment
-from prefect.deployments.runner import RunnerDeployment
 from prefect.exceptions import ObjectNotFound
+from prefect.flows import Flow, load_flow_from_entrypoint
+from prefect.utilities.callables import parameter_schema
 
 from dcap.scene.json_tree import JsonObject
 from dcap.scene.readers.files.yaml_text import parse_yaml
@@ -39,18 +41,21 @@ IN_A_REQUEST = 100
 
 def register() -> None:
     """Create the pool and its deployments on the server of this program, or bring them up to date."""
+    tree: Any = parse_yaml(resource("prefect.yaml").read_text())
     with get_client(sync_client=True) as client:
         client.create_work_pool(WorkPoolCreate(name=POOL, type="process"), overwrite=True)
-    tree = parse_yaml(resource("prefect.yaml").read_text())
-    assert isinstance(tree, dict)
-    for one in tree["deployments"]:
-        RunnerDeployment.from_entrypoint(
-            one["entrypoint"],
-            name=one["name"],
-            description=one["description"],
-            work_pool_name=POOL,
-            enforce_parameter_schema=False,
-        ).apply()
+        for one in tree["deployments"]:
+            flow: Flow[..., Any] = load_flow_from_entrypoint(one["entrypoint"])
+            client.create_deployment(
+                client.create_flow(flow),
+                one["name"],
+                description=one["description"],
+                work_pool_name=POOL,
+                entrypoint=one["entrypoint"],
+                parameter_openapi_schema=parameter_schema(flow).model_dump(),
+                enforce_parameter_schema=False,
+                pull_steps=tree["pull"],
+            )
 
 
 def worker_tag(name: str) -> str:

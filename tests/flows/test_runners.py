@@ -154,6 +154,58 @@ def test_samples_of_a_lost_worker_begin_again(dataset: Path, at_home: object, tm
         assert kept_results() == at_home
 
 
+@pytest.mark.slow
+@pytest.mark.long
+@pytest.mark.timeout(900)
+def test_a_benchmark_and_a_rerun_are_started_from_the_pages(dataset: Path, at_home: object, tmp_path: Path) -> None:
+    """What a person starts there with parameters is run by a worker, and its state says how it ended. No more
+    simulations run at once than a limit of the server allows."""
+    with data_folder(tmp_path), prefect_server() as url:
+        pages = PrefectPages(url)
+        (tmp_path / "dcap.yaml").write_text("run: {simulations: 1}\n")
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setenv("DCAP_CONFIG", str(tmp_path / "dcap.yaml"))
+            with a_worker():
+                held: set[int] = set()
+                asked = {"dataset": str(dataset), "workers": 2}
+                ended = started(pages, "benchmark", asked, lambda: held.update(busy(pages)))
+                assert ended["state"]["type"] == "COMPLETED", ended["state"]
+                assert kept_results() == at_home
+                assert held == {0, 1}
+                again = started(pages, "rerun", {"sample": "mug", "stage": "drop"})
+                assert again["state"]["message"].startswith("at rest on desk")
+                wrong = started(pages, "rerun", {"sample": "nobody"})
+                assert wrong["state"]["type"] == "FAILED"
+                assert "nobody" in wrong["state"]["message"]
+
+
+def started(
+    pages: PrefectPages, name: str, values: dict[str, object], look: Callable[[], object] = lambda: None
+) -> Any:
+    """A flow run of a deployment, once it has ended; `look` is called meanwhile."""
+    wait_until(lambda: name in deployments(pages))
+    path = f"/deployments/{deployments(pages)[name]}/create_flow_run"
+    made = pages.create(path, parameters=values, state={"type": "SCHEDULED"})
+
+    def end() -> Any:
+        look()
+        found: Any = next(run for run in pages.post("/flow_runs/filter") if run["id"] == made["id"])
+        return found if found["state"]["type"] in ("COMPLETED", "FAILED", "CRASHED", "CANCELLED") else None
+
+    wait_until(end)
+    return end()
+
+
+def deployments(pages: PrefectPages) -> dict[str, str]:
+    """Their ids by name."""
+    return {str(one["name"]): str(one["id"]) for one in pages.post("/deployments/filter")}
+
+
+def busy(pages: PrefectPages) -> list[int]:
+    """How many of the simulations that may run do run."""
+    return [int(str(one["active_slots"])) for one in pages.post("/v2/concurrency_limits/filter")]
+
+
 def taken(pages: PrefectPages) -> list[dict[str, Any]]:
     """Flow runs that a worker has taken."""
     return [run for run in pages.post("/flow_runs/filter") if "worker:" in str(run["tags"])]

@@ -1,6 +1,7 @@
 """What a Prefect server tells of runs, as its own pages ask for it."""
 
 import json
+from typing import Any
 from urllib.request import Request, urlopen
 
 
@@ -12,9 +13,17 @@ class PrefectPages:
 
     def post(self, path: str, **asked: object) -> list[dict[str, object]]:
         """Rows of a filter."""
-        request = Request(f"{self.url}{path}", json.dumps(asked).encode(), {"content-type": "application/json"})
+        return list(self.asked(path, asked))
+
+    def create(self, path: str, **asked: object) -> dict[str, object]:
+        """What was made."""
+        return dict(self.asked(path, asked))
+
+    def asked(self, path: str, body: object) -> Any:
+        """The answer to a request with a body."""
+        request = Request(f"{self.url}{path}", json.dumps(body).encode(), {"content-type": "application/json"})
         with urlopen(request, timeout=30) as answer:
-            return list(json.load(answer))
+            return json.load(answer)
 
     def get(self, path: str) -> dict[str, object]:
         """One thing."""

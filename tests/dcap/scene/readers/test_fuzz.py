@@ -11,7 +11,7 @@ import tracemalloc
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import pytest
@@ -285,7 +285,23 @@ def outcome(path: Path) -> Scan | str:
         return str(error)
 
 
-_read_once: set[str] = set()
+MOST_MEMORY = 6e6  # bytes; the files have a few thousand
+ValueT = TypeVar("ValueT")
+
+
+def traced(read: Callable[[], ValueT]) -> tuple[ValueT, int]:
+    """What it returns, and the most memory that it took [bytes]; of two times, as what is imported at the first use of
+    a reader or of a message is not what a broken file takes."""
+    for _ in range(2):
+        tracemalloc.start()
+        try:
+            result = read()
+            peak = tracemalloc.get_traced_memory()[1]
+        finally:
+            tracemalloc.stop()
+        if peak < MOST_MEMORY:
+            break
+    return result, peak
 
 
 def try_file(folder: Path, name: str, change: Callable[[bytes], bytes]) -> Scan | str:
@@ -293,21 +309,13 @@ def try_file(folder: Path, name: str, change: Callable[[bytes], bytes]) -> Scan 
     one = FORMATS[name]
     one.make(folder)
     path = folder / one.broken
-    if name not in _read_once:  # what the reader imports at its first use is not what a broken file makes it take
-        _read_once.add(name)
-        outcome(folder / (one.read or one.broken))
     path.write_bytes(change(path.read_bytes()))
-    tracemalloc.start()
-    try:
-        result = outcome(folder / (one.read or one.broken))
-        peak = tracemalloc.get_traced_memory()[1]
-    finally:
-        tracemalloc.stop()
+    result, peak = traced(lambda: outcome(folder / (one.read or one.broken)))
     if isinstance(result, str):
         assert str(folder) in result
         assert "\n" not in result
         assert len(result) < 2000
-    assert peak < 6e6  # bytes; the files have a few thousand
+    assert peak < MOST_MEMORY
     return result
 
 
@@ -317,14 +325,15 @@ def try_check(folder: Path, name: str, change: Callable[[bytes], bytes]) -> None
     But for what is refused only when units are found: sizes that fit no thing, and splats that make no surface.
     """
     result = try_file(folder, name, change)
-    findings = Findings()
-    tracemalloc.start()
-    try:
-        check_scene(folder / (FORMATS[name].read or FORMATS[name].broken), findings)
-        peak = tracemalloc.get_traced_memory()[1]
-    finally:
-        tracemalloc.stop()
-    assert peak < 6e6
+    place = folder / (FORMATS[name].read or FORMATS[name].broken)
+
+    def checked() -> Findings:
+        found = Findings()
+        check_scene(place, found)
+        return found
+
+    findings, peak = traced(checked)
+    assert peak < MOST_MEMORY
     if isinstance(result, str) and "set --unit" not in result and not name.startswith("splats"):
         assert findings.count(Severity.ERROR), result
 
