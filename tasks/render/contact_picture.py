@@ -12,11 +12,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.ndimage import binary_closing, binary_erosion
 
-from dcap.geometry.camera import Camera
 from dcap.geometry.rendering.coverage import silhouette
-from dcap.geometry.rendering.picture import Exposure, exposed
+from dcap.geometry.rendering.picture import Exposure
 from dcap.geometry.rendering.see_through import caster_of
-from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.paint import PaintedMesh
 from solver.certificate import ContactRow
 from tasks.render.drawing import drawing
@@ -43,22 +41,21 @@ DPI = 100
 
 
 def contact_picture(
-    meshes: Sequence[Mesh | PaintedMesh], shift: Array, thing: PaintedMesh, contact: Array, rows: Sequence[ContactRow],
-    own: str, labels: Mapping[str, str], camera: Camera,
+    exposure: Exposure, shift: Array, thing: PaintedMesh, contact: Array, rows: Sequence[ContactRow], own: str,
+    labels: Mapping[str, str],
 ) -> Bytes:  # fmt: skip
     """The scene without the object, coloured by the depth of its dent, with the patch on it and a legend.
 
     Args:
-        meshes: what the camera sees; the first is the scene itself.
+        exposure: what the camera sees in low light; the first mesh is the scene itself.
         shift: how far each vertex of the first has moved [m], shape (n, 3).
         thing: the object, of which only the outline is drawn.
         contact: points that carry it [m], shape (k, 3).
         rows: contacts of the drop.
         own: the object's name in them.
         labels: what the scene's things are called, by their ids.
-        camera: where it is seen from.
     """
-    exposure = exposed(meshes, camera, low_light=True)
+    camera = exposure.scene.camera
     rgb = exposure.picture().rgb.astype(np.float64)
     rgb += GREYED * (rgb.mean(axis=2, keepdims=True) - rgb)
     rgb = lightened(rgb, (exposure.surface.mesh_index == 0).reshape(exposure.shape))
