@@ -259,7 +259,9 @@ def sampler(grid: DistanceGrid) -> Distance:
         last = np.array(grid.values.shape) - 1.0
         local = (points - grid.origin) / grid.spacing
         within = np.clip(local, 0.0, last)
-        beyond = grid.spacing * np.linalg.norm(local - within, axis=1)
-        return np.asarray(map_coordinates(grid.values, within.T, order=1, output=np.float64) + beyond)
+        value = map_coordinates(grid.values, within.T, order=1, output=np.float64)
+        outside = np.flatnonzero((local != within).any(axis=1))  # of most bodies none is
+        value[outside] += grid.spacing * np.linalg.norm(local[outside] - within[outside], axis=1)
+        return np.asarray(value)
 
     return distance

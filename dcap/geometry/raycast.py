@@ -5,6 +5,7 @@ sides. Ray tracing is Embree's, in single precision: hits are accurate to about 
 """
 
 from dataclasses import dataclass
+from typing import Protocol, TypeVar
 
 import numpy as np
 import open3d
@@ -14,6 +15,7 @@ from dcap.scene.types.mesh import Mesh
 
 FloatArray = NDArray[np.floating]
 Packed = NDArray[np.float32]
+IndexT = TypeVar("IndexT", bound=np.integer)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -50,14 +52,28 @@ class PackedHits:
         return PackedHits(self.distance[index], self.face[index], self.normal[index], self.uv[index])
 
 
+class RayTracer(Protocol):
+    """What finds where packed rays, shape (n, 6), end."""
+
+    def first_hits(self, packed: Packed) -> PackedHits:
+        """What rays hit first."""
+
+    def blocked(self, packed: Packed) -> NDArray[np.bool_]:
+        """Which rays hit anything within the length of their direction, shape (n,)."""
+
+
 class Raycaster:
     """A mesh prepared for many rays; holds the acceleration structure."""
 
-    def __init__(self, mesh: Mesh) -> None:
-        self._empty = len(mesh.faces) == 0
+    def __init__(self, mesh: Mesh, faces: NDArray[np.integer] | None = None) -> None:
+        """All of a mesh, or some faces (k,) of it, which keep their numbers in it."""
+        used = mesh.faces if faces is None else mesh.faces[faces]
+        self._empty = len(used) == 0
+        # a miss has number -1, which finds the last row
+        self._number = None if faces is None else np.append(faces, -1).astype(np.int32)
         self._scene = open3d.t.geometry.RaycastingScene()
         if not self._empty:
-            self._scene.add_triangles(tensor(mesh.vertices), tensor(mesh.faces, np.uint32))
+            self._scene.add_triangles(tensor(mesh.vertices), tensor(used, np.uint32))
 
     def cast(self, origins: FloatArray, directions: FloatArray) -> Hits:
         """First hits of rays with origins [m] and unit directions, each of shape (n, 3)."""
@@ -96,7 +112,7 @@ class Raycaster:
             return nothing, nothing, np.zeros(0)
         found = self._scene.list_intersections(rays(origins, directions))
         ray, face = (found[name].numpy().astype(np.int64) for name in ("ray_ids", "primitive_ids"))
-        return ray, face, found["t_hit"].numpy().astype(np.float64)
+        return ray, self._in_mesh(face), found["t_hit"].numpy().astype(np.float64)
 
     def nearest(self, points: FloatArray) -> NDArray[np.float64]:
         """The point of the surface nearest to each of some points (n, 3) [m], nan of an empty mesh, shape (n, 3)."""
@@ -121,7 +137,7 @@ class Raycaster:
             )  # fmt: skip
         found = self._scene.cast_rays(tensor(packed))
         # what is no face's index is the largest number of 32 bits
-        face = found["primitive_ids"].numpy().view(np.int32)
+        face = self._in_mesh(found["primitive_ids"].numpy().view(np.int32))
         return PackedHits(
             found["t_hit"].numpy(), face, found["primitive_normals"].numpy(), found["primitive_uvs"].numpy()
         )
@@ -131,6 +147,34 @@ class Raycaster:
         if self._empty or len(packed) == 0:
             return np.zeros(len(packed), dtype=bool)
         return np.asarray(self._scene.test_occlusions(tensor(packed), 0.0, 1.0).numpy(), dtype=bool)
+
+    def _in_mesh(self, face: NDArray[IndexT]) -> NDArray[IndexT]:
+        """Numbers in the whole mesh of faces that the ray tracer counts among those it has."""
+        return face if self._number is None else self._number[face].astype(face.dtype, copy=False)
+
+
+class JoinedTracers:
+    """Two tracers of faces of one mesh as one."""
+
+    def __init__(self, first: RayTracer, second: RayTracer) -> None:
+        self._first, self._second = first, second
+
+    def first_hits(self, packed: Packed) -> PackedHits:
+        """What rays hit first of either."""
+        one, two = self._first.first_hits(packed), self._second.first_hits(packed)
+        nearer = two.distance < one.distance
+        wide = nearer[:, None]
+        return PackedHits(
+            np.where(nearer, two.distance, one.distance), np.where(nearer, two.face, one.face),
+            np.where(wide, two.normal, one.normal), np.where(wide, two.uv, one.uv),
+        )  # fmt: skip
+
+    def blocked(self, packed: Packed) -> NDArray[np.bool_]:
+        """Which rays hit anything of either within the length of their direction."""
+        stopped = self._first.blocked(packed)
+        going = np.flatnonzero(~stopped)
+        stopped[going] = self._second.blocked(packed[going])
+        return stopped
 
 
 def misses(count: int) -> Hits:

@@ -12,11 +12,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.ndimage import binary_closing, binary_erosion
 
-from dcap.geometry.camera import Camera
 from dcap.geometry.rendering.coverage import silhouette
-from dcap.geometry.rendering.picture import Exposure, exposed
+from dcap.geometry.rendering.picture import Exposure
 from dcap.geometry.rendering.see_through import caster_of
-from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.paint import PaintedMesh
 from solver.certificate import ContactRow
 from tasks.render.drawing import drawing
@@ -43,37 +41,38 @@ DPI = 100
 
 
 def contact_picture(
-    meshes: Sequence[Mesh | PaintedMesh], shift: Array, thing: PaintedMesh, contact: Array, rows: Sequence[ContactRow],
-    own: str, labels: Mapping[str, str], camera: Camera,
+    exposure: Exposure, shift: Array, thing: PaintedMesh, contact: Array, rows: Sequence[ContactRow], own: str,
+    labels: Mapping[str, str],
 ) -> Bytes:  # fmt: skip
     """The scene without the object, coloured by the depth of its dent, with the patch on it and a legend.
 
     Args:
-        meshes: what the camera sees; the first is the scene itself.
+        exposure: what the camera sees in low light; the first mesh is the scene itself.
         shift: how far each vertex of the first has moved [m], shape (n, 3).
         thing: the object, of which only the outline is drawn.
         contact: points that carry it [m], shape (k, 3).
         rows: contacts of the drop.
         own: the object's name in them.
         labels: what the scene's things are called, by their ids.
-        camera: where it is seen from.
     """
-    exposure = exposed(meshes, camera, low_light=True)
+    camera = exposure.scene.camera
     rgb = exposure.picture().rgb.astype(np.float64)
     rgb += GREYED * (rgb.mean(axis=2, keepdims=True) - rgb)
     rgb = lightened(rgb, (exposure.surface.mesh_index == 0).reshape(exposure.shape))
     depth = -dents(shift, exposure)
     deepest = float(depth.max(initial=0.0))
     if deepest > SHALLOWEST:
-        map_of = matplotlib.colormaps[COLORS]
-        color = 255.0 * np.asarray(map_of(np.clip(depth / deepest, 0.0, 1.0)))[..., :3]
-        share = np.clip(depth / (FADING * deepest), 0.0, 1.0)[..., None] * DENT_SHARE
-        light = rgb.mean(axis=2, keepdims=True) / 160.0  # the relief stays readable under the colours
-        rgb += share * (np.clip(color * light, 0.0, 255.0) - rgb)
+        dented = depth > 0.0
+        bare, deep = rgb[dented], depth[dented]
+        color = 255.0 * np.asarray(matplotlib.colormaps[COLORS](np.clip(deep / deepest, 0.0, 1.0)))[..., :3]
+        share = np.clip(deep / (FADING * deepest), 0.0, 1.0)[..., None] * DENT_SHARE
+        light = bare.mean(axis=1, keepdims=True) / 160.0  # the relief stays readable under the colours
+        rgb[dented] = bare + share * (np.clip(color * light, 0.0, 255.0) - bare)
     surface = exposure.surface
     seen = np.flatnonzero(surface.mesh_index == 0)
     touching = np.zeros(exposure.shape[0] * exposure.shape[1], dtype=bool)
-    touching[seen] = near_patch(surface.position[:, seen].T.astype(np.float64), contact, camera)
+    if len(contact):
+        touching[seen] = near_patch(surface.position[:, seen].T.astype(np.float64), contact, camera)
     width = max(1, round(camera.width / 400))
     drawn(rgb, joined(touching.reshape(exposure.shape), width), width)
     rim = silhouette(caster_of([thing]), camera, 1) > 0.5
@@ -96,8 +95,12 @@ def dents(shift: Array, exposure: Exposure) -> NDArray[np.float32]:
     """Displacement of the first mesh along its outward normal [m], shape (h, w)."""
     surface = exposure.surface
     result = np.zeros(len(surface.face), dtype=np.float32)
-    mine = np.flatnonzero(surface.mesh_index == 0)
-    corner = exposure.scene.prepared.mesh.faces[surface.face[mine]]  # the first mesh's vertices come first
+    faces = exposure.scene.prepared.mesh.faces
+    moved = np.zeros(len(exposure.scene.prepared.mesh.vertices), dtype=bool)
+    moved[: len(shift)] = shift.any(axis=1)  # the first mesh's vertices come first
+    bent = np.asarray(moved[faces].any(axis=1))
+    mine = np.flatnonzero((surface.mesh_index == 0) & bent[surface.face])
+    corner = faces[surface.face[mine]]
     moved = np.einsum("kn,nki->in", surface.corner_weights[:, mine], shift[corner])
     result[mine] = np.einsum("in,in->n", moved, surface.flat[:, mine])
     return result.reshape(exposure.shape)

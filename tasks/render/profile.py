@@ -42,12 +42,14 @@ def profile_picture(before: Mesh, after: Mesh, thing: Mesh, middle: Array, along
     figure = Figure(figsize=(WIDTH / DPI, HEIGHT / DPI), dpi=DPI, facecolor="white")
     canvas = FigureCanvasAgg(figure)
     axes = figure.add_axes((0.09, 0.11, 0.88, 0.78))
-    for mesh, color, style, width, name in (
-        (after, AFTER, "-", 2.2, "support at rest"),
-        (before, BEFORE, (0, (5, 3)), 1.4, "support before"),
-        (thing, THING, "-", 2.2, "object"),
+    cut = section(after, middle, level, normal, reach)
+    was = cut if before is after else section(before, middle, level, normal, reach)
+    for found, color, style, width, name in (
+        (cut, AFTER, "-", 2.2, "support at rest"),
+        (was, BEFORE, (0, (5, 3)), 1.4, "support before"),
+        (section(thing, middle, level, normal, reach), THING, "-", 2.2, "object"),
     ):
-        lines = 1e3 * section(mesh, middle, level, normal, reach)
+        lines = 1e3 * found
         axes.add_collection(LineCollection(list(lines), colors=color, linestyles=style, linewidths=width, label=name))
     axes.set_xlim(-1e3 * reach, 1e3 * reach)
     half = 1e3 * reach * shape
@@ -63,12 +65,13 @@ def profile_picture(before: Mesh, after: Mesh, thing: Mesh, middle: Array, along
 
 def section(mesh: Mesh, middle: Array, level: Array, normal: Array, reach: float) -> Array:
     """Where a vertical plane cuts a mesh near a point: lines (k, 2, 2), along the plane and upwards from there [m]."""
-    corner = mesh.triangles
-    low, high = middle - 2.0 * reach, middle + 2.0 * reach
-    near = np.flatnonzero(((corner.max(axis=1) >= low) & (corner.min(axis=1) <= high)).all(axis=1))
+    # a bit of each vertex for each side of the box that it is beyond: a face whose corners share one is outside
+    beyond = np.concatenate([mesh.vertices < middle - 2.0 * reach, mesh.vertices > middle + 2.0 * reach], axis=1)
+    sides = beyond @ (1 << np.arange(6)).astype(np.uint8)
+    near = np.flatnonzero(np.bitwise_and.reduce(sides[mesh.faces], axis=1) == 0)
     if not len(near):
         return np.zeros((0, 2, 2))
-    part = trimesh.Trimesh(mesh.vertices, mesh.faces[near], process=False)
+    part = trimesh.Trimesh(mesh.corners(near).reshape(-1, 3), np.arange(3 * len(near)).reshape(-1, 3), process=False)
     found = trimesh.intersections.mesh_plane(part, normal, middle)  # type: ignore[no-untyped-call]
     lines = np.asarray(found).reshape(-1, 2, 3) - middle
     return np.stack([lines @ level, lines[..., 2]], axis=2)

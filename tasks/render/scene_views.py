@@ -1,32 +1,44 @@
 """A scene and what stands in it before several cameras.
 
-In: the scene, its look and other meshes. Out: the meshes that each camera may see, prepared once for all that see the
-same of them.
+In: the scene, its look and other meshes. Out: what each camera may see of them, prepared once for all.
 """
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from dcap.geometry.camera import Camera
+from dcap.geometry.rendering.picture import Exposure, exposed
 from dcap.geometry.rendering.surface import PreparedMeshes
 from dcap.scene.types.paint import PaintedMesh
 from dcap.scene.types.segmentation import Segmentation
-from tasks.render.settled_meshes import shown_faces, shown_meshes
+from tasks.render.settled_meshes import Cutaway, floor_of
 
 
 class SceneViews:
-    """What cameras see of a scene; keeps what it prepared."""
+    """What cameras see of a scene."""
 
     def __init__(
         self, scene: Segmentation, look: PaintedMesh | None = None, things: Sequence[PaintedMesh] = ()
     ) -> None:
         """A scene, its look if it has textures, and meshes that are never cut away."""
-        self.scene, self.look, self.things = scene, look, tuple(things)
-        self._known: dict[bytes, PreparedMeshes] = {}
+        self._cutaway = Cutaway(scene)
+        around = [look or PaintedMesh(scene.mesh), *floor_of(scene)]
+        self._meshes = PreparedMeshes([*around, *things])
+        self._things = self._meshes.mesh_of_face >= len(around)
 
     def seen_by(self, camera: Camera) -> PreparedMeshes:
-        """What a camera may see: the scene without what is cut away, then the other meshes."""
-        faces = shown_faces(self.scene, camera)
-        key = faces.tobytes()
-        if key not in self._known:
-            self._known[key] = PreparedMeshes([*shown_meshes(self.scene, faces, self.look), *self.things])
-        return self._known[key]
+        """What a camera may see: the scene, which is the first mesh, without what is cut away, and the others."""
+        cut = self._cutaway.faces(camera)
+        shown = np.ones(len(self._things), dtype=bool)
+        shown[: len(cut)] = ~cut
+        return self._meshes.showing(shown)
+
+    def exposed(self, camera: Camera, *, low_light: bool = False) -> Exposure:
+        """What a camera sees of the scene alone, in the making."""
+        seen = self.seen_by(camera)
+        return exposed(seen.showing(seen.shown & ~self._things), camera, low_light=low_light)
+
+    def with_things(self, alone: Exposure) -> Exposure:
+        """The same view as one of the scene alone with the other meshes."""
+        return alone.adding(self._things)

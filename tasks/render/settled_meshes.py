@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from dcap.geometry.camera import Camera
 from dcap.geometry.deform import displaced, following, with_own_vertices
 from dcap.geometry.raycast import Raycaster
-from dcap.geometry.rendering.cutaway import cut_faces
+from dcap.geometry.rendering.cutaway import StructurePlanes
 from dcap.geometry.rendering.painted import painted
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.mesh import Mesh
@@ -74,6 +74,12 @@ def settled_scene(scene: Segmentation, settled: Settled, base_id: str) -> Settle
         if body.name in placed and (moved or body.name == base_id):
             after = with_thing_moved(after, body) if placed[body.name] else with_dent(after, body)
     return after
+
+
+def is_as_given(around: SettledScene, scene: Segmentation) -> bool:
+    """Whether nothing of a scene has moved or bends."""
+    after, given = around.scene.mesh, scene.mesh
+    return np.array_equal(after.faces, given.faces) and np.array_equal(after.vertices, given.vertices)
 
 
 def with_dent(around: SettledScene, body: SettledBody) -> SettledScene:
@@ -140,37 +146,52 @@ def shown(scene: Segmentation, camera: Camera, look: PaintedMesh | None = None) 
 
 def shown_meshes(scene: Segmentation, faces: NDArray[np.integer], look: PaintedMesh | None = None) -> list[PaintedMesh]:
     """Some faces (k,) of the scene, and the studio floor if it has none."""
-    meshes = [(look or PaintedMesh(scene.mesh)).submesh(faces)]
-    if not any(one.structure for one in scene.instances):
-        meshes.append(PaintedMesh(studio_floor(scene.mesh)))
+    meshes = [(look or PaintedMesh(scene.mesh)).submesh(faces), *floor_of(scene)]
     return [one for one in meshes if len(one.mesh.faces)]
+
+
+def floor_of(scene: Segmentation) -> list[PaintedMesh]:
+    """The studio floor of a scene that has none."""
+    return [] if any(one.structure for one in scene.instances) else [PaintedMesh(studio_floor(scene.mesh))]
 
 
 def shown_faces(scene: Segmentation, camera: Camera) -> NDArray[np.int64]:
     """Faces that are not cut away before the camera, shape (k,)."""
-    cut = cut_faces(scene.mesh, structure_faces(scene), camera.position, camera.target)
-    return np.flatnonzero(~(cut | hanging_faces(scene, cut, camera.target)))
+    return np.flatnonzero(~Cutaway(scene).faces(camera))
 
 
-def hanging_faces(scene: Segmentation, cut: NDArray[np.bool_], target: Array) -> NDArray[np.bool_]:
-    """Faces of things that hang on walls that are cut away, (m,): flat ones all of which is near such a wall, unless
-    the camera looks at them. They would float before the room, seen from behind."""
-    result = np.zeros(len(cut), dtype=bool)
-    if not cut.any():
+class Cutaway:
+    """What of a scene is cut away before cameras."""
+
+    def __init__(self, scene: Segmentation) -> None:
+        self._scene = scene
+        self._planes = StructurePlanes(scene.mesh, structure_faces(scene))
+        self._flat = [
+            (index, one.box.corners) for index, one in enumerate(scene.instances)
+            if not one.structure and not one.placed and 2.0 * float(one.box.half_extents.min()) <= HANGING
+        ]  # fmt: skip
+
+    def faces(self, camera: Camera) -> NDArray[np.bool_]:
+        """Faces that are cut away before a camera, shape (m,)."""
+        cut = self._planes.between(camera.position, camera.target)
+        return cut | self._hanging(cut, camera.target)
+
+    def _hanging(self, cut: NDArray[np.bool_], target: Array) -> NDArray[np.bool_]:
+        """Faces of things that hang on walls that are cut away, (m,): flat ones all of which is near such a wall,
+        unless the camera looks at them. They would float before the room, seen from behind."""
+        result, mesh = np.zeros(len(cut), dtype=bool), self._scene.mesh
+        if not cut.any():
+            return result
+        wall: Raycaster | None = None
+        for index, corners in self._flat:
+            if ((corners.min(axis=0) - HANGING <= target) & (target <= corners.max(axis=0) + HANGING)).all():
+                continue
+            mine = np.flatnonzero(self._scene.face_instance == index)
+            wall = wall or Raycaster(mesh, np.flatnonzero(cut))
+            points = mesh.vertices[np.unique(mesh.faces[mine])]
+            if len(points) and float(wall.distance_to(points).max()) <= HANGING:
+                result[mine] = True
         return result
-    wall: Raycaster | None = None
-    for index, one in enumerate(scene.instances):
-        flat = 2.0 * float(one.box.half_extents.min()) <= HANGING
-        corners = one.box.corners
-        looked_at = ((corners.min(axis=0) - HANGING <= target) & (target <= corners.max(axis=0) + HANGING)).all()
-        if one.structure or one.placed or not flat or looked_at:
-            continue
-        mine = scene.face_instance == index
-        wall = wall or Raycaster(scene.mesh.submesh(np.flatnonzero(cut)))
-        points = scene.mesh.vertices[np.unique(scene.mesh.faces[mine])]
-        if len(points) and float(wall.distance_to(points).max()) <= HANGING:
-            result |= mine
-    return result
 
 
 def studio_floor(mesh: Mesh) -> Mesh:

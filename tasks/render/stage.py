@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from dcap.geometry.camera import Camera
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.rendering.painted import painted
-from dcap.geometry.rendering.picture import Picture, picture
+from dcap.geometry.rendering.picture import Picture, exposed, picture
 from dcap.geometry.rendering.surface import PreparedMeshes
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.mesh import Mesh
@@ -26,7 +26,7 @@ from tasks.render.config import RenderConfig
 from tasks.render.contact_picture import contact_picture
 from tasks.render.profile import profile_picture
 from tasks.render.scene_views import SceneViews
-from tasks.render.settled_meshes import painted_item, painted_scene, settled_scene, shown, shown_faces, structure_faces
+from tasks.render.settled_meshes import is_as_given, painted_item, painted_scene, settled_scene, structure_faces
 from tasks.render.views import best_view, contact_middle, front, view_distance, visible_fraction
 from tasks.runner.stage import stage
 
@@ -46,40 +46,35 @@ def render(
     state."""
     thing = painted_item(item, anchor, settled.bodies[0], object_surface)
     around = settled_scene(scene, settled, anchor.base_id)
-    first, after = before or scene, painted_scene(around, scene_surface)
+    still = before is None and is_as_given(around, scene)
+    first, after = around.scene if still else before or scene, painted_scene(around, scene_surface)
     untouched = painted(first.mesh, before_surface or scene_surface)
-    things = Raycaster(around.scene.mesh.submesh(np.flatnonzero(~structure_faces(around.scene))))
+    things = Raycaster(around.scene.mesh, np.flatnonzero(~structure_faces(around.scene)))
     target, toward = contact_middle(settled, anchor), front(scene, anchor)
     distance = view_distance(scene, anchor, thing.mesh, config)
     view = best_view(things, thing.mesh, target, distance, toward, config)
-    full, given = SceneViews(around.scene, after, [thing]), SceneViews(first, untouched)
-    meshes = full.seen_by(view.camera)
-    rest = photograph(meshes, view.camera, config)
-    fraction = visible_fraction(rest.mesh_index == len(meshes.things) - 1, thing, view.camera)
+    views = SceneViews(around.scene, after, [thing])
+    given = views if still else SceneViews(first, untouched)
+    clean = given.exposed(view.camera)
+    seen = views.with_things(clean) if still else exposed(views.seen_by(view.camera), view.camera)
+    rest = seen.picture(config.samples)
+    fraction = visible_fraction(rest.mesh_index == len(seen.scene.prepared.things) - 1, thing, view.camera)
     if fraction < config.least_visible:
         return Infeasible(
             Reason.BURIED,
             f"only {fraction:.1%} of the object is visible (RenderConfig.least_visible {config.least_visible})",
             HiddenObject(visible_fraction=fraction, camera_position=view.camera.position),
         )
-    clean = photograph(given.seen_by(view.camera), view.camera, config)
     near = nearby(things, thing.mesh, view.camera, config)
-    closeup = photograph(full.seen_by(near), near, config, low_light=True)
-    empty = photograph(given.seen_by(near), near, config, low_light=True)
-    shift = around.shift[np.unique(around.scene.mesh.faces[shown_faces(around.scene, near)])]
+    bare = views.exposed(near, low_light=True)
+    closeup = views.with_things(bare).picture(config.samples)
+    empty = (bare if still else given.exposed(near, low_light=True)).picture(config.samples)
     labels = {one.id: one.label for one in scene.instances}
     contact = contact_picture(
-        shown(around.scene, near, after),
-        shift,
-        thing,
-        settled.contact_points,
-        settled.contacts,
-        settled.bodies[0].name,
-        labels,
-        near,
+        bare, around.shift, thing, settled.contact_points, settled.contacts, settled.bodies[0].name, labels
     )
     return Renders(
-        clean=clean.rgb,
+        clean=clean.picture(config.samples).rgb,
         settled=rest.rgb,
         closeup=closeup.rgb,
         visible_fraction=fraction,

@@ -30,6 +30,7 @@ from tasks.runner.process_group import exit_words, kill_group, reap
 START_METHOD = "DCAP_START_METHOD"
 """Environment variable: `forkserver`, the default on Linux, or `spawn`."""
 FORK_SERVER, SPAWN = "forkserver", "spawn"
+ONE_THREAD = "OMP_NUM_THREADS"
 SOURCES = tuple(PROJECT_ROOT / name for name in sorted(PACKAGES))
 """Folders of the code that a stage may load."""
 START_SECONDS = 300.0
@@ -64,6 +65,7 @@ class SpawnedProcess:
         self.errors = errors
         self._popen = subprocess.Popen(
             module_command("tasks.runner.child", str(os.getpid())),
+            env=stage_environment(),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=errors,
@@ -179,6 +181,7 @@ class ProcessServer:
         with requests:
             self._popen = subprocess.Popen(
                 module_command("tasks.runner.fork_server", str(requests.fileno()), str(os.getpid())),
+                env=stage_environment(),
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 stderr=self._errors,
@@ -276,6 +279,12 @@ def pipe(reader: ExitStack, writer: ExitStack) -> tuple[IO[str], IO[str]]:
 def request(module: str) -> bytes:
     """What the server is asked for."""
     return json.dumps({"module": module}).encode()
+
+
+def stage_environment() -> dict[str, str]:
+    """The environment of stages' processes: this program's, with one thread for the products of small matrices that
+    numpy hands to BLAS. More of them wait for one another without sleeping, at the cost of the process beside."""
+    return {ONE_THREAD: "1"} | os.environ
 
 
 def surroundings() -> tuple[object, ...]:

@@ -18,17 +18,28 @@ def cut_faces(
     mesh: Mesh, structure: NDArray[np.bool_], camera: NDArray[np.float64], target: NDArray[np.float64]
 ) -> NDArray[np.bool_]:
     """Structure faces (a mask over the mesh's faces) whose plane separates the camera from the target, shape (m,)."""
-    cut = np.zeros(len(mesh.faces), dtype=bool)
-    index = np.flatnonzero(structure)
-    if len(index) == 0:
+    return StructurePlanes(mesh, structure).between(camera, target)
+
+
+class StructurePlanes:
+    """The planes of walls, floor and ceiling, for any number of cameras."""
+
+    def __init__(self, mesh: Mesh, structure: NDArray[np.bool_]) -> None:
+        """Of those faces of a mesh that are structure, a mask (m,)."""
+        self._structure = structure
+        a, b, c = mesh.corners(np.flatnonzero(structure)).transpose(1, 0, 2)
+        self._normal = snapped(np.cross(b - a, c - a))
+        self._center = (a + b + c) / 3.0
+        self._offset = np.einsum("ij,ij->i", self._normal, self._center)
+
+    def between(self, camera: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """As `cut_faces`."""
+        side = self._normal @ target - self._offset
+        other = self._normal @ camera - self._offset
+        ceiling = (np.abs(self._normal[:, 2]) > LEVEL_COS) & (self._center[:, 2] > target[2] + OVERHEAD)
+        cut = np.zeros(len(self._structure), dtype=bool)
+        cut[self._structure] = ((np.abs(side) > SLACK) & (side * other < 0.0)) | ceiling
         return cut
-    normal = snapped(mesh.face_normals[index])
-    center = mesh.corners(index).mean(axis=1)
-    side = np.einsum("ij,ij->i", normal, target - center)
-    other = np.einsum("ij,ij->i", normal, camera - center)
-    ceiling = (np.abs(normal[:, 2]) > LEVEL_COS) & (center[:, 2] > target[2] + OVERHEAD)
-    cut[index] = ((np.abs(side) > SLACK) & (side * other < 0.0)) | ceiling
-    return cut
 
 
 def snapped(normal: NDArray[np.float64]) -> NDArray[np.float64]:

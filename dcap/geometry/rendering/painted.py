@@ -118,15 +118,14 @@ def barycentric(points: NDArray[np.float64], triangle: NDArray[np.float64]) -> N
 class PaintedScene:
     """The textures of joined meshes."""
 
-    def __init__(self, meshes: Sequence[PaintedMesh], focal: float) -> None:
-        """Prepare the textures for a camera with a focal length of `focal` [pixel]."""
+    def __init__(self, meshes: Sequence[PaintedMesh]) -> None:
         counts = [len(one.mesh.faces) for one in meshes]
         self.texture = np.full(sum(counts), -1, dtype=np.int32)
         self.uv = np.zeros((sum(counts), 3, 2), dtype=np.float32)
         self.tint = np.zeros((sum(counts), 3, 3), dtype=np.float32)
         self.levels: list[list[NDArray[np.uint8]]] = []
         self.wraps: list[Wrap] = []
-        density = np.zeros(sum(counts), dtype=np.float32)
+        self.density = np.zeros(sum(counts), dtype=np.float32)
         start = 0
         for one, count in zip(meshes, counts, strict=True):
             mine = slice(start, start + count)
@@ -136,16 +135,16 @@ class PaintedScene:
             known = one.paint.texture >= 0
             self.texture[mine] = np.where(known, one.paint.texture + len(self.levels), -1)
             self.uv[mine], self.tint[mine] = one.paint.corner_uv, one.paint.corner_tint
-            density[mine] = pixels_per_metre(one.mesh, one.paint)
+            self.density[mine] = pixels_per_metre(one.mesh, one.paint)
             shown = set(one.paint.texture.tolist())
             self.levels += [
                 smaller_copies(image) if slot in shown else [] for slot, image in enumerate(one.paint.textures)
             ]
             self.wraps += [one.paint.wrap(slot) for slot in range(len(one.paint.textures))]
-        self.density = density / np.float32(focal)
 
-    def paint(self, face: NDArray[np.int64], weights: Array, distance: Array, color: Array) -> None:
-        """Overwrite linear colours (3, n) where rays met textured faces (n,) at weights (3, n) and distances (n,)."""
+    def paint(self, face: NDArray[np.int64], weights: Array, pixel: Array, color: Array) -> None:
+        """Overwrite linear colours (3, n) where rays met textured faces (n,) at weights (3, n); `pixel` is how wide a
+        pixel of the picture is there [m], shape (n,)."""
         slot = self.texture[face]
         for texture in np.unique(slot[slot >= 0]):
             mine = np.flatnonzero(slot == texture)
@@ -153,7 +152,7 @@ class PaintedScene:
             weight = weights[:, mine].T[:, :, None]
             uv, tint = (weight * self.uv[own]).sum(axis=1), (weight * self.tint[own]).sum(axis=1)
             levels = self.levels[texture]
-            footprint = np.maximum(self.density[own] * distance[mine], 1e-9)
+            footprint = np.maximum(self.density[own] * pixel[mine], 1e-9)
             level = np.clip(np.rint(np.log2(footprint)), 0, len(levels) - 1).astype(np.int64)
             found = np.empty((len(mine), 3), dtype=np.float32)
             for each in np.unique(level):

@@ -16,7 +16,7 @@ from dcap.geometry.raycast import Raycaster, packed_rays
 from dcap.geometry.rendering.bands import in_bands
 from dcap.geometry.rendering.shading import compressed, shade
 from dcap.geometry.rendering.surface import PreparedMeshes, RenderScene, SurfaceHits, dot
-from dcap.geometry.rendering.visibility import gathered_light
+from dcap.geometry.rendering.visibility import LightRays, Lights, gather
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.paint import PaintedMesh
 
@@ -57,6 +57,8 @@ class Exposure:
 
     scene: RenderScene
     surface: SurfaceHits
+    rays: LightRays | None
+    """Which rays to the lights arrive, None without shadows."""
     light: Array
     """Shares of the key light and of the sky, shape (2, h * w)."""
     shown: Array
@@ -72,6 +74,34 @@ class Exposure:
         """Distance along the viewing axis [m], inf where nothing is, shape (h, w)."""
         forward = self.scene.camera.world_from_camera[:, 2].astype(np.float32)
         return np.asarray((self.surface.distance * dot(self.surface.direction, forward)).reshape(self.shape))
+
+    def adding(self, faces: NDArray[np.bool_]) -> "Exposure":
+        """The same view with further faces of the prepared meshes, a mask (m,): as if all had been there at once, but
+        cast anew are only the rays that may meet the further ones."""
+        if not faces.any():
+            return self
+        scene, added = self.scene.adding(faces)
+        mesh, camera = scene.prepared.mesh, scene.camera
+        corner = mesh.vertices[mesh.faces[faces]].reshape(-1, 3)
+        low, high = corner.min(axis=0), corner.max(axis=0)
+        center, radius = (0.5 * (low + high)).astype(np.float32), 0.5 * float(np.linalg.norm(high - low))
+        toward = center - camera.position.astype(np.float32)
+        along = dot(self.surface.direction, toward)
+        seen = np.flatnonzero(float(toward @ toward) - along * along < (1.01 * radius) ** 2)
+        ways = self.surface.direction[:, seen].T
+        hits = added.first_hits(packed_rays(np.broadcast_to(camera.position, ways.shape), ways))
+        fresh = seen[hits.distance < self.surface.distance[seen]]
+        surface = self.surface.with_others(fresh, scene.look(camera.pixel_centers[fresh]))
+        rays, light = self.rays, self.light
+        if rays is not None:
+            lights = Lights(scene.light, scene.reach, self.shape)
+            shaded = lights.near_ball(surface, center, radius)
+            shaded[fresh] = False
+            other = np.flatnonzero(shaded)
+            rays = rays.with_others(other, lights.some(added, surface, other, rays))
+            rays = rays.with_others(fresh, lights.some(scene.caster, surface, fresh))
+            light = gather(rays.shares, surface, self.shape)
+        return Exposure(scene, surface, rays, light, displayed(scene, surface, light))
 
     def picture(self, samples: int = 2) -> Picture:
         """Developed, with `samples` x `samples` rays at edges."""
@@ -91,10 +121,12 @@ def exposed(
     prepared = meshes if isinstance(meshes, PreparedMeshes) else PreparedMeshes(meshes)
     scene = RenderScene(prepared, camera, low_light=low_light)
     surface = scene.look(camera.pixel_centers)
-    light = np.ones((2, camera.height * camera.width), dtype=np.float32)
+    shape = (camera.height, camera.width)
+    light, rays = np.ones((2, len(surface.distance)), dtype=np.float32), None
     if shadows:
-        light = gathered_light(prepared.caster, surface, scene.light, scene.reach, (camera.height, camera.width))
-    return Exposure(scene, surface, light, displayed(scene, surface, light))
+        rays = Lights(scene.light, scene.reach, shape).arriving(scene.caster, surface)
+        light = gather(rays.shares, surface, shape)
+    return Exposure(scene, surface, rays, light, displayed(scene, surface, light))
 
 
 def displayed(scene: RenderScene, surface: SurfaceHits, light: Array) -> Array:

@@ -66,19 +66,22 @@ def alpha_at(image: NDArray[np.uint8], uv: NDArray[np.floating], wrap: Wrap) -> 
     return np.asarray((top * (1 - y) + bottom * y) / 255.0)
 
 
-def caster_of(things: Sequence[PaintedMesh]) -> Raycaster:
-    """A ray caster of meshes together, faces in their order."""
-    mesh = Mesh.concatenate([one.mesh for one in things])
+def caster_of(
+    things: Sequence[PaintedMesh], joined: Mesh | None = None, faces: NDArray[np.integer] | None = None
+) -> Raycaster:
+    """A ray caster of meshes together, faces in their order: of all of them, or of some (k,), which keep their numbers;
+    `joined` are the meshes in one, if there is that already."""
+    mesh = Mesh.concatenate([one.mesh for one in things]) if joined is None else joined
     if not any(one.paint is not None and one.paint.cut_out.any() for one in things):
-        return Raycaster(mesh)
-    return SeeThroughCaster(mesh, things)
+        return Raycaster(mesh, faces)
+    return SeeThroughCaster(mesh, things, faces)
 
 
 class SeeThroughCaster(Raycaster):
     """A mesh with clear places, prepared for many rays."""
 
-    def __init__(self, mesh: Mesh, things: Sequence[PaintedMesh]) -> None:
-        super().__init__(mesh)
+    def __init__(self, mesh: Mesh, things: Sequence[PaintedMesh], faces: NDArray[np.integer] | None = None) -> None:
+        super().__init__(mesh, faces)
         self._paints = [one.paint for one in things]
         self._first = np.cumsum([0, *(len(one.mesh.faces) for one in things)])
         plain = [

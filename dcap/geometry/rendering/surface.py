@@ -1,17 +1,20 @@
 """What the rays of a camera meet: place, normals, colour and mesh, ready to be lit."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, fields
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dcap.geometry.camera import Camera
-from dcap.geometry.raycast import PackedHits
+from dcap.geometry.raycast import JoinedTracers, PackedHits, RayTracer
 from dcap.geometry.rendering.bands import in_bands
 from dcap.geometry.rendering.normals import ShadingNormals
 from dcap.geometry.rendering.painted import PaintedScene
 from dcap.geometry.rendering.see_through import caster_of
+from dcap.geometry.rendering.view_volume import in_view
 from dcap.scene.srgb import LINEAR
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.paint import PaintedMesh
@@ -64,30 +67,61 @@ class SurfaceHits:
             self.corner_weights[:, index],
         )  # fmt: skip
 
+    def at(self, index: NDArray[np.integer]) -> "SurfaceHits":
+        """Some of the rays (k,)."""
+        return SurfaceHits(*(getattr(self, one.name)[..., index] for one in fields(self)))
+
+    def with_others(self, index: NDArray[np.integer], others: "SurfaceHits") -> "SurfaceHits":
+        """The same with others in the place of some of the rays (k,)."""
+        result = SurfaceHits(*(getattr(self, one.name).copy() for one in fields(self)))
+        for one in fields(self):
+            getattr(result, one.name)[..., index] = getattr(others, one.name)
+        return result
+
 
 class PreparedMeshes:
-    """Meshes that any number of cameras look at: one acceleration structure, colours and normals."""
+    """Meshes that any number of cameras look at, each at some of their faces: colours, normals and textures."""
 
     def __init__(self, things: Sequence[Mesh | PaintedMesh]) -> None:
         self.things = [PaintedMesh(one) if isinstance(one, Mesh) else one for one in things]
         meshes = [one.mesh for one in self.things]
         self.mesh = Mesh.concatenate(meshes)
         self.mesh_of_face = np.repeat(np.arange(len(meshes)), [len(m.faces) for m in meshes]).astype(np.int32)
-        self.caster = caster_of(self.things)
         self.colors = LINEAR[self.mesh.colors]
         self.normals = ShadingNormals(self.mesh)
+        self.textures = PaintedScene(self.things) if any(one.paint for one in self.things) else None
+        self.shown = np.ones(len(self.mesh.faces), dtype=bool)
+        """Faces that are looked at, shape (m,)."""
+
+    def showing(self, faces: NDArray[np.bool_]) -> Self:
+        """The same with only some faces (m,) looked at."""
+        some = copy(self)
+        some.shown = faces
+        return some
 
 
 class RenderScene:
-    """Prepared meshes as one camera sees them: their textures at its scale, and the light."""
+    """Prepared meshes as one camera sees them: what its rays may meet of them, and the light."""
 
     def __init__(self, prepared: PreparedMeshes, camera: Camera, *, low_light: bool = False) -> None:
-        known = prepared.things
         self.prepared = prepared
         self.camera = camera
-        self.textures = PaintedScene(known, camera.focal) if any(one.paint for one in known) else None
         self.light = key_direction(camera, LOW if low_light else HIGH)
         self.reach = float(np.linalg.norm(np.asarray(camera.target) - camera.position))
+        self.caster: RayTracer = self._caster_of(prepared.shown)
+
+    def adding(self, faces: NDArray[np.bool_]) -> tuple[Self, RayTracer]:
+        """The same camera before further faces (m,) of the meshes, and a ray caster of these alone."""
+        more, added = copy(self), self._caster_of(faces)
+        more.prepared = self.prepared.showing(self.prepared.shown | faces)
+        more.caster = JoinedTracers(self.caster, added)
+        return more, added
+
+    def _caster_of(self, faces: NDArray[np.bool_]) -> RayTracer:
+        """A ray caster of some faces (m,), as far as rays of the picture may meet them."""
+        known = self.prepared
+        near = faces & in_view(known.mesh, self.camera, self.light, self.reach)
+        return caster_of(known.things, known.mesh, np.flatnonzero(near))
 
     def look(self, points: NDArray[np.float64]) -> SurfaceHits:
         """What rays through image points (n, 2) [pixel] meet."""
@@ -99,7 +133,7 @@ class RenderScene:
             rays[band, 3:] = self.camera.directions(points[band])
 
         in_bands(aim, len(points))
-        hits = self.prepared.caster.first_hits(rays)
+        hits = self.caster.first_hits(rays)
         corner_normals = self.prepared.normals.of_corners(hits.face[hits.face >= 0])
 
         def describe(band: slice) -> None:
@@ -129,8 +163,9 @@ class RenderScene:
         out.color[:] = sum(
             w * components(known.colors[k]) for w, k in zip(weights, known.mesh.faces[face].T, strict=True)
         )
-        if self.textures is not None:
-            self.textures.paint(face, weights, np.where(seen, hits.distance, 1.0), out.color)
+        if known.textures is not None:
+            pixel = np.where(seen, hits.distance, 1.0).astype(np.float32) / np.float32(self.camera.focal)
+            known.textures.paint(face, weights, pixel, out.color)
         flat = np.where(seen, components(hits.normal), 0.0)
         rows = components(corner_normals.reshape(-1, 9)[face])
         smooth = weights[0] * rows[:3] + weights[1] * rows[3:6] + weights[2] * rows[6:]

@@ -7,52 +7,112 @@ filter that respects edges gathers the subsets.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.geometry.raycast import Raycaster
+from dcap.geometry.raycast import RayTracer
 from dcap.geometry.rendering.bands import BAND, in_bands
 from dcap.geometry.rendering.surface import SurfaceHits, dot
+from dcap.geometry.rendering.view_volume import KEY_REACH, LIGHT_RADIUS, SKY_REACH
 
 Array = NDArray[np.float32]
+Mask = NDArray[np.bool_]
+IntArray = NDArray[np.int64]
 Ways = Callable[[SurfaceHits, NDArray[np.int64], NDArray[np.int64]], tuple[Array, NDArray[np.bool_]]]
 """Rays to a light, scaled by their reach (rays, 3, n), and which of them could arrive (rays, n)."""
 
-LIGHT_RADIUS = 0.10  # tangent of the key light's angular radius: a window-sized source
 KEY_RAYS = 2  # per pixel; a 4 x 4 tile together has 32 different ones
 SKY_RAYS = 3
 TILE = 4
-# shadows are cast from at most this share of the camera's distance: far walls and ceilings let light in
-KEY_REACH, SKY_REACH = 0.9, 0.5
 OFFSET = (2e-4, 1e-5)  # rays start this far off the surface: a share of the camera's distance, and more [m]
 WINDOW = 4  # half width [pixels] of the gathering filter: twice the tile, so that every subset counts the same
 PLANE_TOLERANCE = 0.004  # distance from a pixel's plane over its depth at which the filter forgets a neighbour
 
 
 def gathered_light(
-    caster: Raycaster, surface: SurfaceHits, key: NDArray[np.float64], reach: float, shape: tuple[int, int]
+    caster: RayTracer, surface: SurfaceHits, key: NDArray[np.float64], reach: float, shape: tuple[int, int]
 ) -> Array:
     """Shares of the key light and of the sky that reach each pixel, shape (2, h * w)."""
-    return gather(visibility(caster, surface, key, reach, shape), surface, shape)
+    return gather(Lights(key, reach, shape).arriving(caster, surface).shares, surface, shape)
 
 
-def visibility(
-    caster: Raycaster, surface: SurfaceHits, key: NDArray[np.float64], reach: float, shape: tuple[int, int]
-) -> Array:
-    """The same from each pixel's own rays alone, shape (2, h * w)."""
-    return np.stack(
-        [
-            open_share(caster, surface, key_ways(key, KEY_REACH * reach), KEY_RAYS, shape),
-            open_share(caster, surface, sky_ways(SKY_REACH * reach), SKY_RAYS, shape),
-        ]
-    )
+@dataclass(frozen=True, eq=False, slots=True)
+class LightRays:
+    """Which rays from n pixels to the lights arrive."""
+
+    key: Mask
+    """Those to the key light, shape (KEY_RAYS, n)."""
+    sky: Mask
+    """Those to the sky, shape (SKY_RAYS, n)."""
+
+    @property
+    def shares(self) -> Array:
+        """Shares of the key light and of the sky by each pixel's own rays, shape (2, n)."""
+        return np.stack([one.sum(axis=0, dtype=np.float32) / np.float32(len(one)) for one in (self.key, self.sky)])
+
+    def with_others(self, pixel: IntArray, others: "LightRays") -> "LightRays":
+        """The same with the rays of some pixels (k,) replaced by those of others."""
+        key, sky = self.key.copy(), self.sky.copy()
+        key[:, pixel], sky[:, pixel] = others.key, others.sky
+        return LightRays(key, sky)
 
 
-def open_share(caster: Raycaster, surface: SurfaceHits, ways: Ways, count: int, shape: tuple[int, int]) -> Array:
-    """Share of `count` rays from each pixel that arrive, 0 where nothing is seen, shape (h * w,)."""
+class Lights:
+    """The key light and the sky over the pixels of a picture."""
+
+    def __init__(self, key: NDArray[np.float64], reach: float, shape: tuple[int, int]) -> None:
+        """The unit vector to the key light, the camera's distance from its target [m], and rows and columns."""
+        self._toward, self._reach = key.astype(np.float32)[:, None], reach
+        self._key, self._sky = key_ways(key, KEY_REACH * reach), sky_ways(SKY_REACH * reach)
+        self._tile, self._wide = bayer(TILE, shape).ravel(), bayer(2 * TILE, shape).ravel()
+
+    def arriving(self, caster: RayTracer, surface: SurfaceHits) -> LightRays:
+        """Rays from all pixels."""
+        return LightRays(
+            open_rays(caster, surface, self._key, KEY_RAYS, self._tile, self._wide),
+            open_rays(caster, surface, self._sky, SKY_RAYS, self._tile, self._wide),
+        )
+
+    def some(
+        self, caster: RayTracer, surface: SurfaceHits, pixel: IntArray, asked: LightRays | None = None
+    ) -> LightRays:
+        """Rays from some pixels (k,), of whose n the surface is given; those not `asked` for count as stopped."""
+        near, tile, wide = surface.at(pixel), self._tile[pixel], self._wide[pixel]
+        key, sky = (None, None) if asked is None else (asked.key[:, pixel], asked.sky[:, pixel])
+        return LightRays(
+            open_rays(caster, near, self._key, KEY_RAYS, tile, wide, key),
+            open_rays(caster, near, self._sky, SKY_RAYS, tile, wide, sky),
+        )
+
+    def near_ball(self, surface: SurfaceHits, center: Array, radius: float) -> Mask:
+        """Pixels whose rays may meet what lies in a ball, a bound; centre (3,) and radius [m], shape (n,)."""
+        farthest = np.float32(SKY_REACH * self._reach) * (levels(SKY_RAYS) ** 2).max(axis=0)
+        result = np.empty(len(surface.distance), dtype=bool)
+
+        def look(band: slice) -> None:
+            part = surface.part(band)
+            way = center[:, None] - part.position
+            away, along = dot(way, way), dot(way, self._toward)
+            to_sky = away < (radius + farthest[self._wide[band]]) ** 2
+            # rays to the key light stay in a cone that begins where the surface is
+            cone = 1.01 * radius + LIGHT_RADIUS * np.maximum(along + radius, 0.0)
+            before = (along > -radius) & (along < KEY_REACH * self._reach + radius)
+            to_key = before & (away - along * along < cone * cone)
+            result[band] = (part.mesh_index >= 0) & (to_sky | to_key)
+
+        in_bands(look, len(result))
+        return result
+
+
+def open_rays(
+    caster: RayTracer, surface: SurfaceHits, ways: Ways, count: int, tile: IntArray, wide: IntArray,
+    asked: Mask | None = None,
+) -> Mask:  # fmt: skip
+    """Which of `count` rays from each of n pixels arrive, none where nothing is seen, of those `asked` for, shape
+    (count, n); `tile` and `wide` are the pixels' numbers in their tiles, shape (n,)."""
     pixels = len(surface.distance)
-    tile, wide = bayer(TILE, shape).ravel(), bayer(2 * TILE, shape).ravel()
     rays = np.empty((count, pixels, 6), dtype=np.float32)
     could = np.empty((count, pixels), dtype=bool)
 
@@ -62,13 +122,13 @@ def open_share(caster: Raycaster, surface: SurfaceHits, ways: Ways, count: int, 
         off = OFFSET[0] * np.where(seen, near.distance, 0.0) + OFFSET[1]
         rays[:, band, :3] = (near.position + near.flat * off).T
         way, could[:, band] = ways(near, tile[band], wide[band])
-        could[:, band] &= seen
+        could[:, band] &= seen if asked is None else seen & asked[:, band]
         # a ray without length is found open at once
         rays[:, band, 3:] = np.where(could[:, None, band], way, 0.0).transpose(0, 2, 1)
 
     in_bands(aim, pixels)
     blocked = caster.blocked(rays.reshape(-1, 6)).reshape(count, pixels)
-    return np.asarray((could & ~blocked).sum(axis=0, dtype=np.float32) / count, dtype=np.float32)
+    return np.asarray(could & ~blocked)
 
 
 def key_ways(key: NDArray[np.float64], reach: float) -> Ways:

@@ -30,6 +30,9 @@ MOST_LOOKS = 250_000  # of them: over large things they are farther apart
 MOST_SCRAP = 0.03  # m^2: a piece of more area is a thing of its own, be it torn off
 SCRAP_SHARE = 0.05  # ... and so is one of more than this share of all area
 APART = 0.015  # a scrap is at least this far from all else [m]: less is the gap of a seam, or scan noise
+CELLS_APART = 2  # cells of half of that that points may be apart and still be near, between their middles
+NEIGHBOURS = np.indices((2 * CELLS_APART + 1,) * 3).reshape(3, -1).T - CELLS_APART
+NEIGHBOURS = NEIGHBOURS[(NEIGHBOURS**2).sum(axis=1) <= CELLS_APART**2]
 STANDING = 0.02  # a piece that reaches down to the lowest of a thing but for this [m] is a foot
 LEVEL = 0.8  # vertical component of the unit normal of what something can lie on
 COMPARABLE = 0.1  # share of the largest area that looks up, or of all, that is as good as that
@@ -177,15 +180,21 @@ def near_as_one(mesh: Mesh, piece: IntArray, count: int) -> IntArray:
     points = np.concatenate([corner.reshape(-1, 3), corner.mean(axis=1)])
     owner = np.concatenate([np.repeat(piece, 3), piece])
     large = int(np.argmax(np.bincount(piece, weights=mesh.face_areas, minlength=count)))
+    other = np.flatnonzero(owner != large)  # points of the largest piece are one group already
     # what touches the largest piece anywhere belongs to it, also where that has large faces
-    body = Raycaster(mesh.submesh(np.flatnonzero(piece == large)))
-    near_body = body.distance_to(points) < APART
+    body = Raycaster(mesh, np.flatnonzero(piece == large))
+    near_body = other[body.distance_to(points[other]) < APART]
     # else pieces are near whose points fall into the same cells or into neighbouring ones
-    cells, cell = np.unique(np.floor(points / (0.5 * APART)).astype(np.int64), axis=0, return_inverse=True)
-    cell = cell.reshape(-1) + count
-    beside = cKDTree(cells).query_pairs(2.01, output_type="ndarray") + count
-    rows = np.concatenate([owner, owner[near_body], beside[:, 0]])
-    columns = np.concatenate([cell, np.full(int(near_body.sum()), large), beside[:, 1]])
+    place = np.floor(points / (0.5 * APART)).astype(np.int64)
+    place -= place.min(axis=0) - CELLS_APART  # no way to a neighbour leads around an end of the numbering
+    step = np.cumprod([1, *(place.max(axis=0) + 1 + CELLS_APART)[:2]])
+    cells, cell = np.unique(place @ step, return_inverse=True)
+    asked = np.unique(cell[other])
+    wanted = cells[asked][:, None] + NEIGHBOURS @ step
+    found = np.minimum(np.searchsorted(cells, wanted), len(cells) - 1)
+    there, which = np.nonzero(cells[found] == wanted)
+    rows = np.concatenate([owner, owner[near_body], asked[there] + count])
+    columns = np.concatenate([cell + count, np.full(len(near_body), large), found[there, which] + count])
     size = count + len(cells)
     link = coo_matrix((np.ones(len(rows), dtype=np.int8), (rows, columns)), shape=(size, size))
     return np.asarray(connected_components(link, directed=False)[1][piece], dtype=np.int64)

@@ -61,3 +61,19 @@ def test_packed_rays_end_where_their_direction_does() -> None:
     empty = Mesh.of(np.zeros((0, 3)), np.zeros((0, 3), dtype=int))
     assert not Raycaster(empty).blocked(rays).any()
     assert (Raycaster(empty).first_hits(rays).face == -1).all()
+
+
+def test_some_faces_keep_their_numbers() -> None:
+    """A caster of some faces of a mesh hits these alone, and says which of the mesh they are."""
+    steps = [plate(height) for height in (0.0, 1.0, 2.0)]
+    whole = Mesh.concatenate(steps)
+    middle = np.array([2, 3])
+    origin, down = np.array([[0.1, 0.2, 3.0], [5.0, 5.0, 3.0]]), np.tile([0.0, 0.0, -1.0], (2, 1))
+    hits = Raycaster(whole, middle).cast(origin, down)
+    assert hits.face[0] in middle
+    assert hits.face[1] == -1
+    assert abs(hits.distance[0] - 2.0) < 4 * EPS * 3.0
+    ray, face, away = Raycaster(whole, np.array([4, 5, 0, 1])).crossings(origin, down)
+    assert (ray == 0).all()
+    assert sorted(face // 2) == [0, 2]
+    assert np.allclose(sorted(away), [1.0, 3.0], atol=4 * EPS * 3.0)

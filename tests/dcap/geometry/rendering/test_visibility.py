@@ -5,7 +5,8 @@ import numpy as np
 from dcap.geometry.camera import looking_at
 from dcap.geometry.rendering import visibility as module
 from dcap.geometry.rendering.surface import PreparedMeshes, RenderScene, SurfaceHits
-from dcap.geometry.rendering.visibility import PLANE_TOLERANCE, SKY_REACH, WINDOW, gather, visibility
+from dcap.geometry.rendering.view_volume import SKY_REACH
+from dcap.geometry.rendering.visibility import PLANE_TOLERANCE, WINDOW, Lights, gather
 from dcap.scene.types.mesh import Mesh
 
 HEIGHT, WIDTH = 13, 11
@@ -74,9 +75,8 @@ def test_a_lid_leaves_the_share_of_the_sky_that_its_distance_says():
     for meshes, key, sky in ([plate], 1.0, 1.0), ([plate, lid], 0.0, 4 / 3 * np.sqrt(height / (SKY_REACH * 2.0))):
         scene = RenderScene(PreparedMeshes(meshes), camera)
         surface = scene.look(camera.pixel_centers)
-        light = visibility(scene.prepared.caster, surface, scene.light, scene.reach, (64, 64)).reshape(2, 64, 64)[
-            :, 40:
-        ]
+        rays = Lights(scene.light, scene.reach, (64, 64)).arriving(scene.caster, surface)
+        light = rays.shares.reshape(2, 64, 64)[:, 40:]
         assert (surface.mesh_index.reshape(64, 64)[40:] == 0).all()
         assert (light[0] == key).all()
         # 192 directions and lengths of a low-discrepancy sequence: their mean is off by about log(192) / 192
