@@ -26,6 +26,7 @@ from dcap.scene.errors import InputError
 from dcap.scene.json_tree import JsonObject, object_to_json
 from dcap.scene.settings import data_root, runs_root, version
 from dcap.scene.types.sample import Sample
+from dcap.scene.whole_files import write_whole
 from flows.display import Display, print_lines, print_table, summary_line
 from flows.failed_before import failed_before
 from flows.judge_run import judged_rows, write_rows
@@ -203,7 +204,7 @@ def new_run_folder(dataset: Path, samples: Sequence[Sample], config: PlaceConfig
         "methods": list(dict.fromkeys(sample.method for sample in samples)),
         "samples": [asdict(located(sample)) for sample in samples],
     }
-    (folder / RUN).write_bytes(readable_json(asked))
+    write_whole(folder / RUN, readable_json(asked))
     draft = runs_root() / f".last-{os.getpid()}"
     draft.symlink_to(folder.name)
     os.replace(draft, runs_root() / "last")
@@ -223,7 +224,7 @@ def finish(folder: Path, rows: Sequence[SampleOutcome], seconds: float) -> Run:
     rows, table = judged_rows(folder, rows)
     language = spending_of(folder / LEDGER) if (folder / LEDGER).is_file() else None
     summary = summary_of(rows, run=str(folder), wall_s=seconds, language=language)
-    (folder / "summary.json").write_bytes(readable_json(object_to_json(summary)))
+    write_whole(folder / "summary.json", readable_json(object_to_json(summary)))
     write_report(folder, rows, summary)
     return Run(folder, rows, summary, table)
 

@@ -10,6 +10,7 @@ from dcap.language.model.ledger import in_words, spending_of
 from dcap.scene.errors import InputError
 from dcap.scene.json_tree import JsonObject
 from dcap.scene.store.artifacts import Store
+from dcap.scene.whole_files import write_whole
 from flows.configure import configured
 from flows.export_files import clear_exports
 from flows.film_output import FILM, write_film
@@ -23,7 +24,6 @@ from flows.placement_json import AT_REST
 from flows.run_files import FinishedPlacement, write_asked
 from flows.sample_run import FinishedSample, heavy_modules, plan_sample, recorded, users_words
 from flows.server import prefect_server
-from flows.whole_files import write_whole
 from tasks.arch import chosen_arch
 from tasks.runner.context import RunContext
 from tasks.runner.process_server import process_server

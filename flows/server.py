@@ -28,6 +28,7 @@ from urllib.parse import urlsplit
 from dcap.packages import module_command
 from dcap.scene.errors import DcapError, InputError
 from dcap.scene.settings import cache_root, resource
+from dcap.scene.whole_files import write_whole
 from flows.server_program import USERS
 
 PROGRAM = "flows.server_program"
@@ -268,7 +269,7 @@ def start(folder: Path, port: int) -> str:
         raise DcapError(f"{folder}: {free >> 20} MiB are free, too few for Prefect's database; {ROOM}")
     url = f"http://{LOOPBACK}:{port}/api"
     process = launch(folder, port)
-    (folder / "server.json").write_text(json.dumps({"url": url, "pid": process.pid}))
+    write_whole(folder / "server.json", json.dumps({"url": url, "pid": process.pid}).encode())
     deadline = time.monotonic() + START_SECONDS
     while not is_healthy(url):
         if process.poll() is not None or time.monotonic() > deadline:
