@@ -6,21 +6,28 @@ are created here, each with a key of its own.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any
 from uuid import UUID, uuid4
 
 from prefect import Flow, Task
 from prefect.client.orchestration import SyncPrefectClient
+from prefect.client.schemas.filters import FlowRunFilter
 from prefect.client.schemas.objects import FlowRun, State
 from prefect.context import SyncClientContext
+from prefect.exceptions import ObjectNotFound
 from prefect.flow_engine import FlowRunEngine
 from prefect.states import Completed, Crashed, Failed, Pending
 
 from dcap.scene.errors import DcapError
+from flows.programs import Program
 from tasks.runner.outcomes import error_line
 
+PROGRAM = "program"
+"""Key in the context of a flow run, where its program stands."""
+IN_A_REQUEST = 200
+"""Flow runs that are asked for at once; a server gives no more."""
 ShownState = tuple[str, str]
 """Name of a final state, Completed, Infeasible or Failed, and the line that says why."""
 COMPLETED, FAILED = "Completed", "Failed"
@@ -69,6 +76,8 @@ def flow_run(names: FlowRunNames, parent: UUID | None = None) -> Iterator[ShownF
     Crashed by what the block raises."""
     flow = Flow(the_block, name=names.flow, validate_parameters=False, persist_result=False)
     with SyncClientContext.get_or_create() as context:
+        if parent is None:
+            end_left_runs(context.client)
         engine = ShownFlowRun(flow=flow, flow_run=created(context.client, flow, names, parent))
         with engine.start():
             if not engine.is_running():
@@ -96,9 +105,23 @@ def created(client: SyncPrefectClient, flow: Flow[Any, Any], names: FlowRunNames
         name=names.name,
         parameters=dict(names.parameters),
         tags=names.tags,
+        context={PROGRAM: Program.this().to_json()},
         parent_task_run_id=stands_for,
         state=Pending(),
     )
+
+
+def end_left_runs(client: SyncPrefectClient) -> None:
+    """Say of flow runs that their program is gone, where it was killed on this machine before it could do so itself."""
+    unended = FlowRunFilter.model_validate({"state": {"type": {"any_": ["PENDING", "RUNNING"]}}})
+    runs: list[FlowRun] = []
+    while page := client.read_flow_runs(flow_run_filter=unended, limit=IN_A_REQUEST, offset=len(runs)):
+        runs += page
+    for one in runs:
+        program = Program.from_json(one.context.get(PROGRAM))
+        if program is not None and program.is_gone:
+            with suppress(ObjectNotFound):  # somebody has deleted it meanwhile
+                end_as_crashed(client, [one.id], f"its program, process {program.pid} of {program.host}, is gone")
 
 
 def end_as_crashed(client: SyncPrefectClient, runs: Iterable[UUID], why: str) -> None:

@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from urllib.request import urlopen
+from urllib.request import Request, urlopen
 
 import pytest
 from fake_benchmark import end, fake_benchmark
@@ -19,6 +19,7 @@ from process_trees import descendants
 
 from dcap.packages import module_command
 from dcap.scene.settings import PROJECT_ROOT
+from flows.programs import Program
 from flows.server import free_port, is_healthy, is_server, known, known_pid, prefect_server, server_folder
 
 PATIENCE = 240.0
@@ -105,6 +106,61 @@ def test_an_interrupted_benchmark_ends_at_once(data: Path, kind: signal.Signals)
         parent = pages.flow_runs()[0]
         assert parent["state_type"] == "CRASHED"
         assert [child["state_type"] for child in pages.flow_runs(str(parent["id"]))] == ["CRASHED"]
+
+
+@pytest.mark.slow
+@pytest.mark.long
+@pytest.mark.timeout(900)
+def test_flow_runs_of_a_killed_program_end_as_crashed_with_the_next_run(data: Path) -> None:
+    """The next run says so in a line of them, and of no other: neither of one that goes on nor of one elsewhere."""
+    (data / "busy").touch()
+    with prefect_server() as url:
+        pages = PrefectPages(url)
+        killed = fake_benchmark(data, ["put the ball on the slow table"])
+        try:
+            wait_until((data / "begun").exists)
+            parent = pages.flow_runs()[0]
+            (child,) = pages.flow_runs(str(parent["id"]))
+            os.killpg(killed.pid, signal.SIGKILL)
+        finally:
+            end(killed)
+        states = [pages.get(f"/flow_runs/{one['id']}")["state_type"] for one in (parent, child)]
+        assert states == ["RUNNING", "RUNNING"]
+        program = parent["context"]["program"]  # type: ignore[index]
+        others = [
+            waiting(url, program | {"host": "elsewhere"}),
+            waiting(url, Program.this().to_json()),
+            waiting(url, None),
+        ]
+        (data / "busy").unlink()
+        run = fake_benchmark(data, ["put the ball on the slow table"])
+        try:
+            _, err = run.communicate(timeout=PATIENCE)
+        finally:
+            end(run)
+        assert run.returncode == 0, err
+        for one in (parent, child):
+            state = pages.get(f"/flow_runs/{one['id']}")["state"]
+            assert state["type"] == "CRASHED"  # type: ignore[index]
+            assert state["message"] == f"its program, process {killed.pid} of {program['host']}, is gone"  # type: ignore[index]
+        assert {pages.get(f"/flow_runs/{one}")["state_type"] for one in others} == {"RUNNING"}
+        newest = pages.flow_runs()[0]
+        assert newest["state_type"] == "COMPLETED"
+
+
+def waiting(url: str, program: object) -> str:
+    """A flow run at work that belongs to a program, or that says nothing of one; its id."""
+    flow = posted(f"{url}/flows/", {"name": "benchmark"})["id"]
+    context = {} if program is None else {"program": program}
+    run = posted(f"{url}/flow_runs/", {"flow_id": flow, "context": context, "state": {"type": "RUNNING"}})
+    return str(run["id"])
+
+
+def posted(url: str, tree: object) -> dict[str, object]:
+    """What a server answers to a request that makes something."""
+    request = Request(url, json.dumps(tree).encode(), {"content-type": "application/json"})
+    with urlopen(request, timeout=30) as answer:
+        return dict(json.load(answer))
 
 
 STARTING = """
