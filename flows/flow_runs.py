@@ -26,8 +26,6 @@ from tasks.runner.outcomes import error_line
 
 PROGRAM = "program"
 """Key in the context of a flow run, where its program stands."""
-IN_A_REQUEST = 200
-"""Flow runs that are asked for at once; a server gives no more."""
 ShownState = tuple[str, str]
 """Name of a final state, Completed, Infeasible or Failed, and the line that says why."""
 COMPLETED, FAILED = "Completed", "Failed"
@@ -115,7 +113,7 @@ def end_left_runs(client: SyncPrefectClient) -> None:
     """Say of flow runs that their program is gone, where it was killed on this machine before it could do so itself."""
     unended = FlowRunFilter.model_validate({"state": {"type": {"any_": ["PENDING", "RUNNING"]}}})
     runs: list[FlowRun] = []
-    while page := client.read_flow_runs(flow_run_filter=unended, limit=IN_A_REQUEST, offset=len(runs)):
+    while page := client.read_flow_runs(flow_run_filter=unended, offset=len(runs)):  # as many as the server gives
         runs += page
     for one in runs:
         program = Program.from_json(one.context.get(PROGRAM))

@@ -114,8 +114,12 @@ def test_an_interrupted_benchmark_ends_at_once(data: Path, kind: signal.Signals)
 @pytest.mark.slow
 @pytest.mark.long
 @pytest.mark.timeout(900)
-def test_flow_runs_of_a_killed_program_end_as_crashed_with_the_next_run(data: Path) -> None:
-    """The next run says so in a line of them, and of no other: neither of one that goes on nor of one elsewhere."""
+def test_flow_runs_of_a_killed_program_end_as_crashed_with_the_next_run(
+    data: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The next run says so in a line of them, and of no other: neither of one that goes on nor of one elsewhere; of all
+    of them, however few the server tells at a time."""
+    monkeypatch.setenv("PREFECT_SERVER_API_DEFAULT_LIMIT", "2")
     (data / "busy").touch()
     with prefect_server() as url:
         pages = PrefectPages(url)
