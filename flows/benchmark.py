@@ -8,7 +8,8 @@ after the last sample has finished, and only for the report.
 import os
 import platform
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -25,6 +26,7 @@ from dcap.scene.errors import InputError
 from dcap.scene.json_tree import JsonObject, object_to_json
 from dcap.scene.settings import data_root, runs_root, version
 from dcap.scene.types.sample import Sample
+from dcap.scene.whole_files import write_whole
 from flows.display import Display, print_lines, print_table, summary_line
 from flows.failed_before import failed_before
 from flows.judge_run import judged_rows, write_rows
@@ -107,13 +109,12 @@ def run_benchmark(
     folder = new_run_folder(path, samples, config, language)
     with Display(samples) as display:
         plans = plan_all(samples, config, display)
-
-        def whole(watch: Watch) -> Run:
+        asked: dict[str, object] = {"dataset": str(path), "workers": workers, "runner": runner.name}
+        with watched(folder, plans, display, asked) as watch:
             results = run_all(plans, config, folder, language.session(folder), workers, display, watch, runner)
             rows = scored_rows(folder, results, truths_of(path, list(results)))
-            return finish(folder, rows, time.monotonic() - begin)
-
-        run = watched(folder, plans, display, {"dataset": str(path), "workers": workers, "runner": runner.name}, whole)
+            run = finish(folder, rows, time.monotonic() - begin)
+            watch.finished(run.failed == 0, summary_line(run.summary))
     print_table(run.rows, run.summary, folder)
     if run.table:
         print_lines(shown_lines(run.table))
@@ -167,26 +168,22 @@ def plan_all(samples: Sequence[Sample], config: PlaceConfig, display: Display) -
     return plans
 
 
-def watched(
-    folder: Path, plans: Sequence[Plan], display: Display, asked: dict[str, object], whole: Callable[[Watch], Run]
-) -> Run:
-    """Run the whole benchmark as one flow run. Where all is cached, no server is started for it: then it is shown only
-    if one runs already."""
+@contextmanager
+def watched(folder: Path, plans: Sequence[Plan], display: Display, asked: dict[str, object]) -> Iterator[Watch]:
+    """A block as the flow run of the whole benchmark. Where all is cached, no server is started for it: then it is
+    shown only if one runs already."""
     work = any(plan.settled is None for plan in plans)
     if not work and not server_answers():
-        return whole(Watch())
+        yield Watch()
+        return
     with prefect_server() as url:
         if work:
             display.serving(url)
 
-        from flows.benchmark_flow import in_benchmark_run  # imports Prefect, after the server's address is known
+        from flows.benchmark_flow import benchmark_run  # imports Prefect, after the server's address is known
 
-        return in_benchmark_run(folder, [plan.sample for plan in plans], asked, whole, ending)
-
-
-def ending(run: Run) -> tuple[bool, str]:
-    """Whether all samples got through, and the counts in a line."""
-    return run.failed == 0, summary_line(run.summary)
+        with benchmark_run(folder, [plan.sample for plan in plans], asked) as watch:
+            yield watch
 
 
 def new_run_folder(dataset: Path, samples: Sequence[Sample], config: PlaceConfig, language: LanguageOptions) -> Path:
@@ -207,7 +204,7 @@ def new_run_folder(dataset: Path, samples: Sequence[Sample], config: PlaceConfig
         "methods": list(dict.fromkeys(sample.method for sample in samples)),
         "samples": [asdict(located(sample)) for sample in samples],
     }
-    (folder / RUN).write_bytes(readable_json(asked))
+    write_whole(folder / RUN, readable_json(asked))
     draft = runs_root() / f".last-{os.getpid()}"
     draft.symlink_to(folder.name)
     os.replace(draft, runs_root() / "last")
@@ -227,7 +224,7 @@ def finish(folder: Path, rows: Sequence[SampleOutcome], seconds: float) -> Run:
     rows, table = judged_rows(folder, rows)
     language = spending_of(folder / LEDGER) if (folder / LEDGER).is_file() else None
     summary = summary_of(rows, run=str(folder), wall_s=seconds, language=language)
-    (folder / "summary.json").write_bytes(readable_json(object_to_json(summary)))
+    write_whole(folder / "summary.json", readable_json(object_to_json(summary)))
     write_report(folder, rows, summary)
     return Run(folder, rows, summary, table)
 

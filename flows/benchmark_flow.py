@@ -1,10 +1,9 @@
 """A benchmark as one flow run of Prefect: its samples are its children, its results its artifacts; imports Prefect."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TypeVar
-from uuid import UUID
 
 import httpx
 from prefect.client.orchestration import get_client
@@ -12,12 +11,11 @@ from prefect.client.schemas.filters import FlowRunFilter
 from prefect.exceptions import PrefectException
 
 from dcap.scene.types.sample import Sample
-from flows.flow_runs import COMPLETED, FAILED, FlowRunNames, ShownState, end_as_crashed, run_shown
+from flows.flow_runs import COMPLETED, FAILED, FlowRunNames, ShownFlowRun, end_as_crashed, flow_run
 from flows.run_artifacts import RunArtifacts, plain_text, table_data
 from flows.run_names import WatchedRun, benchmark_tags, repeated_titles
 from flows.watching import SettledSample, Watch
 
-ResultT = TypeVar("ResultT")
 PROGRESS_SECONDS, TABLE_SECONDS = 1.0, 30.0
 """How often these are written anew while samples are placed."""
 
@@ -25,11 +23,13 @@ PROGRESS_SECONDS, TABLE_SECONDS = 1.0, 30.0
 class FlowRunWatch(Watch):
     """Shows a benchmark as its flow run does: progress, a table of results, the way to the report."""
 
-    def __init__(self, run: WatchedRun, run_id: UUID, samples: Sequence[Sample]) -> None:
-        self._run, self._id = run, run_id
+    def __init__(self, folder: Path, samples: Sequence[Sample], engine: ShownFlowRun) -> None:
+        assert engine.flow_run is not None
+        self._engine, self._folder, self._id = engine, folder, engine.flow_run.id
+        self._run = WatchedRun(folder.name, self._id, repeated_titles(samples))
         self.order = {sample.id: number for number, sample in enumerate(samples)}
         self.rows: dict[str, dict[str, object]] = {}
-        self.artifacts = RunArtifacts(run_id)
+        self.artifacts = RunArtifacts(self._id)
         self.written = {"progress": 0.0, "results": time.monotonic()}
 
     @property
@@ -67,16 +67,17 @@ class FlowRunWatch(Watch):
         rows = [self.rows[name] for name in sorted(self.rows, key=self.order.__getitem__)]
         self.artifacts.put("results", "table", table_data(rows), "How each sample ended.")
 
-    def write_report(self, folder: Path, line: str) -> None:
+    def write_report(self, line: str) -> None:
         """Write what came out and where the report lies: browsers open no file from a page of a server."""
-        text = f"{plain_text(line)}\n\nOpen in a browser:\n\n    {folder / 'report.html'}\n"
+        text = f"{plain_text(line)}\n\nOpen in a browser:\n\n    {self._folder / 'report.html'}\n"
         self.artifacts.put("report", "markdown", text, "Where the results are.")
 
-    def finished(self, folder: Path, line: str) -> None:
+    def finished(self, fine: bool, line: str) -> None:
         """The report is written."""
         self.write_progress(1.0)
         self.write_table()
-        self.write_report(folder, line)
+        self.write_report(line)
+        self._engine.ending = COMPLETED if fine else FAILED, line
 
     def interrupted(self) -> None:
         """The run ends now, and with it what is at work."""
@@ -91,26 +92,12 @@ class FlowRunWatch(Watch):
             return  # who interrupts a run does not wait for its server
 
 
-def in_benchmark_run(
-    folder: Path,
-    samples: Sequence[Sample],
-    parameters: dict[str, object],
-    body: Callable[[Watch], ResultT],
-    ending: Callable[[ResultT], tuple[bool, str]],
-) -> ResultT:
-    """Run a benchmark's `body` as a flow run; `ending` says whether all samples got through, and counts in a line."""
+@contextmanager
+def benchmark_run(folder: Path, samples: Sequence[Sample], parameters: dict[str, object]) -> Iterator[FlowRunWatch]:
+    """A block as the flow run of a benchmark, and what shows there how it goes."""
     methods = list(dict.fromkeys(sample.method for sample in samples))
     names = FlowRunNames("benchmark", folder.name, benchmark_tags(folder.name, methods), parameters)
-
-    def flow_body(run_id: UUID) -> ResultT:
-        watch = FlowRunWatch(WatchedRun(folder.name, run_id, repeated_titles(samples)), run_id, samples)
+    with flow_run(names) as engine:
+        watch = FlowRunWatch(folder, samples, engine)
         watch.write_progress(0.0)
-        result = body(watch)
-        watch.finished(folder, ending(result)[1])
-        return result
-
-    def shown(result: ResultT) -> ShownState:
-        fine, line = ending(result)
-        return (COMPLETED if fine else FAILED), line
-
-    return run_shown(flow_body, names, shown=shown)
+        yield watch

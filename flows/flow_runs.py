@@ -5,22 +5,27 @@ number the children of threads by a counter that the threads race for, and two s
 are created here, each with a key of its own.
 """
 
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
-from typing import Any, TypeVar
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from typing import Any
 from uuid import UUID, uuid4
 
 from prefect import Flow, Task
 from prefect.client.orchestration import SyncPrefectClient
+from prefect.client.schemas.filters import FlowRunFilter
 from prefect.client.schemas.objects import FlowRun, State
 from prefect.context import SyncClientContext
+from prefect.exceptions import ObjectNotFound
 from prefect.flow_engine import FlowRunEngine
 from prefect.states import Completed, Crashed, Failed, Pending
 
 from dcap.scene.errors import DcapError
+from flows.programs import Program
 from tasks.runner.outcomes import error_line
 
-ResultT = TypeVar("ResultT")
+PROGRAM = "program"
+"""Key in the context of a flow run, where its program stands."""
 ShownState = tuple[str, str]
 """Name of a final state, Completed, Infeasible or Failed, and the line that says why."""
 COMPLETED, FAILED = "Completed", "Failed"
@@ -41,8 +46,8 @@ class FlowRunNames:
 class ShownFlowRun(FlowRunEngine[..., Any]):
     """Prefect's engine of flow runs, with final states in our words."""
 
-    shown: Callable[[Any], ShownState] = field(default=lambda result: (COMPLETED, ""))
-    """The final state by what the flow returned."""
+    ending: ShownState = (COMPLETED, "")
+    """The final state, unless something is raised."""
 
     @property
     def heartbeat_seconds(self) -> int | None:
@@ -50,8 +55,8 @@ class ShownFlowRun(FlowRunEngine[..., Any]):
         return None
 
     def handle_success(self, result: Any) -> Any:
-        """The flow has returned: nothing is persisted."""
-        name, why = self.shown(result)
+        """The flow has come to its end: nothing is persisted."""
+        name, why = self.ending
         self.set_state(Failed(message=why) if name == FAILED else Completed(name=name, message=why or None))
         self._return_value = result
         return result
@@ -63,31 +68,26 @@ class ShownFlowRun(FlowRunEngine[..., Any]):
         return self.set_state(Failed(message=error_line(exc)))
 
 
-def run_shown(
-    body: Callable[[UUID], ResultT],
-    names: FlowRunNames,
-    *,
-    shown: Callable[[ResultT], ShownState],
-    parent: UUID | None = None,
-) -> ResultT:
-    """Run `body`, which is given the id of its flow run, as a flow run; the child of `parent` if that is named."""
-    found: list[ResultT] = []
-
-    def flow_body() -> ResultT:
-        found.append(body(run.id))
-        return found[0]
-
-    flow = Flow(flow_body, name=names.flow, validate_parameters=False, persist_result=False)
+@contextmanager
+def flow_run(names: FlowRunNames, parent: UUID | None = None) -> Iterator[ShownFlowRun]:
+    """A block as a flow run, the child of `parent` if that is named. It ends as its `ending` says, or as Failed or
+    Crashed by what the block raises."""
+    flow = Flow(the_block, name=names.flow, validate_parameters=False, persist_result=False)
     with SyncClientContext.get_or_create() as context:
-        run = created(context.client, flow, names, parent)
-        engine = ShownFlowRun(flow=flow, flow_run=run, shown=shown)
+        if parent is None:
+            end_left_runs(context.client)
+        engine = ShownFlowRun(flow=flow, flow_run=created(context.client, flow, names, parent))
         with engine.start():
-            while engine.is_running():
-                with engine.run_context():
-                    engine.call_flow_fn()
-        if not found:
-            engine.result()
-    return found[0]
+            if not engine.is_running():
+                raise DcapError(f"the flow run {names.name!r} was ended before it began: {engine.state.name}")
+            with engine.run_context():
+                yield engine
+                engine.handle_success(None)
+        engine.result()  # raises what the block has raised, once it is told
+
+
+def the_block() -> None:
+    """Stands for what a flow run consists of: Prefect asks for a function, and names it nowhere."""
 
 
 def created(client: SyncPrefectClient, flow: Flow[Any, Any], names: FlowRunNames, parent: UUID | None) -> FlowRun:
@@ -103,9 +103,23 @@ def created(client: SyncPrefectClient, flow: Flow[Any, Any], names: FlowRunNames
         name=names.name,
         parameters=dict(names.parameters),
         tags=names.tags,
+        context={PROGRAM: Program.this().to_json()},
         parent_task_run_id=stands_for,
         state=Pending(),
     )
+
+
+def end_left_runs(client: SyncPrefectClient) -> None:
+    """Say of flow runs that their program is gone, where it was killed on this machine before it could do so itself."""
+    unended = FlowRunFilter.model_validate({"state": {"type": {"any_": ["PENDING", "RUNNING"]}}})
+    runs: list[FlowRun] = []
+    while page := client.read_flow_runs(flow_run_filter=unended, offset=len(runs)):  # as many as the server gives
+        runs += page
+    for one in runs:
+        program = Program.from_json(one.context.get(PROGRAM))
+        if program is not None and program.is_gone:
+            with suppress(ObjectNotFound):  # somebody has deleted it meanwhile
+                end_as_crashed(client, [one.id], f"its program, process {program.pid} of {program.host}, is gone")
 
 
 def end_as_crashed(client: SyncPrefectClient, runs: Iterable[UUID], why: str) -> None:

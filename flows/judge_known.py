@@ -19,6 +19,7 @@ from dcap.language.protocol.session import Session
 from dcap.scene.settings import runs_root
 from dcap.scene.types.gravity import GRAVITY
 from dcap.scene.types.mesh import Mesh
+from dcap.scene.whole_files import write_whole
 from flows.judge_run import asking
 from flows.language_options import LanguageOptions
 from flows.output import readable_json
@@ -71,7 +72,5 @@ def validate_judge(
     folder.mkdir(parents=True, exist_ok=True)
     tree = {**asdict(found), "sides": side_tree(found.sides), "accuracy": found.accuracy}
     tree |= {"rooms": list(rooms), "client": config.client.value}
-    draft = folder / f".{VALIDATION}"
-    draft.write_bytes(readable_json(tree))
-    draft.replace(folder / VALIDATION)
+    write_whole(folder / VALIDATION, readable_json(tree))
     return JudgeValidation(found, folder / VALIDATION)

@@ -49,6 +49,7 @@ from dcap.language.protocol.client import ClientName, LanguageConfig
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import FormatError, InputError
 from dcap.scene.types.judged_views import BEFORE, PLACED
+from dcap.scene.whole_files import whole_file
 from flows.language_options import LanguageOptions
 from flows.measures_file import MEASURES, VIEWS
 from flows.run_files import chooser_of, find_run
@@ -241,9 +242,8 @@ def write_tables(
 
 def write_rows(folder: Path, rows: Sequence[SampleOutcome]) -> None:
     """Write results.parquet."""
-    draft = folder / f".{RESULTS}"
-    pq.write_table(pa.Table.from_pylist([asdict(row) for row in rows]), draft)
-    draft.replace(folder / RESULTS)
+    with whole_file(folder / RESULTS) as draft:
+        pq.write_table(pa.Table.from_pylist([asdict(row) for row in rows]), draft)
 
 
 def read_rows(folder: Path) -> tuple[SampleOutcome, ...]:

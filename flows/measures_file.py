@@ -1,7 +1,6 @@
 """`measures.json` of a sample: what was measured of its final state, whoever made it."""
 
 import json
-import shutil
 from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
@@ -10,6 +9,7 @@ from dcap.scene.json_tree import JsonObject, JsonValue, object_to_json
 from dcap.scene.store.artifacts import Store
 from dcap.scene.types.judged_views import JudgedViews
 from dcap.scene.types.measures import Drift, Indentation, Measures
+from dcap.scene.whole_files import write_whole
 from flows.output import load, readable_json
 from flows.sample_run import FinishedSample
 
@@ -27,11 +27,12 @@ def write_measures(finished: FinishedSample, out: Path) -> JsonObject | None:
              ("drift", refs.drift, Drift))  # fmt: skip
     found = {name: load(store, ref, kind) if ref else None for name, ref, kind in kinds}
     tree = object_to_json({"scene": refs.scene.to_json(), "intent": refs.intent.to_json(), **found})
-    path.write_bytes(readable_json(tree))
+    write_whole(path, readable_json(tree))
     if refs.views is not None:
         (out / VIEWS).mkdir(exist_ok=True)
         for one in fields(JudgedViews):
-            shutil.copyfile(store.folder(refs.views) / f"{one.name}.png", out / VIEWS / f"{one.name}.png")
+            view = store.folder(refs.views) / f"{one.name}.png"
+            write_whole(out / VIEWS / view.name, view.read_bytes())
     return tree
 
 

@@ -61,11 +61,6 @@ def place_by(sample: Sample, config: PlaceConfig) -> PlacementRefs:
     return measured(sample, found, config) if config.measured else found
 
 
-def plain(sample: Sample, config: PlaceConfig) -> bool:
-    """Whether it is DCAP alone, and nothing is measured: then `place` says all."""
-    return sample.method == DCAP and not config.measured
-
-
 def changed(**stages: Mapping[str, object]) -> Callable[[PlaceConfig], PlaceConfig]:
     """A change of some stages' settings."""
 

@@ -10,6 +10,7 @@ from dcap.language.model.ledger import in_words, spending_of
 from dcap.scene.errors import InputError
 from dcap.scene.json_tree import JsonObject
 from dcap.scene.store.artifacts import Store
+from dcap.scene.whole_files import write_whole
 from flows.configure import configured
 from flows.export_files import clear_exports
 from flows.film_output import FILM, write_film
@@ -18,12 +19,11 @@ from flows.map_output import FOLDER, clear_maps, write_maps_of
 from flows.one_sample import sample_of, show
 from flows.options import PlaceOptions
 from flows.output import ISO, iso_glb, load_values, write_placement
-from flows.place import PlaceConfig
+from flows.place import PlaceConfig, place
 from flows.placement_json import AT_REST
 from flows.run_files import FinishedPlacement, write_asked
-from flows.sample_run import FinishedSample, heavy_modules, place_in_run, plan_sample, recorded
+from flows.sample_run import FinishedSample, heavy_modules, plan_sample, recorded, users_words
 from flows.server import prefect_server
-from flows.whole_files import write_whole
 from tasks.arch import chosen_arch
 from tasks.runner.context import RunContext
 from tasks.runner.process_server import process_server
@@ -54,7 +54,13 @@ def place_files(scene: str, thing: str, prompt: str, options: PlaceOptions, out:
         process_server(heavy_modules(plan.coming)) as server,
         recorded(sample, RunContext(session=session, server=server), partial(show, console, status)) as recorder,
     ):
-        placement = place_in_run(sample, config, recorder)
+        from flows.sample_flow import flow_runs_of  # imports Prefect, after the server's address is known
+
+        for flow_run in flow_runs_of(sample):
+            recorder.records.clear()  # of a flow run that was lost with its server
+            with flow_run, users_words(sample):
+                placement = place(sample, config)
+                flow_run.show(placement)
     if session.ledger and Path(session.ledger).is_file():
         console.print(in_words(spending_of(Path(session.ledger))))
     finished = FinishedSample(sample, placement, tuple(recorder.records))

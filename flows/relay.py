@@ -10,27 +10,28 @@ from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 
-LOOPBACK = "127.0.0.1"
+from flows.own_requests import LOOPBACK
+
 PIECE = 1 << 16
 """Bytes that are handed on at a time."""
 
 
-def relay(port: int, to_port: int, listening: Callable[[], None]) -> None:
+def relay(port: int, to_port: int, listening: Callable[[], None], to_host: str = LOOPBACK) -> None:
     """Hand every connection to `port` on to `to_port`, for ever; `listening` is called once it does."""
-    asyncio.run(_relay(port, to_port, listening))
+    asyncio.run(_relay(port, (to_host, to_port), listening))
 
 
-async def _relay(port: int, to_port: int, listening: Callable[[], None]) -> None:
-    server = await asyncio.start_server(partial(_connect, to_port), LOOPBACK, port)
+async def _relay(port: int, to: tuple[str, int], listening: Callable[[], None]) -> None:
+    server = await asyncio.start_server(partial(_connect, to), LOOPBACK, port)
     listening()
     async with server:
         await server.serve_forever()
 
 
-async def _connect(to_port: int, reader: StreamReader, writer: StreamWriter) -> None:
+async def _connect(to: tuple[str, int], reader: StreamReader, writer: StreamWriter) -> None:
     """One connection, in both directions; it is closed where no server answers."""
     try:
-        answers, questions = await asyncio.open_connection(LOOPBACK, to_port)
+        answers, questions = await asyncio.open_connection(*to)
         await asyncio.gather(_hand_on(reader, questions), _hand_on(answers, writer))
     except OSError:
         pass

@@ -18,12 +18,12 @@ from dcap.scene.readers.files.json_text import read_json
 from dcap.scene.settings import runs_root
 from dcap.scene.store.artifacts import Store
 from dcap.scene.types.sample import GivenPlace, KnownHeight, Sample, SourceOptions
+from dcap.scene.whole_files import write_whole
 from flows.language_options import LanguageOptions
 from flows.output import load_values, readable_json
 from flows.place import PlaceConfig
 from flows.placement_json import Values
 from flows.sample_run import FinishedSample, plan_sample
-from flows.whole_files import write_whole
 
 RUN, PLACEMENT = "run.json", "sample.json"
 DAMAGED = "the file is damaged, or of another version of dcap; run it again"

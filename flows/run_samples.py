@@ -14,6 +14,7 @@ from dcap.language.model.batch import batch_queue
 from dcap.language.protocol.session import Session
 from dcap.scene.json_tree import JsonObject
 from dcap.scene.types.sample import Sample
+from dcap.scene.whole_files import write_whole
 from flows.display import Display
 from flows.elsewhere import SampleJob, fetched
 from flows.measures_file import write_measures
@@ -171,4 +172,4 @@ def write_failure(folder: Path, failed: FailedSample) -> None:
     """Write why a sample failed into the run."""
     out = sample_folder(folder, failed.sample.id)
     out.mkdir(parents=True, exist_ok=True)
-    (out / "error.txt").write_text(f"{failed.message}\n\n{failed.details}".rstrip() + "\n")
+    write_whole(out / "error.txt", (f"{failed.message}\n\n{failed.details}".rstrip() + "\n").encode())

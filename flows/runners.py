@@ -17,7 +17,7 @@ from dcap.scene.errors import InputError
 from dcap.scene.json_tree import JsonObject
 from dcap.scene.types.sample import Sample
 from flows.elsewhere import SampleJob, Told, place_job, told_of
-from flows.server import LOOPBACK
+from flows.own_requests import LOOPBACK
 
 if TYPE_CHECKING:
     from prefect.futures import PrefectFuture

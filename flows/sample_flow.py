@@ -4,8 +4,9 @@ A server that dies while a sample is placed loses the flow run, not the sample: 
 (flows/server.py), and the sample begins again in a new flow run, in which the stages that it had finished are cached.
 """
 
-from collections.abc import Callable
+from collections.abc import Iterator
 from dataclasses import asdict
+from types import TracebackType
 from uuid import UUID
 
 import httpx
@@ -15,7 +16,7 @@ from dcap.scene.errors import DcapError
 from dcap.scene.store.artifacts import Store
 from dcap.scene.types.outcome import Infeasible
 from dcap.scene.types.sample import Sample
-from flows.flow_runs import COMPLETED, FlowRunNames, ShownState, end_as_crashed, run_shown
+from flows.flow_runs import FlowRunNames, ShownFlowRun, end_as_crashed, flow_run
 from flows.place import PlacementRefs
 from flows.run_names import WatchedRun, sample_tags, title_of
 from flows.sample_pictures import show_pictures
@@ -29,44 +30,61 @@ NO_SERVER = "Failed to reach API"
 """How the plain RuntimeError of Prefect's client begins."""
 
 
-def place_in_flow_run(
-    stages: Callable[[], PlacementRefs], sample: Sample, run: WatchedRun | None = None
-) -> PlacementRefs:
-    """What the stages of a sample return, called in a flow run."""
+class SampleFlowRun:
+    """The block in which the stages of a sample run. What it raises is raised again where the flow run can tell it, by
+    the loop over `flow_runs_of`; so nothing leaves that loop from inside of the block."""
+
+    def __init__(self, engine: ShownFlowRun) -> None:
+        self._engine = engine
+        self.error: BaseException | None = None
+        """What the block has raised."""
+
+    def __enter__(self) -> None:
+        self.error = None
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> bool:
+        self.error = error
+        return True
+
+    def show(self, placement: PlacementRefs) -> None:
+        """Show what came of the sample: its pictures, or why there is no way."""
+        assert self._engine.flow_run is not None
+        show_pictures(placement, self._engine.flow_run.id)
+        if placement.renders.infeasible:
+            found = Store.default().load(placement.renders)
+            assert isinstance(found, Infeasible)
+            self._engine.ending = INFEASIBLE, reason_line(found)
+
+
+def flow_runs_of(sample: Sample, run: WatchedRun | None = None) -> Iterator[SampleFlowRun]:
+    """The flow runs in which a sample is placed: one, and another each time that the server is lost."""
     names = FlowRunNames(
         flow="place",
         name=run.title(sample) if run else title_of(sample),
         tags=sample_tags(sample, run.name if run else ""),
         parameters=asdict(sample),
     )
-    begun: list[UUID] = []
-
-    def body(run_id: UUID) -> PlacementRefs:
-        begun.append(run_id)
-        placement = stages()
-        show_pictures(placement, run_id)
-        return placement
-
     for _ in range(TIMES):
+        begun: list[UUID] = []
         try:
-            return run_shown(body, names, shown=shown_state, parent=run.id if run else None)
+            with flow_run(names, run.id if run else None) as engine:
+                assert engine.flow_run is not None
+                begun.append(engine.flow_run.id)
+                block = SampleFlowRun(engine)
+                yield block
+                if block.error is not None:
+                    raise block.error
         except (httpx.TransportError, RuntimeError) as error:
             if not server_lost(error):
                 raise
             wait_for_server()
             with get_client(sync_client=True) as client:
                 end_as_crashed(client, begun, "the server was lost; the sample begins again")
-            begun.clear()
+        else:
+            return
     raise DcapError(f"the Prefect server was lost {TIMES} times while {sample.id} was placed; its log says why")
-
-
-def shown_state(placement: PlacementRefs) -> ShownState:
-    """How the flow run of a sample ends."""
-    if not placement.renders.infeasible:
-        return COMPLETED, ""
-    found = Store.default().load(placement.renders)
-    assert isinstance(found, Infeasible)
-    return INFEASIBLE, reason_line(found)
 
 
 def server_lost(error: Exception) -> bool:

@@ -10,8 +10,8 @@ from dcap.scene.errors import DcapError
 from dcap.scene.secrets import redacted
 from dcap.scene.store.artifacts import Store
 from dcap.scene.types.sample import Sample
-from flows.methods import place_by, plain
-from flows.place import SECTIONS, STAGES, PlaceConfig, PlacementRefs, place
+from flows.methods import place_by
+from flows.place import SECTIONS, STAGES, PlaceConfig, PlacementRefs
 from flows.run_names import WatchedRun, sample_tags
 from tasks.overview import overview_task
 from tasks.runner.context import Event, NotCachedError, OnEvent, Producers, RunContext, StageEvent, use_context
@@ -189,23 +189,6 @@ def stages_of(recorder: EventRecorder) -> tuple[str, ...]:
     return tuple(stage for stage, _, _ in recorder.records)
 
 
-def place_in_run(
-    sample: Sample, config: PlaceConfig, recorder: EventRecorder, run: WatchedRun | None = None
-) -> PlacementRefs:
-    """The stages of a sample as one flow run, a child of the benchmark's if there is one; needs a server.
-
-    Prefect is imported here, after the server's address is known.
-    """
-    from flows.sample_flow import place_in_flow_run
-
-    def stages() -> PlacementRefs:
-        recorder.records.clear()  # of a flow run that was lost with its server
-        with users_words(sample):
-            return (place if plain(sample, config) else place_by)(sample, config)
-
-    return place_in_flow_run(stages, sample, run)
-
-
 @contextmanager
 def recorded(
     sample: Sample, context: RunContext, listener: OnEvent | None = None, run: str = ""
@@ -246,7 +229,16 @@ def try_sample(
     the others go on."""
     try:
         with recorded(sample, context, listener, run.name if run else "") as recorder:
-            placement = place_in_run(sample, config, recorder, run) if in_own_run else place_by(sample, config)
+            if not in_own_run:
+                placement = place_by(sample, config)
+            else:
+                from flows.sample_flow import flow_runs_of  # imports Prefect, after the server's address is known
+
+                for flow_run in flow_runs_of(sample, run):
+                    recorder.records.clear()  # of a flow run that was lost with its server
+                    with flow_run, users_words(sample):
+                        placement = place_by(sample, config)
+                        flow_run.show(placement)
     except Exception as error:  # the border between samples: reported in full, never hidden
         return FailedSample(sample, error)
     return FinishedSample(sample, placement, tuple(recorder.records))

@@ -28,10 +28,13 @@ from urllib.parse import urlsplit
 from dcap.packages import module_command
 from dcap.scene.errors import DcapError, InputError
 from dcap.scene.settings import cache_root, resource
+from dcap.scene.whole_files import write_whole
+from flows.own_requests import LOOPBACK, is_loopback, url_host
 from flows.server_program import USERS
 
 PROGRAM = "flows.server_program"
-LOOPBACK = "127.0.0.1"
+HOST, AUTH_STRING = "PREFECT_SERVER_API_HOST", "PREFECT_SERVER_API_AUTH_STRING"
+"""Prefect's settings of a server: the address that it listens on, and `NAME:PASSWORD` of who may ask."""
 START_SECONDS = 300.0
 """A first start creates the database, which takes 8 s on two idle cores; more than a minute on busy ones."""
 STOP_SECONDS = 10.0
@@ -56,16 +59,18 @@ def prefect_server(port: int | None = None) -> Iterator[str]:
             raise DcapError(f"PREFECT_API_URL={given}: no server answers there; start it or unset the variable")
         yield given
         return
-    folder = server_folder()
+    host, folder = server_host(), server_folder()
     folder.mkdir(parents=True, exist_ok=True)
     with one_at_a_time(folder):
         users = lock_users(folder)  # before the server starts: without users, it ends
         try:
-            url = running_url(folder) or start_anew(folder, port or free_port())
+            url = running_url(folder) or start_anew(folder, host, port or free_port())
         except BaseException:
             os.close(users)
             raise
     os.environ["PREFECT_API_URL"] = url
+    if os.environ.get(AUTH_STRING):  # what this server asks for
+        os.environ.setdefault("PREFECT_API_AUTH_STRING", os.environ[AUTH_STRING])
     notice_settings()
     patience = INTERRUPTED_STOP_SECONDS
     try:
@@ -83,6 +88,18 @@ def prefect_server(port: int | None = None) -> Iterator[str]:
             os.close(users)
             if nobody_uses(folder):
                 stop(folder, patience)
+
+
+def server_host() -> str:
+    """The address that a server listens on: this machine alone, unless $PREFECT_SERVER_API_HOST says otherwise;
+    InputError for one that others would reach without a word."""
+    host = os.environ.get(HOST) or LOOPBACK
+    if not is_loopback(host) and not os.environ.get(AUTH_STRING):
+        raise InputError(
+            f"{HOST}={host}: others would reach a server without a log-in; set {AUTH_STRING}=NAME:PASSWORD, or leave "
+            "the host out"
+        )
+    return host
 
 
 def server_folder() -> Path:
@@ -137,7 +154,7 @@ def start_again(folder: Path, url: str) -> None:
     """Start a server that has died, unless another of its users has done so."""
     with one_at_a_time(folder):
         if running_url(folder) != url:
-            start(folder, port_of(url))
+            start(folder, server_host(), port_of(url))
 
 
 def wait_for_server() -> None:
@@ -242,33 +259,33 @@ def port_of(url: str) -> int:
     return urlsplit(url).port or 80
 
 
-def check_port(port: int) -> None:
+def check_port(port: int, host: str = LOOPBACK) -> None:
     """InputError if pages cannot be served on a port: something else listens there, or the system refuses it."""
-    with socket.socket() as one:
+    with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as one:
         one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
-            one.bind((LOOPBACK, port))
+            one.bind((host, port))
         except OSError as error:
             raise InputError(
-                f"port {port} of {LOOPBACK} cannot be used ({error.strerror}); end what listens there, "
+                f"port {port} of {host} cannot be used ({error.strerror}); end what listens there, "
                 "or give another with --port"
             ) from None
 
 
-def start_anew(folder: Path, port: int) -> str:
+def start_anew(folder: Path, host: str, port: int) -> str:
     """Start a server, with a new log."""
     (folder / "server.log").unlink(missing_ok=True)
-    return start(folder, port)
+    return start(folder, host, port)
 
 
-def start(folder: Path, port: int) -> str:
+def start(folder: Path, host: str, port: int) -> str:
     """Start a server, wait until it is healthy, and return its URL."""
     free = shutil.disk_usage(folder).free
     if free < LEAST_ROOM and not (folder / "prefect.db").exists():
         raise DcapError(f"{folder}: {free >> 20} MiB are free, too few for Prefect's database; {ROOM}")
-    url = f"http://{LOOPBACK}:{port}/api"
-    process = launch(folder, port)
-    (folder / "server.json").write_text(json.dumps({"url": url, "pid": process.pid}))
+    url = f"http://{url_host(host)}:{port}/api"
+    process = launch(folder, host, port)
+    write_whole(folder / "server.json", json.dumps({"url": url, "pid": process.pid}).encode())
     deadline = time.monotonic() + START_SECONDS
     while not is_healthy(url):
         if process.poll() is not None or time.monotonic() > deadline:
@@ -285,7 +302,7 @@ def why_gone(folder: Path) -> str:
     return f"{full}its log is {folder / 'server.log'}"
 
 
-def launch(folder: Path, port: int) -> "subprocess.Popen[bytes]":
+def launch(folder: Path, host: str, port: int) -> "subprocess.Popen[bytes]":
     """The server's process, in a session and folder of its own: a working directory's settings are not the server's."""
     environment = os.environ | {
         "PREFECT_API_DATABASE_CONNECTION_URL": f"sqlite+aiosqlite:///{folder / 'prefect.db'}",
@@ -296,7 +313,7 @@ def launch(folder: Path, port: int) -> "subprocess.Popen[bytes]":
     environment.pop("PREFECT_API_URL", None)
     with (folder / "server.log").open("ab") as log:
         return subprocess.Popen(
-            module_command(PROGRAM, str(folder), str(port)),
+            module_command(PROGRAM, str(folder), host, str(port)),
             env=environment,
             cwd=folder,
             stdin=subprocess.DEVNULL,

@@ -1,8 +1,8 @@
 """The process of the local server: Prefect's own, which ends itself once no program uses it.
 
-In: the folder of the server and the port. Each program that uses the server holds a lock on a file in that folder, also
-while it starts one, and the kernel lets go of it however the program ends. So a server never stays alone, not even one
-whose program was killed before it had answered.
+In: the folder of the server, the address and the port. Each program that uses the server holds a lock on a file in that
+folder, also while it starts one, and the kernel lets go of it however the program ends. So a server never stays alone,
+not even one whose program was killed before it had answered.
 """
 
 import fcntl
@@ -13,7 +13,15 @@ import sys
 import threading
 import time
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
+from flows.own_requests import OwnRequests, OwnRequestsOnly
+
+if TYPE_CHECKING:
+    from starlette.types import ASGIApp
+
+ORIGINS = "PREFECT_SERVER_CORS_ALLOWED_ORIGINS"
+"""Prefect's setting of whose pages may ask, `https://name` between commas."""
 USERS = "users.lock"
 """File that each user of the server has locked shared."""
 POLL_SECONDS = 0.5
@@ -23,10 +31,23 @@ END_SECONDS = 3.0
 
 def main() -> None:
     """Serve until interrupted, or until nobody uses the server."""
-    folder, port = Path(sys.argv[1]), sys.argv[2]
+    folder, host, port = Path(sys.argv[1]), sys.argv[2], sys.argv[3]
     threading.Thread(target=end_when_unused, args=(folder / USERS,), daemon=True).start()
-    sys.argv = ["prefect", "server", "start", "--host", "127.0.0.1", "--port", port]
+    answer_own_requests(host)
+    sys.argv = ["prefect", "server", "start", "--host", host, "--port", port]
     runpy.run_module("prefect", run_name="__main__", alter_sys=True)
+
+
+def answer_own_requests(host: str) -> None:
+    """Let Prefect's server refuse what pages of other origins ask: it takes orders from any, and knows no names."""
+    import uvicorn
+
+    run, before = uvicorn.run, [one for one in os.environ.get(ORIGINS, "").split(",") if "://" in one]
+
+    def run_guarded(app: "ASGIApp", **how: Any) -> None:
+        run(OwnRequestsOnly(app, OwnRequests.to(host, before), ORIGINS), **how)
+
+    uvicorn.run = run_guarded  # type: ignore[assignment]  # Prefect calls it with the whole application
 
 
 def end_when_unused(users: Path) -> None:

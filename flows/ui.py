@@ -3,9 +3,11 @@
 import os
 import signal
 from collections.abc import Callable
+from urllib.parse import urlsplit
 
-from flows.relay import LOOPBACK, relay
-from flows.server import apply_settings, check_port, port_of, prefect_server, running_url, server_folder
+from flows.own_requests import LOOPBACK
+from flows.relay import relay
+from flows.server import apply_settings, check_port, port_of, prefect_server, running_url, server_folder, server_host
 
 
 def serve_pages(port: int, announce: Callable[[str], None]) -> None:
@@ -18,10 +20,11 @@ def serve_pages(port: int, announce: Callable[[str], None]) -> None:
     own = "PREFECT_API_URL" not in os.environ
     there = running_url(server_folder())
     if own and not (there and port_of(there) == port):
-        check_port(port)
+        check_port(port, LOOPBACK if there else server_host())
     with prefect_server(port) as url:
         if own and port_of(url) != port:
-            relay(port, port_of(url), lambda: announce(f"http://{LOOPBACK}:{port}"))
+            host = urlsplit(url).hostname or LOOPBACK
+            relay(port, port_of(url), lambda: announce(f"http://{LOOPBACK}:{port}"), host)
         else:
             announce(url.removesuffix("/api"))
             signal.pause()

@@ -47,5 +47,8 @@ class Watch:
     def progress(self, share: float) -> None:
         """So much of the work is done, 0..1."""
 
+    def finished(self, fine: bool, line: str) -> None:
+        """The report is written: whether all samples got through, and the counts in a line."""
+
     def interrupted(self) -> None:
         """The run ends now, and with it what is at work."""

@@ -73,13 +73,13 @@ def seconds(action: Callable[[], object]) -> float:
 
 def children_seconds(parent: UUID) -> dict[str, tuple[float, float]]:
     """Seconds of a flow run with one stage and with all of them, computed and cached; medians of a few."""
-    from flows.flow_runs import FlowRunNames, run_shown
+    from flows.flow_runs import FlowRunNames, flow_run
 
     def child(seed: int, stages: int) -> float:
-        names = FlowRunNames("chain", f"{stages} stages", (), {})
-        return seconds(
-            lambda: run_shown(lambda _: chain(seed, stages), names, shown=lambda _: ("Completed", ""), parent=parent)
-        )
+        begin = time.perf_counter()
+        with flow_run(FlowRunNames("chain", f"{stages} stages", (), {}), parent):
+            chain(seed, stages)
+        return time.perf_counter() - begin
 
     def few(stages: int) -> tuple[float, float]:
         seeds = [next(SEEDS) for _ in range(REPEATS)]
@@ -98,12 +98,13 @@ def looked_up_seconds(seed: int) -> float:
 
 def table() -> Table:
     """Costs by how a stage ends."""
-    from flows.flow_runs import FlowRunNames, run_shown
+    from flows.flow_runs import FlowRunNames, flow_run
 
     shown = Table("the workflow itself", "flow run", "stage", box=None)
     with place_of_its_own():
-        names = FlowRunNames("benchmark", "perf", (), {})
-        found = run_shown(children_seconds, names, shown=lambda _: ("Completed", ""))
+        with flow_run(FlowRunNames("benchmark", "perf", (), {})) as engine:
+            assert engine.flow_run is not None
+            found = children_seconds(engine.flow_run.id)
         for how, (one, all_of_them) in found.items():
             each = (all_of_them - one) / (STAGES - 1)
             shown.add_row(how, f"{one - each:.2f} s", f"{1e3 * each:.0f} ms")

@@ -42,6 +42,7 @@ from dcap.evaluation.run_page.tables import metrics_table, table_from_csv
 from dcap.evaluation.run_summary import RunSummary
 from dcap.language.model.ledger import in_words
 from dcap.scene.types.judged_views import BEFORE
+from dcap.scene.whole_files import write_whole
 
 TEMPLATES = Path(__file__).parent / "templates"
 PICTURES = (
@@ -144,9 +145,7 @@ def write_report(folder: Path, rows: Sequence[SampleOutcome], summary: RunSummar
     )
     page = environment.get_template("report.html.j2").render(values)
     path = folder / "report.html"
-    draft = folder / ".report.html"
-    draft.write_text(page, encoding="utf-8")
-    draft.replace(path)
+    write_whole(path, page.encode())
     return path
 
 

@@ -13,6 +13,7 @@ from matplotlib.ticker import MaxNLocator
 from matplotlib.typing import RcKeyType
 
 from dcap.scene.errors import InputError
+from dcap.scene.whole_files import whole_file
 
 RUG = "rug"
 """The kind of what lies on the floor."""
@@ -50,9 +51,9 @@ def save_supports_plot(scenes: Sequence[Counter[str]], path: Path) -> None:
     suffix = plot_suffix(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with rc_context(STYLE):
+        with rc_context(STYLE), whole_file(path) as draft:
             # the date would make every file another one
-            supports_plot(scenes).savefig(path, dpi=DPI, metadata={"Date": None} if suffix == ".svg" else None)
+            supports_plot(scenes).savefig(draft, dpi=DPI, metadata={"Date": None} if suffix == ".svg" else None)
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {error.strerror}") from None
 

@@ -6,6 +6,8 @@ is written again touches nothing that did not change.
 
 from pathlib import Path
 
+from dcap.scene.whole_files import write_whole
+
 TABLES = "tables"
 """Folder of a run's tables."""
 ENDS = (".csv", ".tex")
@@ -34,6 +36,4 @@ def write_if_other(path: Path, data: bytes) -> None:
     """Write a file whole, unless it is there with these bytes."""
     if path.is_file() and path.read_bytes() == data:
         return
-    draft = path.with_name(f".{path.name}")
-    draft.write_bytes(data)
-    draft.replace(path)
+    write_whole(path, data)

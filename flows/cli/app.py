@@ -349,29 +349,21 @@ def main(arguments: list[str] | None = None) -> int:
     from tasks.runner.process import kill_all
 
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(INTERRUPTED))
-    given_words = sys.argv[1:] if arguments is None else list(arguments)
+    words = sys.argv[1:] if arguments is None else list(arguments)
     try:
-        code = run_command(given_words)
+        check_words(words)
+        try:
+            with typer.main.get_command(app).make_context("dcap", words) as context:
+                code = int(context.command.invoke(context) or 0)
+        except typer.Exit as finished:
+            code = finished.exit_code
         end_output()
         return code
-    except Exception as error:
-        return told(error)
-    except KeyboardInterrupt as error:
+    except (KeyboardInterrupt, typer.Abort) as error:
         complain("interrupted")
         let_go(error)
         return INTERRUPTED
+    except Exception as error:
+        return told(error)
     finally:
         kill_all()
-
-
-def run_command(words: list[str]) -> int:
-    """Run a command; what goes wrong is raised as it is."""
-    check_words(words)
-    command = typer.main.get_command(app)
-    try:
-        with command.make_context("dcap", words) as context:
-            return int(command.invoke(context) or 0)
-    except typer.Exit as finished:
-        return finished.exit_code
-    except typer.Abort:
-        raise KeyboardInterrupt from None

@@ -13,12 +13,24 @@ import traceback
 from contextlib import suppress
 
 import typer
+from pydantic import ValidationError
 
 from dcap.scene.errors import DcapError, InputError
 from dcap.scene.given_text import LONGEST_WORDS, shortened, visible
 from dcap.scene.machine_errors import machine_error
 from dcap.scene.secrets import redacted
 
+LACKING = {
+    "int_parsing": "is not a whole number",
+    "int_from_float": "is not a whole number",
+    "float_parsing": "is not a number",
+    "bool_parsing": "is neither true nor false",
+    "greater_than_equal": "is less than {ge}",
+    "less_than_equal": "is more than {le}",
+}
+"""What is wrong with a value, by the kind of a validation error."""
+SHOWN = 100
+"""Characters of a value that are shown."""
 USAGE = 2
 INTERRUPTED = 130
 UNREAD = 141
@@ -52,7 +64,7 @@ def told(error: Exception) -> int:
         let_go(error)
         return UNREAD if isinstance(failed, BrokenPipeError) else USAGE
     if isinstance(error, typer.TyperException):
-        complain(error.format_message())
+        complain(value_refused(error) or error.format_message())
         return USAGE
     known = error if isinstance(error, DcapError) else machine_error(error)
     if known is None:
@@ -61,6 +73,17 @@ def told(error: Exception) -> int:
     drop_output()
     let_go(error)
     return known.exit_code
+
+
+def value_refused(error: typer.TyperException) -> str:
+    """Which value an option does not take, and what it lacks; empty where something else is wrong."""
+    refused = error.__cause__
+    if not isinstance(error, typer.BadParameter) or not isinstance(refused, ValidationError) or error.param is None:
+        return ""
+    first = refused.errors(include_url=False)[0]
+    words = LACKING.get(first["type"])
+    lacks = words.format(**first.get("ctx", {})) if words else f"is refused: {first['msg']}"
+    return f"{max(error.param.opts, key=len)} {shortened(repr(first['input']), SHOWN)} {lacks}"
 
 
 def complain(message: str) -> None:

@@ -11,6 +11,7 @@ from dcap.evaluation.supports_table import SHOWN, supports_table
 from dcap.scene.errors import InputError
 from dcap.scene.json_tree import JsonObject, object_to_json
 from dcap.scene.problems import Severity
+from dcap.scene.whole_files import write_whole
 from flows.dataset_check import DatasetReport, SceneRow
 
 COLUMNS = ("scene", "instances", "objects", "deformable", "faces", "splats", "problems", "")
@@ -49,7 +50,7 @@ def write_table(report: DatasetReport, path: Path) -> None:
     text = supports_table({names[row.facts.path]: row.facts.labels for row in report.scenes if row.counted})
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
+        write_whole(path, text.encode())
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {error.strerror}") from None
 

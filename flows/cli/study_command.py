@@ -1,5 +1,6 @@
 """`dcap study serve|report`."""
 
+import re
 from collections.abc import Mapping
 from typing import Annotated
 
@@ -9,6 +10,8 @@ from dcap.scene.errors import InputError
 from flows.cli.checks import note
 
 study_app = typer.Typer(no_args_is_help=True, help="A study in which people compare the methods of a run.")
+ROOT = re.compile(r"https?://[^/?#@\s]+/?")
+"""Address of a web server."""
 Run = Annotated[str, typer.Argument(help="Name or folder of a run, or 'last'.")]
 
 
@@ -24,14 +27,25 @@ def study_serve(
     seed: Annotated[
         int | None, typer.Option(min=0, help="Seed of pairs, sides and order; default: 0.", show_default=False)
     ] = None,
+    url: Annotated[
+        str,
+        typer.Option(metavar="ADDRESS", help="https://NAME of a web server that stands before it.", show_default=False),
+    ] = "",
 ) -> int:
     """Serve the comparisons of a run's methods to raters until interrupted; prints a secret link for each."""
     from flows.study.serve import StudyOptions, serve_study
 
     if not host.strip():
         raise InputError("--host: name an address to listen on, such as 127.0.0.1")
-    serve_study(run, StudyOptions(host, port, raters, pairs, seed), note, announce)
+    check_url(url)
+    serve_study(run, StudyOptions(host, port, raters, pairs, seed, url), note, announce)
     return 0
+
+
+def check_url(url: str) -> None:
+    """InputError for what is no address of a web server at whose root a study can lie."""
+    if url and not ROOT.fullmatch(url):
+        raise InputError(f"--url {url}: give https://NAME, with the port if it has one of its own, and nothing behind")
 
 
 def announce(links: Mapping[str, str]) -> None:

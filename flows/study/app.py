@@ -19,6 +19,7 @@ from dcap.evaluation.statistics.comparisons import JudgedAxis
 from dcap.evaluation.study.design import Side, StudyItem
 from dcap.evaluation.study.session import StudySession
 from dcap.scene.errors import DcapError
+from flows.own_requests import OwnRequests, OwnRequestsOnly
 from flows.study.body_limit import BodyLimit
 from flows.study.pages import STATIC, StudyPages
 
@@ -50,11 +51,12 @@ class StudyAnswer(BaseModel, extra="forbid"):
         return {axis: Side(getattr(self, axis.value)) for axis in JudgedAxis}
 
 
-def study_app(session: StudySession) -> FastAPI:
-    """The application of one study."""
+def study_app(session: StudySession, own: OwnRequests) -> FastAPI:
+    """The application of one study, which answers its own requests."""
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
     pages = StudyPages(session)
     app.add_middleware(BodyLimit)
+    app.add_middleware(OwnRequestsOnly, own, "--url")
 
     def rater_of(token: str) -> str:
         rater = session.rater_of(token)

@@ -29,6 +29,7 @@ from dcap.evaluation.study.study_folder import (
 )
 from dcap.scene.errors import InputError
 from flows.judge_run import changed_since, read_rows, states_of
+from flows.own_requests import EVERYWHERE, OwnRequests
 from flows.run_files import find_run
 from flows.study.app import study_app
 from flows.study.check_views import check_pictures, views_config
@@ -51,6 +52,8 @@ class StudyOptions:
     """Comparisons per rater; None: `design.PER_RATER`, or what the study has."""
     seed: int | None = None
     """Of pairs, sides and order; None: 0, or what the study has."""
+    url: str = ""
+    """Address at which raters reach it, where another server stands before it; empty: none does."""
 
 
 def serve_study(
@@ -70,10 +73,11 @@ def serve_study(
             write_design(folder, design)
             tokens = tokens_for(folder, list(design.raters))
             session = StudySession(found, folder, design, tokens, journal)
-            base = f"http://{shown_host(options.host)}:{ear.getsockname()[1]}"
+            base = options.url.rstrip("/") or f"http://{shown_host(options.host)}:{ear.getsockname()[1]}"
             announce({rater: f"{base}/s/{tokens[rater]}" for rater in design.raters})
             try:
-                server_of(session).run(sockets=[ear])
+                own = OwnRequests.to(options.host, [options.url] if options.url else [])
+                server_of(session, own).run(sockets=[ear])
             finally:
                 export_votes(folder, journal.votes)
 
@@ -147,17 +151,17 @@ def listening(host: str, port: int) -> socket.socket:
 
 def shown_host(host: str) -> str:
     """How a host stands in a link: this machine's name where it listens everywhere."""
-    if host in ("0.0.0.0", "::", ""):
+    if host in EVERYWHERE:
         return socket.gethostname()
     return f"[{host}]" if ":" in host else host
 
 
-def server_of(session: StudySession) -> uvicorn.Server:
+def server_of(session: StudySession, own: OwnRequests) -> uvicorn.Server:
     """The server, which logs no requests."""
     logging.getLogger("uvicorn.error").setLevel(logging.ERROR)
     return uvicorn.Server(
         uvicorn.Config(
-            study_app(session),
+            study_app(session, own),
             access_log=False,
             log_level="error",
             server_header=False,

@@ -10,6 +10,8 @@ import rich
 import viser
 
 from dcap.scene.errors import InputError
+from flows.own_requests import OwnRequests
+from flows.view.handshake import guarded_servers
 
 HOST = "127.0.0.1"
 PORTS = 20
@@ -19,7 +21,8 @@ PANEL_WIDTH = 440
 
 
 class LocalViewer(viser.ViserServer):
-    """A server that nobody outside of this machine reaches: the page's way to a public address is closed."""
+    """A server that nobody outside of this machine reaches: the page's way to a public address is closed, and pages of
+    others are refused (handshake.py)."""
 
     def request_share_url(self, verbose: bool = True) -> str | None:
         """Nothing is shared."""
@@ -30,7 +33,8 @@ def open_server(port: int) -> LocalViewer:
     """A server on `port`, or on the next free one; what viser prints is dropped."""
     rich.reconfigure(stderr=True, quiet=True)  # viser prints to standard output, which is the URL's
     logging.getLogger("websockets").setLevel(logging.CRITICAL)  # browsers open connections that they never use
-    server = LocalViewer(host=HOST, port=free_port_from(port), label="dcap", verbose=False)
+    with guarded_servers(OwnRequests.to(HOST)):
+        server = LocalViewer(host=HOST, port=free_port_from(port), label="dcap", verbose=False)
     arrange(server)
     return server
 

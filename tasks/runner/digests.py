@@ -190,8 +190,12 @@ def digest_of_source(path: Path) -> str:
 @cache
 def parsed(path: Path, modified_ns: int) -> ParsedModule:
     """Parse a source file once per process and modification."""
+    source = path.read_bytes()
     with _PARSING:
-        tree = ast.parse(path.read_bytes(), filename=str(path))
+        try:
+            tree = ast.parse(source, filename=str(path))
+        except SystemError:  # a thread of a library, which does not know the lock, built one meanwhile
+            tree = ast.parse(source, filename=str(path))
     without_docstrings(tree)
     digest = hashlib.sha256(ast.dump(tree, annotate_fields=False).encode()).hexdigest()
     return ParsedModule(digest, tuple(sorted(set(imports_of(tree)))), tuple(sorted(set(texts_of(tree)))))

@@ -124,14 +124,18 @@ class Stage(Generic[P, ValueT_co]):
                 return context.on_missing(deciders)
             context.on_event(StageEvent(self.name, Event.CACHED, 1.0, record=record))
             return record.ref
-        from tasks.runner.task_runs import run_task  # Prefect is imported on the first run: planning needs none
+        from tasks.runner.task_runs import task_run  # Prefect is imported on the first run: planning needs none
 
         watch = StartWatch(context.on_event)
         settings = None if config is None else config.model_dump(mode="json")
         call = StageCall(deciders.key, deciders.to_json(), settings)
         task = self.task.with_options(refresh_cache=True) if self.name in context.refresh else self.task
-        with use_context(replace(context, on_event=watch, call=call)):
-            tree, task_run_id = run_task(task, inputs, context.producers)
+        with (
+            use_context(replace(context, on_event=watch, call=call)),
+            task_run(task, inputs, context.producers) as (engine, transaction),
+        ):
+            engine.call_task_fn(transaction)
+        tree, task_run_id = engine.returned
         record = Record.from_json(tree)
         context.producers.note(record.ref, task_run_id)
         end = Event.FINISHED if watch.started else Event.CACHED
@@ -157,7 +161,7 @@ class Stage(Generic[P, ValueT_co]):
         if root in self._tasks:
             return self._tasks[root]
         self._tasks[root] = Task(
-            self._body_of_inputs(),
+            self._body(),
             name=self.name,
             task_run_name=self._run_name,
             cache_policy=verified_records(),
@@ -172,53 +176,50 @@ class Stage(Generic[P, ValueT_co]):
         """Name of a task run: the stage and the sample."""
         return f"{self.name} {current_context().session.sample}".rstrip()
 
-    def _body_of_inputs(self) -> Callable[..., dict[str, object]]:
-        """The body as a function of the stage's inputs by name, which it finds in the context."""
+    def _body(self) -> Callable[..., dict[str, object]]:
+        """What Prefect runs when no record fits: a function of the stage's inputs by name, which it finds in the
+        context."""
 
-        def body(**inputs: object) -> dict[str, object]:
-            return self._body(current_call())
+        def body(**_: object) -> dict[str, object]:
+            from prefect.logging import get_run_logger
+
+            log, context, call = get_run_logger(), current_context(), current_call()
+            inputs, config = call.deciders["inputs"], call.settings
+            context.on_event(StageEvent(self.name, Event.STARTED))
+            begin = time.perf_counter()
+            with slot_of(self._limit(config)), context.slots or nullcontext():
+                if self._needs_process(inputs):
+                    job, on_progress = self.job(inputs, config, context.session), progress_to(log, context, self.name)
+                    done = run_in_process(job, on_progress, context.server, self.kind(config))
+                    log.info(
+                        "%s: took %.2f s of processor time and %.0f MiB",
+                        self.name,
+                        done["cpu_seconds"],
+                        done["peak_memory"] / 2**20,
+                    )
+                else:
+                    values = self.load(inputs, config, context.session, partial(lent, context.slots))
+                    loaded = time.perf_counter()
+                    value = self.function(**values)
+                    done = self.save(value, time.perf_counter() - loaded)
+            log.info(
+                "%s: %s %s, %.2f s (%.2f s with loading and saving), %.1f KiB",
+                self.name,
+                done["ref"]["kind"],
+                done["ref"]["sha256"][:12],
+                done["seconds"],
+                time.perf_counter() - begin,
+                done["size"] / 1024,
+            )
+            record = Record(call.key, Ref.from_json(done["ref"]), done["seconds"], done["size"], call.deciders)
+            share_record(record, Store.default())
+            return record.to_json()
 
         names = (name for name in self.signature.parameters if name not in ("config", CLIENT))
         parameters = [inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None) for name in names]
         body.__name__ = body.__qualname__ = self.name
         body.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
         return body
-
-    def _body(self, call: StageCall) -> dict[str, object]:
-        """What Prefect runs when no record fits."""
-        from prefect.logging import get_run_logger
-
-        log, context, config = get_run_logger(), current_context(), call.settings
-        context.on_event(StageEvent(self.name, Event.STARTED))
-        begin = time.perf_counter()
-        with slot_of(self._limit(config)), context.slots or nullcontext():
-            inputs, on_progress = call.deciders["inputs"], progress_to(log, context, self.name)
-            if self._needs_process(inputs):
-                job, kind = self.job(inputs, config, context.session), self.kind(config)
-                done = run_in_process(job, on_progress, context.server, kind)
-                log.info(
-                    "%s: took %.2f s of processor time and %.0f MiB",
-                    self.name,
-                    done["cpu_seconds"],
-                    done["peak_memory"] / 2**20,
-                )
-            else:
-                values = self.load(inputs, config, context.session, partial(lent, context.slots))
-                loaded = time.perf_counter()
-                value = self.function(**values)
-                done = self.save(value, time.perf_counter() - loaded)
-        log.info(
-            "%s: %s %s, %.2f s (%.2f s with loading and saving), %.1f KiB",
-            self.name,
-            done["ref"]["kind"],
-            done["ref"]["sha256"][:12],
-            done["seconds"],
-            time.perf_counter() - begin,
-            done["size"] / 1024,
-        )
-        record = Record(call.key, Ref.from_json(done["ref"]), done["seconds"], done["size"], call.deciders)
-        share_record(record, Store.default())
-        return record.to_json()
 
     def _limit(self, settings: object) -> str:
         """Name of the limit that it falls under, if any."""

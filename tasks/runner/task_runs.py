@@ -9,7 +9,8 @@ completed state: its reason is a result, and is cached like any other), a broken
 that says why. What Prefect persists is not touched by that. Imports Prefect: to be imported on the first run only.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 from uuid import UUID
 
@@ -18,6 +19,7 @@ from prefect._internal.result_records import ResultRecord
 from prefect.client.schemas.objects import RunInput, State, TaskRunResult
 from prefect.states import Failed
 from prefect.task_engine import SyncTaskRunEngine
+from prefect.transactions import Transaction
 
 from dcap.scene.errors import DcapError
 from dcap.scene.store.artifacts import Store
@@ -32,6 +34,14 @@ CACHED, INFEASIBLE = "Cached", "Infeasible"
 
 class StageRunEngine(SyncTaskRunEngine[..., dict[str, object]]):
     """Prefect's engine of task runs, with states in our words."""
+
+    @property
+    def returned(self) -> tuple[dict[str, object], UUID]:
+        """What the function has returned, and the id of the task run."""
+        result = self.result()
+        assert isinstance(result, dict)
+        assert self.task_run is not None
+        return result, self.task_run.id
 
     def begin_run(self) -> None:
         """Start, with tags only from here on: before, Prefect asks its server about limits of each tag."""
@@ -64,21 +74,16 @@ def tell_reason(state: State[Any]) -> None:
             state.name = INFEASIBLE
 
 
-def run_task(
+@contextmanager
+def task_run(
     task: "Task[..., dict[str, object]]", inputs: Mapping[str, object], producers: Producers
-) -> tuple[dict[str, object], UUID]:
-    """Run a task with these inputs in the flow run of this thread; what it returns and the id of its run."""
+) -> Iterator[tuple[StageRunEngine, Transaction]]:
+    """A task run in the flow run of this thread, whose function the block is to call; raises what that has raised."""
     made_by: dict[str, set[RunInput]] = {
         name: {TaskRunResult(id=run_id)} for name, value in inputs.items() if (run_id := producers.of(value))
     }
     # the task reads its inputs from the context: Prefect gets their names, and nothing whose address it could look up
     engine = StageRunEngine(task=task, parameters=dict.fromkeys(inputs))
-    with engine.start(dependencies=made_by):
-        while engine.is_running():
-            engine.wait_until_ready()
-            with engine.run_context(), engine.transaction_context() as transaction:
-                engine.call_task_fn(transaction)
-    result, run = engine.result(), engine.task_run
-    assert isinstance(result, dict)
-    assert run is not None
-    return result, run.id
+    with engine.start(dependencies=made_by), engine.run_context(), engine.transaction_context() as transaction:
+        yield engine, transaction
+    engine.result()

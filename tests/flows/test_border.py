@@ -195,3 +195,26 @@ def test_output_that_cannot_be_written_is_told(tmp_path: Path, buffered: bool, w
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
     assert words in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (("benchmark", "--workers", "many"), "--workers 'many' is not a whole number"),
+        (("benchmark", "--workers", "1.5"), "--workers '1.5' is not a whole number"),
+        (("benchmark", "--workers", "0"), "--workers '0' is less than 1"),
+        (("benchmark", "--workers", "65"), "--workers '65' is more than 64"),
+        (("place", "a", "b", "c", "--mass", "heavy"), "--mass 'heavy' is not a number"),
+        (("ui", "--port", "a\nb\x1b"), r"--port 'a\nb\x1b' is not a whole number"),
+    ],
+)
+def test_a_value_that_an_option_does_not_take(
+    capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...], line: str
+) -> None:
+    """The option, the value and what it lacks."""
+    assert said(capsys, *arguments) == f"dcap: {line}\n"
+
+
+def test_a_long_value_is_cut(capsys: pytest.CaptureFixture[str]) -> None:
+    """One line stays one that a person reads."""
+    assert len(said(capsys, "benchmark", "--workers", "x" * 10_000)) < 200

@@ -5,7 +5,7 @@ import pytest
 
 from dcap.evaluation.methods import ABLATIONS, BASELINES, DCAP, METHODS
 from dcap.scene.types.sample import Sample
-from flows.methods import CHANGES, NO_DROP, OTHER_MATERIALS, PICTURE, RIGID_DROP, config_of, plain
+from flows.methods import CHANGES, NO_DROP, OTHER_MATERIALS, PICTURE, RIGID_DROP, config_of
 from flows.place import PlaceConfig
 from tasks.materials.stage import MaterialsConfig
 
@@ -86,10 +86,3 @@ def test_measured_with_true_materials_is_what_other_materials_were_simulated_wit
     other = {name for name, changed in TABLE.items() if any(key.startswith("materials.") for key in changed)}
     assert other == OTHER_MATERIALS
     assert RIGID_DROP in OTHER_MATERIALS
-
-
-def test_ours_alone_and_unmeasured_is_a_plain_placement():
-    """Then the flow is the table of contents itself."""
-    assert plain(SAMPLE, PlaceConfig())
-    assert not plain(SAMPLE, PlaceConfig(measured=True))
-    assert not plain(Sample("no_drop/a", "room", "ball", "", method="no_drop"), PlaceConfig())

@@ -7,7 +7,8 @@ from collections.abc import Iterator
 import pytest
 
 from dcap.scene.errors import InputError
-from flows.relay import LOOPBACK, PIECE, relay
+from flows.own_requests import LOOPBACK
+from flows.relay import PIECE, relay
 from flows.server import check_port, free_port
 
 

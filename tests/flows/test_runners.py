@@ -11,15 +11,13 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
+from desk_room import desk_dataset
 from prefect_pages import PrefectPages
 from process_trees import descendants
-from tiny_rooms import solid, table
 
 from dcap.packages import module_command
 from dcap.scene.errors import InputError
-from dcap.scene.writers.glb import Node, glb_bytes
 from flows.cli.app import main
 from flows.runners import RunnerName, check_runner
 from flows.sample_records import RECORDS
@@ -41,18 +39,7 @@ def wait_until(true: Callable[[], object], seconds: float = PATIENCE) -> None:
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A desk in a room, and what is put on it: rigid on rigid, the cheapest drops."""
-    folder = tmp_path_factory.mktemp("runners")
-    parts = [Node(name, solid(tuple(np.add((1.0, 1.0, 0.0), low)), size)) for name, low, size in table(1.4, 0.7, 0.74)]
-    floor = Node("floor_0", label="floor", children=(Node("floor", solid((0, 0, -0.05), (4, 4, 0.05))),))
-    (folder / "room.glb").write_bytes(glb_bytes([floor, Node("desk_1", label="desk", children=tuple(parts))]))
-    (folder / "mug.glb").write_bytes(glb_bytes([Node("mug", solid((-0.04, -0.04, 0), (0.08, 0.08, 0.1)))]))
-    (folder / "book.glb").write_bytes(glb_bytes([Node("book", solid((-0.08, -0.11, 0), (0.16, 0.22, 0.03)))]))
-    rows = [
-        f"- {{id: {name}, scene: room.glb, object: {'book' if name == 'book' else 'mug'}.glb, prompt: {prompt}}}\n"
-        for name, prompt in SAMPLES.items()
-    ]
-    (folder / "set.yaml").write_text("".join(rows))
-    return folder / "set.yaml"
+    return desk_dataset(tmp_path_factory.mktemp("runners"), SAMPLES)
 
 
 @contextmanager

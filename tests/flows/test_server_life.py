@@ -1,5 +1,6 @@
 """The local server comes back when it dies under a run, and goes when nobody needs it."""
 
+import base64
 import json
 import os
 import signal
@@ -9,7 +10,8 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from urllib.request import urlopen
+from urllib.error import HTTPError
+from urllib.request import Request, urlopen
 
 import pytest
 from fake_benchmark import end, fake_benchmark
@@ -18,8 +20,10 @@ from prefect_pages import PrefectPages
 from process_trees import descendants
 
 from dcap.packages import module_command
+from dcap.scene.errors import InputError
 from dcap.scene.settings import PROJECT_ROOT
-from flows.server import free_port, is_healthy, is_server, known, known_pid, prefect_server, server_folder
+from flows.programs import Program
+from flows.server import free_port, is_healthy, is_server, known, known_pid, prefect_server, server_folder, server_host
 
 PATIENCE = 240.0
 """For machines that are busy [s]."""
@@ -107,6 +111,65 @@ def test_an_interrupted_benchmark_ends_at_once(data: Path, kind: signal.Signals)
         assert [child["state_type"] for child in pages.flow_runs(str(parent["id"]))] == ["CRASHED"]
 
 
+@pytest.mark.slow
+@pytest.mark.long
+@pytest.mark.timeout(900)
+def test_flow_runs_of_a_killed_program_end_as_crashed_with_the_next_run(
+    data: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The next run says so in a line of them, and of no other: neither of one that goes on nor of one elsewhere; of all
+    of them, however few the server tells at a time."""
+    monkeypatch.setenv("PREFECT_SERVER_API_DEFAULT_LIMIT", "2")
+    (data / "busy").touch()
+    with prefect_server() as url:
+        pages = PrefectPages(url)
+        killed = fake_benchmark(data, ["put the ball on the slow table"])
+        try:
+            wait_until((data / "begun").exists)
+            parent = pages.flow_runs()[0]
+            (child,) = pages.flow_runs(str(parent["id"]))
+            os.killpg(killed.pid, signal.SIGKILL)
+        finally:
+            end(killed)
+        states = [pages.get(f"/flow_runs/{one['id']}")["state_type"] for one in (parent, child)]
+        assert states == ["RUNNING", "RUNNING"]
+        program = parent["context"]["program"]  # type: ignore[index]
+        others = [
+            waiting(url, program | {"host": "elsewhere"}),
+            waiting(url, Program.this().to_json()),
+            waiting(url, None),
+        ]
+        (data / "busy").unlink()
+        run = fake_benchmark(data, ["put the ball on the slow table"])
+        try:
+            _, err = run.communicate(timeout=PATIENCE)
+        finally:
+            end(run)
+        assert run.returncode == 0, err
+        for one in (parent, child):
+            state = pages.get(f"/flow_runs/{one['id']}")["state"]
+            assert state["type"] == "CRASHED"  # type: ignore[index]
+            assert state["message"] == f"its program, process {killed.pid} of {program['host']}, is gone"  # type: ignore[index]
+        assert {pages.get(f"/flow_runs/{one}")["state_type"] for one in others} == {"RUNNING"}
+        newest = pages.flow_runs()[0]
+        assert newest["state_type"] == "COMPLETED"
+
+
+def waiting(url: str, program: object) -> str:
+    """A flow run at work that belongs to a program, or that says nothing of one; its id."""
+    flow = posted(f"{url}/flows/", {"name": "benchmark"})["id"]
+    context = {} if program is None else {"program": program}
+    run = posted(f"{url}/flow_runs/", {"flow_id": flow, "context": context, "state": {"type": "RUNNING"}})
+    return str(run["id"])
+
+
+def posted(url: str, tree: object, **headers: str) -> dict[str, object]:
+    """What a server answers to a request that makes something."""
+    request = Request(url, json.dumps(tree).encode(), {"content-type": "application/json", **headers})
+    with urlopen(request, timeout=30) as answer:
+        return dict(json.load(answer))
+
+
 STARTING = """
 from flows.server import prefect_server
 with prefect_server():
@@ -151,6 +214,57 @@ def test_the_pages_are_on_the_promised_port(data: Path) -> None:
             assert "--port" in second.stderr
             assert len(second.stderr.splitlines()) == 1
     assert marks(folder) == ""
+
+
+@pytest.mark.slow
+def test_a_server_refuses_what_pages_of_others_ask(data: Path) -> None:
+    """A name that leads to this machine is none of its own; its pages and programs are answered."""
+    with prefect_server() as url:
+        asked = f"{url}/flows/"
+        assert posted(asked, {"name": "ours"}, Origin=url.removesuffix("/api"))["name"] == "ours"
+        port = url.rpartition(":")[2]
+        for headers in ({"Origin": "https://evil.example"}, {"Host": f"evil.example:{port}"}):
+            with pytest.raises(HTTPError) as caught:
+                posted(asked, {"name": "theirs"}, **headers)
+            assert caught.value.code == 403
+            assert "PREFECT_SERVER_CORS_ALLOWED_ORIGINS" in caught.value.read().decode()
+        assert {one["name"] for one in PrefectPages(url).post("/flows/filter")} == {"ours"}
+
+
+def test_a_server_for_others_asks_who_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    """None is started without: the line names the setting."""
+    for host in ("0.0.0.0", "::", "192.0.2.7"):
+        monkeypatch.setenv("PREFECT_SERVER_API_HOST", host)
+        with pytest.raises(
+            InputError, match=rf"PREFECT_SERVER_API_HOST={host}: .* set PREFECT_SERVER_API_AUTH_STRING="
+        ) as told:
+            prefect_server().__enter__()
+        assert "\n" not in str(told.value)
+    assert not server_folder().exists()
+    for host in ("127.0.0.1", "localhost", ""):
+        monkeypatch.setenv("PREFECT_SERVER_API_HOST", host)
+        assert server_host() == (host or "127.0.0.1")
+
+
+@pytest.mark.slow
+def test_a_server_for_others_is_told_who_asks(data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its own program says so by itself; who does not is refused."""
+    monkeypatch.setenv("PREFECT_SERVER_API_HOST", "0.0.0.0")
+    monkeypatch.setenv("PREFECT_SERVER_API_AUTH_STRING", "team:of-ours")
+    monkeypatch.setenv("PREFECT_API_AUTH_STRING", "")
+    monkeypatch.delenv("PREFECT_API_AUTH_STRING")
+    with prefect_server() as url:
+        assert url.startswith("http://127.0.0.1:")
+        known = base64.b64encode(b"team:of-ours").decode()
+        assert posted(f"{url}/flows/", {"name": "ours"}, Authorization=f"Basic {known}")["name"] == "ours"
+        with pytest.raises(HTTPError) as caught:
+            posted(f"{url}/flows/", {"name": "theirs"})
+        assert caught.value.code == 401
+        from flows.flow_runs import FlowRunNames, flow_run
+
+        with flow_run(FlowRunNames("ours", "ours", (), {})) as engine:
+            pass
+        assert engine.state.is_completed()
 
 
 def ui_command(port: int) -> list[str]:

@@ -16,6 +16,7 @@ from dcap.evaluation.study.session import StudySession
 from dcap.evaluation.study.study_folder import STUDY_FOLDER, StudyDesign, tokens_for, write_design
 from dcap.scene.types.judged_views import PLACED
 from flows.judge_run import read_rows
+from flows.own_requests import LOOPBACK, OwnRequests
 from flows.study.app import study_app
 
 CHECK = b"\x89PNG of a check"
@@ -56,4 +57,6 @@ def served_study(folder: Path) -> Iterator[ServedStudy]:
     tokens = tokens_for(kept, list(design.raters))
     with VoteJournal(kept) as journal:
         session = StudySession(found, kept, design, tokens, journal)
-        yield ServedStudy(run, session, tokens, TestClient(study_app(session)))
+        yield ServedStudy(
+            run, session, tokens, TestClient(study_app(session, OwnRequests.to(LOOPBACK)), f"http://{LOOPBACK}:8090")
+        )

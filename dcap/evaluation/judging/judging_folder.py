@@ -18,6 +18,7 @@ from dcap.evaluation.statistics.sides import SideReport, side_report
 from dcap.language.model.ledger import Spending
 from dcap.scene.errors import FormatError
 from dcap.scene.json_tree import object_to_json
+from dcap.scene.whole_files import whole_file, write_whole
 
 JUDGING, SCORES, COMPARISONS, JUDGE = "judging", "scores.parquet", "comparisons.parquet", "judge.json"
 SCORE_COLUMNS = pa.schema([
@@ -60,15 +61,13 @@ def write_judging(
     """Write a judgement into a run; returns its folder."""
     folder = run / JUDGING
     folder.mkdir(exist_ok=True)
-    draft = folder / f".{SCORES}"
-    pq.write_table(pa.Table.from_pylist([asdict(one) for one in scores], schema=SCORE_COLUMNS), draft)
-    draft.replace(folder / SCORES)
+    with whole_file(folder / SCORES) as draft:
+        pq.write_table(pa.Table.from_pylist([asdict(one) for one in scores], schema=SCORE_COLUMNS), draft)
     write_comparisons(folder / COMPARISONS, comparisons)
     sides = {axis.value: side_tree(side_report(on_axis(comparisons, axis))) for axis in JudgedAxis}
     tree = {**asdict(record), "sides": sides, "language": object_to_json(spending) if spending else None}
-    draft = folder / f".{JUDGE}"
-    draft.write_text(json.dumps(tree, indent=2, allow_nan=False, ensure_ascii=False) + "\n", encoding="utf-8")
-    draft.replace(folder / JUDGE)
+    text = json.dumps(tree, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+    write_whole(folder / JUDGE, text.encode())
     return folder
 
 

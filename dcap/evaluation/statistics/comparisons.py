@@ -15,6 +15,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from dcap.scene.errors import FormatError, InputError
+from dcap.scene.whole_files import whole_file
 
 
 class JudgedAxis(StrEnum):
@@ -74,9 +75,8 @@ SCHEMA = pa.schema([(name, pa.string()) for name in COLUMNS])
 def write_comparisons(path: Path, comparisons: Iterable[Comparison]) -> None:
     """The table as Parquet, rows in their order."""
     rows = [{name: str(getattr(one, name)) for name in COLUMNS} for one in comparisons]
-    draft = path.with_name(f".{path.name}.draft")
-    pq.write_table(pa.Table.from_pylist(rows, schema=SCHEMA), draft)
-    draft.replace(path)
+    with whole_file(path) as draft:
+        pq.write_table(pa.Table.from_pylist(rows, schema=SCHEMA), draft)
 
 
 def read_comparisons(path: Path) -> list[Comparison]:

@@ -17,6 +17,7 @@ from dcap.evaluation.outcome_table import AT_REST
 from dcap.evaluation.study.placed_surface import PlacedSurface, read_placed_surface
 from dcap.evaluation.study.placements import ShownPlacement, StudyRun
 from dcap.scene.errors import DcapError
+from dcap.scene.whole_files import whole_file, write_whole
 
 ATTENTION, SETTLED, LIFTED, MODEL = "attention", "settled", "lifted", "model.glb"
 MOST_CHECKS = 3
@@ -70,5 +71,6 @@ def write_check(placement: ShownPlacement, folder: Path, take: CheckPictures) ->
     for name, height in ((SETTLED, 0.0), (LIFTED, rise)):
         (folder / name).mkdir(parents=True, exist_ok=True)
         for view, rgb in take(placement, surface, surface.lifted(height)).items():
-            Image.fromarray(rgb).save(folder / name / f"{view}.png")
-        (folder / name / MODEL).write_bytes(near.lifted(height).glb(toward))
+            with whole_file(folder / name / f"{view}.png") as draft:
+                Image.fromarray(rgb).save(draft)
+        write_whole(folder / name / MODEL, near.lifted(height).glb(toward))

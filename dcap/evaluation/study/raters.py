@@ -10,7 +10,7 @@ from statistics import median
 from dcap.evaluation.statistics.comparisons import JudgedAxis
 from dcap.evaluation.study.design import Side
 from dcap.evaluation.study.journal import StudyVote
-from dcap.evaluation.study.study_folder import StudyDesign, write_whole
+from dcap.evaluation.study.study_folder import StudyDesign, write_lasting
 
 RATERS = "raters.csv"
 
@@ -66,5 +66,5 @@ def write_raters(folder: Path, rows: Sequence[RaterRow]) -> Path:
     table = csv.DictWriter(text, [one.name for one in fields(RaterRow)], lineterminator="\n")
     table.writeheader()
     table.writerows(asdict(row) for row in rows)
-    write_whole(folder / RATERS, text.getvalue().encode())
+    write_lasting(folder / RATERS, text.getvalue().encode())
     return folder / RATERS

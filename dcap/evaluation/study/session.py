@@ -15,7 +15,7 @@ from dcap.evaluation.study.design import Side, StudyItem
 from dcap.evaluation.study.journal import StudyVote, VoteJournal
 from dcap.evaluation.study.placed_surface import read_placed_surface
 from dcap.evaluation.study.placements import StudyRun, views_of
-from dcap.evaluation.study.study_folder import StudyDesign, write_whole
+from dcap.evaluation.study.study_folder import StudyDesign, write_lasting
 
 MODELS = "models"
 """Folder of the scenes cut out for the page, made when they are first asked for."""
@@ -78,7 +78,7 @@ class StudySession:
             if not path.is_file() or path.stat().st_mtime_ns < source.stat().st_mtime_ns:
                 near = read_placed_surface(source).around_thing()
                 path.parent.mkdir(parents=True, exist_ok=True)
-                write_whole(path, near.glb(near.best_direction()))
+                write_lasting(path, near.glb(near.best_direction()))
         return path
 
     def has_models(self, item: StudyItem) -> bool:

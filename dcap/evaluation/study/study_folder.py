@@ -17,6 +17,7 @@ import pyarrow.parquet as pq
 from dcap.evaluation.study.design import MethodPairs, Side, StudyItem, rater_items, showings_of
 from dcap.evaluation.study.journal import StudyVote, sync_folder
 from dcap.scene.errors import InputError
+from dcap.scene.whole_files import whole_file
 
 STUDY_FOLDER, DESIGN, TOKENS, VOTES = "study", "study.json", "tokens.json", "votes.parquet"
 VERSION = 1
@@ -103,7 +104,7 @@ def write_design(folder: Path, design: StudyDesign) -> None:
         "raters": {name: [asdict(item) for item in items] for name, items in design.raters.items()},
         "states": dict(design.states),
     }
-    write_whole(folder / DESIGN, json.dumps(tree, indent=1, ensure_ascii=False).encode() + b"\n")
+    write_lasting(folder / DESIGN, json.dumps(tree, indent=1, ensure_ascii=False).encode() + b"\n")
 
 
 def tokens_for(folder: Path, raters: Sequence[str]) -> dict[str, str]:
@@ -115,20 +116,16 @@ def tokens_for(folder: Path, raters: Sequence[str]) -> dict[str, str]:
     except (OSError, ValueError, AttributeError) as error:
         raise InputError(f"{path}: not the links of a study ({error})") from None
     tokens.update({rater: secrets.token_urlsafe(TOKEN_BYTES) for rater in raters if rater not in tokens})
-    write_whole(path, json.dumps(tokens, indent=1).encode() + b"\n", mode=0o600)
+    write_lasting(path, json.dumps(tokens, indent=1).encode() + b"\n", mode=0o600)
     return tokens
 
 
-def write_whole(path: Path, data: bytes, mode: int = 0o644) -> None:
+def write_lasting(path: Path, data: bytes, mode: int = 0o644) -> None:
     """Write a file that is there whole or not at all, on the disk when this returns."""
-    draft = path.with_name(f".{path.name}")
-    draft.unlink(missing_ok=True)
-    opened = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, mode)
-    with os.fdopen(opened, "wb") as file:
+    with whole_file(path, mode) as draft, draft.open("wb") as file:
         file.write(data)
         file.flush()
         os.fsync(file.fileno())
-    draft.replace(path)
     sync_folder(path.parent)
 
 
@@ -143,7 +140,6 @@ def export_votes(folder: Path, votes: Sequence[StudyVote]) -> Path:
         }
         for vote in votes
     ]  # fmt: skip
-    draft = folder / f".{VOTES}"
-    pq.write_table(pa.Table.from_pylist(rows, schema=VOTE_COLUMNS), draft)
-    draft.replace(folder / VOTES)
+    with whole_file(folder / VOTES) as draft:
+        pq.write_table(pa.Table.from_pylist(rows, schema=VOTE_COLUMNS), draft)
     return folder / VOTES

@@ -300,3 +300,23 @@ def test_the_design_is_read_as_it_was_written(study: ServedStudy) -> None:
     more = design.with_raters(3)
     assert {name: more.raters[name] for name in design.raters} == design.raters
     assert list(more.raters) == ["r01", "r02", "r03"]
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [{"Host": "evil.example:8090"}, {"Origin": "https://evil.example"}, {"Origin": "null"}],
+)
+def test_pages_of_others_are_refused(study: ServedStudy, headers: dict[str, str]) -> None:
+    """Also with a rater's link: nothing is shown, and no answer is taken; the refusal names the option."""
+    item, base = current(study), study.page("r01")
+    for reply in (
+        study.browser.get(base, headers=headers),
+        study.browser.post(f"{base}/votes", json=answer(item), headers=headers),
+    ):
+        assert reply.status_code == 403
+        assert "see --url" in reply.text
+        assert reply.headers["cache-control"] == "no-store"
+    assert current(study) == item
+    reply = study.browser.post(f"{base}/votes", json=answer(item), headers={"Origin": "http://127.0.0.1:8090"})
+    assert reply.status_code == 200
+    assert current(study) != item

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
+import uvicorn
 from many_methods_run import SAMPLES, change_row, many_methods_run
 from study_server import ServedStudy
 
@@ -223,3 +224,21 @@ def test_links_name_a_host_that_others_reach() -> None:
     assert shown_host("127.0.0.1") == "127.0.0.1"
     assert shown_host("::1") == "[::1]"
     assert shown_host("0.0.0.0") == socket.gethostname()
+
+
+@pytest.mark.parametrize(
+    "url", ["study.example.org", "https://a.example/below", "ftp://a.example", "https://a.example?b"]
+)
+def test_an_address_that_is_none(run: Path, url: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """The option and what it takes are named."""
+    assert f"--url {url}: give https://NAME" in complaint(capsys, "serve", run, "--url", url)
+
+
+def test_links_begin_as_raters_reach_them(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By the address of the web server that stands before the study."""
+    links: list[str] = []
+    monkeypatch.setattr(uvicorn.Server, "run", lambda *_, **__: None)
+    options = StudyOptions(port=free_port(), url="https://study.example.org/")
+    serve.serve_study(str(run), options, lambda _: None, lambda told: links.extend(told.values()))
+    assert links
+    assert all(link.startswith("https://study.example.org/s/") for link in links)

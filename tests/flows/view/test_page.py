@@ -95,6 +95,42 @@ def test_the_server_listens_on_this_machine_alone(server: viser.ViserServer) -> 
     assert server.request_share_url() is None
 
 
+@pytest.mark.parametrize("upgrade", [False, True])
+@pytest.mark.parametrize(
+    ("host", "origin", "fine"),
+    [
+        ("127.0.0.1:{port}", "", True),
+        ("localhost:{port}", "http://localhost:{port}", True),
+        ("localhost:{port}", "http://localhost:1", False),
+        ("127.0.0.1:{port}", "https://evil.example", False),
+        ("127.0.0.1:{port}", "null", False),
+        ("evil.example:{port}", "http://evil.example:{port}", False),
+        ("evil.example", "", False),
+    ],
+)
+def test_pages_of_others_are_refused(
+    server: viser.ViserServer, host: str, origin: str, fine: bool, upgrade: bool
+) -> None:
+    """By the handshake, so that nothing is said to them and nothing is taken from them; a name that leads to this
+    machine makes no page the viewer's own."""
+    port = server.get_port()
+    status = status_of(port, host.format(port=port), origin.format(port=port), upgrade=upgrade)
+    assert status == ((101 if upgrade else 200) if fine else 403)
+    assert server.get_clients() == {}
+
+
+def status_of(port: int, host: str, origin: str, *, upgrade: bool) -> int:
+    """What the server answers to a page's request, for its text or for a WebSocket."""
+    lines = ["GET / HTTP/1.1", f"Host: {host}", *([f"Origin: {origin}"] if origin else [])]
+    if upgrade:
+        lines += ["Connection: Upgrade", "Upgrade: websocket", "Sec-WebSocket-Version: 13",
+                  "Sec-WebSocket-Key: MDEyMzQ1Njc4OWFiY2RlZg==",
+                  f"Sec-WebSocket-Protocol: viser-v{viser.__version__}"]  # fmt: skip
+    with socket.create_connection(("127.0.0.1", port), timeout=30) as one, one.makefile("rb") as answer:
+        one.sendall("\r\n".join([*lines, "", ""]).encode())
+        return int(answer.readline().split()[1])
+
+
 def test_a_taken_port_is_passed_over() -> None:
     """The next free one is used; where there is none the option is named."""
     with socket.socket() as taken:

@@ -66,7 +66,6 @@ def depth(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Depth:
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(strict=True, reason="a flow run with names, states and a second try is nine functions more")
 def test_a_command_reaches_the_start_of_a_process_in_few_calls(
     depth: Depth, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

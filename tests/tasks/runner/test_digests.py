@@ -1,5 +1,6 @@
 """What counts as the code behind a stage."""
 
+import ast
 import gc
 import time
 from collections.abc import Iterator
@@ -145,3 +146,20 @@ def test_samples_look_their_code_up_at_once(tmp_path: Path) -> None:
     with ThreadPoolExecutor(4) as threads:
         found = list(threads.map(lambda path: source_digests(path, tmp_path), paths))
     assert [list(one) for one in found] == [[path.name] for path in paths]
+
+
+def test_libraries_may_parse_at_the_same_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What CPython says then is not about the file: it is parsed again."""
+    (path := tmp_path / "a.py").write_text("x = 1\n")
+    parse, failures = ast.parse, [SystemError("AST constructor recursion depth mismatch (before=66, after=72)")]
+
+    def parse_after_failure(source: bytes, filename: str) -> ast.Module:
+        if failures:
+            raise failures.pop()
+        return parse(source, filename)
+
+    monkeypatch.setattr(ast, "parse", parse_after_failure)
+    found = source_digests(path, tmp_path)
+    monkeypatch.undo()
+    (again := tmp_path / "b.py").write_text("x = 1\n")
+    assert list(found.values()) == list(source_digests(again, tmp_path).values())

@@ -1,0 +1,107 @@
+"""Which requests a server of ours answers: those that name it as it is named, from pages of its own.
+
+A page of another site can send requests to any address of this machine: a browser says in `Origin` whose page it is. A
+name of another site may also lead to this machine (DNS rebinding), and then its pages are of the server's own origin:
+such a name stands in `Host`.
+"""
+
+import socket
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
+
+if TYPE_CHECKING:
+    from starlette.types import ASGIApp, Receive, Scope, Send
+
+LOOPBACK = "127.0.0.1"
+LOOPBACK_NAMES = frozenset({"localhost", LOOPBACK, "::1"})
+EVERYWHERE = frozenset({"0.0.0.0", "::", ""})
+"""Addresses to listen on that stand for all of this machine."""
+HEADERS = b"host", b"origin"
+REFUSED = 403
+"""Status of the answer to other requests."""
+POLICY = 1008
+"""Code with which a WebSocket is closed."""
+
+
+@dataclass(frozen=True, slots=True)
+class OwnRequests:
+    """The names of a server, and where else its pages come from."""
+
+    hosts: frozenset[str] | None
+    """Names and addresses; None where it listens everywhere, and nobody knows what it is called there."""
+    origins: frozenset[str] = frozenset()
+    """Of the pages of other servers that stand before it, `https://name`."""
+
+    @classmethod
+    def to(cls, address: str, before: Iterable[str] = ()) -> "OwnRequests":
+        """Requests to a server that listens on an address; `before` are addresses of servers that stand before it."""
+        fronts = [urlsplit(one) for one in before]
+        origins = frozenset(f"{one.scheme}://{one.netloc}".lower() for one in fronts)
+        if address in EVERYWHERE:
+            return cls(None, origins)
+        hosts = LOOPBACK_NAMES | {address.lower()} | {one.hostname for one in fronts if one.hostname}
+        return cls(hosts if is_loopback(address) else hosts | {socket.gethostname().lower()}, origins)
+
+    def refusal(self, hosts: Sequence[str], origins: Sequence[str]) -> str:
+        """Why a request with these headers is refused; empty if it is not."""
+        if len(hosts) != 1 or len(origins) > 1:
+            return f"{len(hosts)} headers `Host` and {len(origins)} `Origin`, where there is one, and at most one"
+        name = host_name(hosts[0])
+        if self.hosts is not None and name not in self.hosts:
+            return f"Host {hosts[0]!r} is none of {', '.join(sorted(self.hosts))}"
+        if origins and origins[0].lower() not in self.origins and origin_host(origins[0]) != hosts[0].lower():
+            return f"Origin {origins[0]!r} is not {hosts[0]!r}"
+        return ""
+
+
+class OwnRequestsOnly:
+    """Refuses what is asked of an application by others, and names the `knob` that makes them its own."""
+
+    def __init__(self, app: "ASGIApp", own: OwnRequests, knob: str) -> None:
+        self._app, self._own, self._knob = app, own, knob
+
+    async def __call__(self, scope: "Scope", receive: "Receive", send: "Send") -> None:
+        """Pass a request on, or refuse it; a WebSocket before it is open."""
+        why = ""
+        if scope["type"] in ("http", "websocket"):
+            hosts, origins = ([v.decode("latin-1") for k, v in scope["headers"] if k == name] for name in HEADERS)
+            why = self._own.refusal(hosts, origins)
+        if not why:
+            await self._app(scope, receive, send)
+        elif scope["type"] == "websocket":
+            await send({"type": "websocket.close", "code": POLICY})
+        else:
+            text = f"refused: {why}; see {self._knob}\n".encode()
+            kind = [(b"content-type", b"text/plain; charset=utf-8"), (b"content-length", str(len(text)).encode())]
+            await send({"type": "http.response.start", "status": REFUSED, "headers": kind})
+            await send({"type": "http.response.body", "body": text})
+
+
+def url_host(address: str) -> str:
+    """How this machine finds a server that listens on an address."""
+    if address in EVERYWHERE:
+        return LOOPBACK
+    return f"[{address}]" if ":" in address else address
+
+
+def is_loopback(address: str) -> bool:
+    """Whether only this machine reaches an address."""
+    return address.lower() in LOOPBACK_NAMES or address.startswith("127.")
+
+
+def host_name(host: str) -> str:
+    """The name in a header `Host`; empty where there is none."""
+    try:
+        return urlsplit(f"//{host}").hostname or ""
+    except ValueError:
+        return ""
+
+
+def origin_host(origin: str) -> str:
+    """Name and port in a header `Origin`; empty where it says nothing of them, as that of a file."""
+    try:
+        return urlsplit(origin).netloc.lower()
+    except ValueError:
+        return ""
