@@ -34,10 +34,16 @@ def main() -> None:
     die_with_parent(int(sys.argv[1]))
     report = private_stdout()
     forward_log(report)
-    usage = Usage()
+    usage = JobUsage()
     for line in sys.stdin:
+        job = json.loads(line)
         try:
-            done = run(json.loads(line))
+            function = getattr(importlib.import_module(job["module"]), job["function"])
+            own = stage(function)
+            values = own.load(job["inputs"], job["config"], Session(**job["session"]))
+            begin = time.perf_counter()
+            value = function(**values)
+            done = own.save(value, time.perf_counter() - begin)
         except Exception as error:
             known = error if isinstance(error, errors.DcapError) else machine_error(error)
             if known is None:
@@ -47,17 +53,7 @@ def main() -> None:
         say(report, done=done | usage.told())
 
 
-def run(job: dict[str, Any]) -> dict[str, Any]:
-    """Run the stage of a job; its reference, seconds and size as JSON."""
-    function = getattr(importlib.import_module(job["module"]), job["function"])
-    own = stage(function)
-    values = own.load(job["inputs"], job["config"], Session(**job["session"]))
-    begin = time.perf_counter()
-    value = function(**values)
-    return own.save(value, time.perf_counter() - begin)
-
-
-class Usage:
+class JobUsage:
     """What each job takes, of a process that may do several: the first has its start as well."""
 
     def __init__(self) -> None:

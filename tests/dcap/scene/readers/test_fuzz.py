@@ -294,11 +294,8 @@ def traced(read: Callable[[], ValueT]) -> tuple[ValueT, int]:
     a reader or of a message is not what a broken file takes."""
     for _ in range(2):
         tracemalloc.start()
-        try:
-            result = read()
-            peak = tracemalloc.get_traced_memory()[1]
-        finally:
-            tracemalloc.stop()
+        result, peak = read(), tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
         if peak < MOST_MEMORY:
             break
     return result, peak
@@ -325,14 +322,8 @@ def try_check(folder: Path, name: str, change: Callable[[bytes], bytes]) -> None
     But for what is refused only when units are found: sizes that fit no thing, and splats that make no surface.
     """
     result = try_file(folder, name, change)
-    place = folder / (FORMATS[name].read or FORMATS[name].broken)
-
-    def checked() -> Findings:
-        found = Findings()
-        check_scene(place, found)
-        return found
-
-    findings, peak = traced(checked)
+    findings, place = Findings(), folder / (FORMATS[name].read or FORMATS[name].broken)
+    peak = traced(lambda: check_scene(place, findings))[1]
     assert peak < MOST_MEMORY
     if isinstance(result, str) and "set --unit" not in result and not name.startswith("splats"):
         assert findings.count(Severity.ERROR), result
