@@ -106,11 +106,11 @@ def test_nothing_runs_or_unpacks_by_what_a_file_says(names: set[str]) -> None:
 
 
 def test_no_server_listens_everywhere_by_itself() -> None:
-    """The address of all interfaces stands in our code only where a link is shown for it."""
+    """The address of all interfaces stands in our code only where requests to it are told from others."""
     everywhere = {"0.0.0.0", "::"}
     found = {
         where.partition(":")[0]
         for where, node in nodes()
         if isinstance(node, ast.Constant) and node.value in everywhere
     }
-    assert found == {"flows/study/serve.py"}
+    assert found == {"flows/own_requests.py"}
