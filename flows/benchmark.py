@@ -151,11 +151,11 @@ def dataset_samples(
     return path, with_examples([by_method(sample, method) for sample in chosen for method in methods], every)
 
 
-def ensure_dataset(folder: Path, seed: int, *, rooms: Sequence[str] = (), splats: int = 0) -> Path:
+def ensure_dataset(folder: Path, seed: int, *, rooms: Sequence[str] = (), splats: int = 0, scenes: int = 0) -> Path:
     """Generate the embedded rooms and objects that are not there whole."""
     from dcap.synthetic.dataset import make_dataset
 
-    make_dataset(folder, seed, rooms=rooms, splats=splats)
+    make_dataset(folder, seed, rooms=rooms, splats=splats, scenes=scenes)
     return folder
 
 

@@ -5,6 +5,7 @@ store and server from its own environment and `dcap.yaml`.
 """
 
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from prefect.states import Completed, Failed
 
 from dcap.evaluation.methods import methods_of
 from dcap.scene.errors import DcapError
-from flows.benchmark import rerun_sample, run_benchmark
+from flows.benchmark import LOCAL, rerun_sample, run_benchmark
 from flows.benchmark_config import benchmark_config, runner_of
 from flows.display import summary_line
 from flows.elsewhere import place_job
@@ -64,7 +65,7 @@ def benchmark(
             only_failed=only_failed,
             methods=methods_of(methods),
             scenes=scenes,
-            runner=runner_of(asked),
+            runner=replace(LOCAL, limits=runner_of(asked).limits),  # on this worker, whatever its file says
         )
     except DcapError as error:
         return Failed(message=str(error))

@@ -16,7 +16,7 @@ from prefect.client.orchestration import SyncPrefectClient
 from prefect.client.schemas.filters import FlowRunFilter
 from prefect.client.schemas.objects import FlowRun, State
 from prefect.context import SyncClientContext
-from prefect.exceptions import ObjectNotFound
+from prefect.exceptions import ObjectNotFound, PrefectHTTPStatusError
 from prefect.flow_engine import FlowRunEngine
 from prefect.states import Completed, Crashed, Failed, Pending
 
@@ -110,15 +110,17 @@ def created(client: SyncPrefectClient, flow: Flow[Any, Any], names: FlowRunNames
 
 
 def end_left_runs(client: SyncPrefectClient) -> None:
-    """Say of flow runs that their program is gone, where it was killed on this machine before it could do so itself."""
+    """Say of flow runs that their program is gone, where it was killed on this machine before it could do so itself.
+    What the server refuses of that is left: it is no matter of the run that begins."""
     unended = FlowRunFilter.model_validate({"state": {"type": {"any_": ["PENDING", "RUNNING"]}}})
     runs: list[FlowRun] = []
-    while page := client.read_flow_runs(flow_run_filter=unended, offset=len(runs)):  # as many as the server gives
-        runs += page
+    with suppress(PrefectHTTPStatusError):
+        while page := client.read_flow_runs(flow_run_filter=unended, offset=len(runs)):  # as many as the server gives
+            runs += page
     for one in runs:
         program = Program.from_json(one.context.get(PROGRAM))
         if program is not None and program.is_gone:
-            with suppress(ObjectNotFound):  # somebody has deleted it meanwhile
+            with suppress(PrefectHTTPStatusError, ObjectNotFound):  # not ours to end, or deleted meanwhile
                 end_as_crashed(client, [one.id], f"its program, process {program.pid} of {program.host}, is gone")
 
 

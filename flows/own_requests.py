@@ -1,10 +1,12 @@
 """Which requests a server of ours answers: those that name it as it is named, from pages of its own.
 
-A page of another site can send requests to any address of this machine: a browser says in `Origin` whose page it is. A
-name of another site may also lead to this machine (DNS rebinding), and then its pages are of the server's own origin:
-such a name stands in `Host`.
+A page of another site can send requests to any address of this machine: a browser says in `Origin` whose page it is,
+and of what it loads into a page without that, a picture or a frame, in `Sec-Fetch-Site`. A link that a person follows
+is no part of the page that it stands on. A name of another site may also lead to this machine (DNS rebinding), and then
+its pages are of the server's own origin: such a name stands in `Host`.
 """
 
+import ipaddress
 import socket
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -19,6 +21,11 @@ LOOPBACK_NAMES = frozenset({"localhost", LOOPBACK, "::1"})
 EVERYWHERE = frozenset({"0.0.0.0", "::", ""})
 """Addresses to listen on that stand for all of this machine."""
 HEADERS = b"host", b"origin"
+FETCH = b"sec-fetch-site", b"sec-fetch-dest"
+ELSEWHERE = frozenset({"cross-site", "same-site"})
+"""What a browser says of what a page of another origin loads; one of another port of this machine is `same-site`."""
+A_PAGE = "document"
+"""What it says of a page that is shown by itself."""
 REFUSED = 403
 """Status of the answer to other requests."""
 POLICY = 1008
@@ -44,8 +51,9 @@ class OwnRequests:
         hosts = LOOPBACK_NAMES | {address.lower()} | {one.hostname for one in fronts if one.hostname}
         return cls(hosts if is_loopback(address) else hosts | {socket.gethostname().lower()}, origins)
 
-    def refusal(self, hosts: Sequence[str], origins: Sequence[str]) -> str:
-        """Why a request with these headers is refused; empty if it is not."""
+    def refusal(self, hosts: Sequence[str], origins: Sequence[str], site: str = "", destination: str = "") -> str:
+        """Why a request is refused, by its headers `Host` and `Origin` and what `Sec-Fetch-Site` and `Sec-Fetch-Dest`
+        say; empty if it is not."""
         if len(hosts) != 1 or len(origins) > 1:
             return f"{len(hosts)} headers `Host` and {len(origins)} `Origin`, where there is one, and at most one"
         name = host_name(hosts[0])
@@ -53,6 +61,8 @@ class OwnRequests:
             return f"Host {hosts[0]!r} is none of {', '.join(sorted(self.hosts))}"
         if origins and origins[0].lower() not in self.origins and origin_host(origins[0]) != hosts[0].lower():
             return f"Origin {origins[0]!r} is not {hosts[0]!r}"
+        if not origins and site.lower() in ELSEWHERE and destination.lower() != A_PAGE:
+            return f"it would be {destination or 'something'} within a page of another site"
         return ""
 
 
@@ -67,7 +77,8 @@ class OwnRequestsOnly:
         why = ""
         if scope["type"] in ("http", "websocket"):
             hosts, origins = ([v.decode("latin-1") for k, v in scope["headers"] if k == name] for name in HEADERS)
-            why = self._own.refusal(hosts, origins)
+            headers = dict(scope["headers"])
+            why = self._own.refusal(hosts, origins, *(headers.get(name, b"").decode("latin-1") for name in FETCH))
         if not why:
             await self._app(scope, receive, send)
         elif scope["type"] == "websocket":
@@ -88,7 +99,10 @@ def url_host(address: str) -> str:
 
 def is_loopback(address: str) -> bool:
     """Whether only this machine reaches an address."""
-    return address.lower() in LOOPBACK_NAMES or address.startswith("127.")
+    try:
+        return ipaddress.ip_address(address).is_loopback
+    except ValueError:
+        return address.lower() in LOOPBACK_NAMES
 
 
 def host_name(host: str) -> str:

@@ -57,19 +57,26 @@ class Program:
         return self.host == this_host() and self.started != start_of(self.pid) and not is_hidden(self.pid)
 
 
+MACHINE_ID = Path("/etc/machine-id")
+
+
 @cache
 def this_host() -> str:
-    """Name of this machine, with the namespace that process numbers are of where the system has such."""
-    space = ""
+    """Name and number of this machine, as many are called alike, with the namespace that process numbers are of; each
+    where the system has such."""
+    number = space = ""
+    with suppress(OSError):
+        number = MACHINE_ID.read_text().strip()
     with suppress(OSError):
         space = os.readlink(PROC / "self" / "ns" / "pid")
-    return f"{platform.node()} {space}".rstrip()
+    return " ".join(one for one in (platform.node(), number, space) if one)
 
 
 def start_of(pid: int) -> str:
     """When a process started; empty if there is none of that number, or it has ended."""
     if not PROC.is_dir():  # not Linux
-        told = subprocess.run(["ps", "-o", "lstart=", "-p", str(pid)], capture_output=True, text=True, check=False)
+        command, fixed = ["ps", "-o", "lstart=", "-p", str(pid)], os.environ | {"LC_ALL": "C", "TZ": "UTC"}
+        told = subprocess.run(command, capture_output=True, text=True, check=False, env=fixed)
         return " ".join(told.stdout.split())
     try:
         fields = (PROC / str(pid) / "stat").read_text(errors="replace").rpartition(")")[2].split()

@@ -34,6 +34,7 @@ from flows.server_program import USERS
 
 PROGRAM = "flows.server_program"
 HOST, AUTH_STRING = "PREFECT_SERVER_API_HOST", "PREFECT_SERVER_API_AUTH_STRING"
+LOGIN = "PREFECT_API_AUTH_STRING"
 """Prefect's settings of a server: the address that it listens on, and `NAME:PASSWORD` of who may ask."""
 START_SECONDS = 300.0
 """A first start creates the database, which takes 8 s on two idle cores; more than a minute on busy ones."""
@@ -69,8 +70,9 @@ def prefect_server(port: int | None = None) -> Iterator[str]:
             os.close(users)
             raise
     os.environ["PREFECT_API_URL"] = url
-    if os.environ.get(AUTH_STRING):  # what this server asks for
-        os.environ.setdefault("PREFECT_API_AUTH_STRING", os.environ[AUTH_STRING])
+    own_login = AUTH_STRING in os.environ and LOGIN not in os.environ
+    if own_login:  # what this server asks for
+        os.environ[LOGIN] = os.environ[AUTH_STRING]
     notice_settings()
     patience = INTERRUPTED_STOP_SECONDS
     try:
@@ -84,6 +86,8 @@ def prefect_server(port: int | None = None) -> Iterator[str]:
         raise
     finally:
         os.environ.pop("PREFECT_API_URL", None)
+        if own_login:
+            os.environ.pop(LOGIN, None)
         with one_at_a_time(folder):
             os.close(users)
             if nobody_uses(folder):

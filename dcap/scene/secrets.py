@@ -9,7 +9,7 @@ import re
 HIDDEN = "***"
 SHORTEST = 8
 """Values of environment variables that are shorter are words of their own and hide nothing."""
-NAMES = re.compile(r"(KEY|TOKEN|SECRET|PASSWORD|PASSWD|CREDENTIALS|CONNECTION_URL)$")
+NAMES = re.compile(r"(KEY|TOKEN|SECRET|PASSWORD|PASSWD|CREDENTIALS|CONNECTION_URL|AUTH_STRING)$")
 """Environment variables whose values are secrets."""
 PATTERNS = (
     (re.compile(r"(?<=://)[^\s/@]+@"), f"{HIDDEN}@"),  # user and password of an address

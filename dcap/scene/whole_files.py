@@ -13,7 +13,11 @@ NEW_FILE = 0o666
 @contextmanager
 def whole_file(path: Path, mode: int = NEW_FILE) -> Iterator[Path]:
     """An empty file beside `path`, of the same suffix, that takes its place once the block has written it; OSError
-    names `path`."""
+    names `path`. What is no file, as a pipe, is written itself; of a link, what it leads to."""
+    path = path.resolve()
+    if path.exists() and not path.is_file():
+        yield path
+        return
     draft = path.with_name(f".{secrets.token_hex(4)}{path.suffix}")
     try:
         os.close(os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, mode))
@@ -23,8 +27,8 @@ def whole_file(path: Path, mode: int = NEW_FILE) -> Iterator[Path]:
         finally:
             draft.unlink(missing_ok=True)
     except OSError as error:
-        if error.filename not in (None, str(draft), draft):
-            raise  # of another file that the block reads
+        if error.errno is None or error.filename not in (None, str(draft), draft):
+            raise  # of another file that the block reads, or of what a library has to say
         raise OSError(error.errno, error.strerror, str(path)) from error
 
 

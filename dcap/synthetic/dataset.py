@@ -7,7 +7,7 @@ rooms as InteriorGS has them, Gaussian splats instead of a mesh. What exists who
 
 import hashlib
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -42,25 +42,35 @@ def make_dataset(
     rooms: Sequence[str] = (),
     objects: Sequence[str] | None = None,
     splats: int = 0,
+    scenes: int = 0,
     recipes: Path = RECIPES,
 ) -> None:
     """Write every room and object that is missing, damaged or made by another recipe.
 
     `rooms` are the only ones made, all if empty; `objects` likewise, all if None. With `splats` each room is also
-    written as that number of Gaussians. `recipes` is a folder as data/recipes; InputError says what is wrong in it.
+    written as that number of Gaussians. So many `scenes` are made of the rooms in turn, each round with the next seed;
+    one of each if 0. `recipes` is a folder as data/recipes; InputError says what is wrong in it.
     """
     code = _digest_of(_sources())
-    for name in rooms or room_names(recipes):
-        recipe = room_recipe(name, recipes)
-        made_from = f"{code} {recipe_digest(recipes, f'rooms/{name}.yaml')} {seed}"
-        _keep_or_make(folder, f"rooms-{name}", made_from, partial(_write_room, folder, name, recipe, seed))
+    for name, room, own_seed in scenes_of(rooms or room_names(recipes), scenes, seed):
+        recipe = room_recipe(room, recipes)
+        made_from = f"{code} {recipe_digest(recipes, f'rooms/{room}.yaml')} {own_seed}"
+        _keep_or_make(folder, f"rooms-{name}", made_from, partial(_write_room, folder, name, recipe, own_seed))
         if splats:
-            make = partial(_write_splat_room, folder, name, recipe, seed, splats)
+            make = partial(_write_splat_room, folder, name, recipe, own_seed, splats)
             _keep_or_make(folder, f"{SPLAT_ROOMS}-{name}", f"{made_from} {_splat_code_digest()} {splats}", make)
     known = object_recipes(recipes)
     made_from = f"{code} {recipe_digest(recipes, 'objects.yaml')}"
     for name in known if objects is None else objects:
         _keep_or_make(folder, f"objects-{name}", made_from, partial(_write_object, folder, name, known[name]))
+
+
+def scenes_of(rooms: Sequence[str], scenes: int, seed: int) -> Iterator[tuple[str, str, int]]:
+    """Name, room and seed of each scene: those of the first round are called as the rooms, later ones by their seed,
+    too."""
+    for number in range(scenes or len(rooms)):
+        turn, place = divmod(number, len(rooms))
+        yield (f"{rooms[place]}_seed_{seed + turn}" if turn else rooms[place]), rooms[place], seed + turn
 
 
 def _sources() -> list[Path]:

@@ -12,6 +12,8 @@ from flows.cli.sample_command import dataset_sample
 from flows.options import UNITS, UPS, PlaceOptions, check_out
 from flows.settings.own import effective_options
 
+MOST_SCENES = 10_000
+"""More are a slip of the hand: each takes about 5 MB."""
 dataset_app = typer.Typer(help="Make the embedded dataset, or check any.", no_args_is_help=True, rich_markup_mode=None)
 cache_app = typer.Typer(help="What has been computed.", no_args_is_help=True, rich_markup_mode=None)
 dataset_app.command("sample")(dataset_sample)
@@ -25,13 +27,19 @@ def dataset_make(
     splats: Annotated[
         int, typer.Option(min=0, max=4_000_000, help="Write each room as N Gaussian splats too, e.g. 500000.")
     ] = 0,
+    scenes: Annotated[
+        int,
+        typer.Option(
+            min=0, max=MOST_SCENES, help="Make N scenes of the rooms in turn, each round with the next seed, e.g. 186."
+        ),
+    ] = 0,
 ) -> int:
     """Generate the embedded rooms and objects where they are missing."""
     from dcap.scene.settings import data_root
     from flows.benchmark import ensure_dataset
 
     chosen = [name.strip() for name in rooms.split(",") if name.strip()]
-    print(ensure_dataset(folder or data_root(), seed, rooms=chosen, splats=splats))
+    print(ensure_dataset(folder or data_root(), seed, rooms=chosen, splats=splats, scenes=scenes))
     return 0
 
 

@@ -12,7 +12,7 @@ from websockets.asyncio import server
 from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
-from flows.own_requests import REFUSED, OwnRequests
+from flows.own_requests import FETCH, REFUSED, OwnRequests
 
 ProcessRequest = Callable[[ServerConnection, Request], Response | None]
 
@@ -36,7 +36,9 @@ def guarded(own: OwnRequests, answer: ProcessRequest) -> ProcessRequest:
     """Refuses requests of others, and answers the rest."""
 
     def process_request(connection: ServerConnection, request: Request) -> Response | None:
-        why = own.refusal(request.headers.get_all("Host"), request.headers.get_all("Origin"))
+        said = request.headers
+        fetch = ("".join(said.get_all(name.decode())[:1]) for name in FETCH)
+        why = own.refusal(said.get_all("Host"), said.get_all("Origin"), *fetch)
         return connection.respond(REFUSED, f"refused: {why}\n") if why else answer(connection, request)
 
     return process_request

@@ -46,8 +46,9 @@ def run_in_process(
     kept = False
     try:
         done = converse(process, json.dumps(job), on_progress)
-        alarm.cancel()
-        kept = bool(server and kind and server.keep(process, kind))
+        if server and kind:
+            alarm.cancel()  # of one that is to end, the end is waited for no longer than for its job
+            kept = server.keep(process, kind)
         if not kept:
             dismiss(process)
         return done

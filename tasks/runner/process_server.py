@@ -30,7 +30,7 @@ from tasks.runner.process_group import exit_words, kill_group, reap
 START_METHOD = "DCAP_START_METHOD"
 """Environment variable: `forkserver`, the default on Linux, or `spawn`."""
 FORK_SERVER, SPAWN = "forkserver", "spawn"
-ONE_THREAD = "OMP_NUM_THREADS"
+BLAS_THREADS = "OPENBLAS_NUM_THREADS"
 SOURCES = tuple(PROJECT_ROOT / name for name in sorted(PACKAGES))
 """Folders of the code that a stage may load."""
 START_SECONDS = 300.0
@@ -104,6 +104,8 @@ class ForkedProcess:
     def __init__(self, server: "ProcessServer", module: str, errors: IO[str]) -> None:
         self._server = server
         self.errors = errors
+        self.works = True
+        """Whether it has a job, and so may have started others."""
         self._ended: int | None = None
         self._lock = threading.Lock()
         with ExitStack() as mine:
@@ -142,14 +144,17 @@ class ForkedProcess:
                 self._link.close()
             return self._ended
 
-    def waits(self) -> bool:
-        """Whether it is still there: nothing has been told of its end, nor has its server gone."""
-        return self._ended is None and not select.select([self._link], [], [], 0.0)[0]
+    def is_idle(self) -> bool:
+        """Whether one that has no job is still there: nothing has been told of its end, nor has its server gone."""
+        link = select.poll()
+        link.register(self._link, select.POLLIN)
+        return self._ended is None and not link.poll(0)
 
     def _lost(self) -> int:
         """Its end without the server, which the kernel makes: only its group is left to kill. Its standard error says
         why."""
-        kill_group(self.pid)  # the number is its own while one of the group lives; another's only if all ended just now
+        if self.works:
+            kill_group(self.pid)  # its own number while one of the group lives; another's only if all ended just now
         os.write(self.errors.fileno(), self._server.last_words().encode())  # where the process itself stopped writing
         return -signal.SIGKILL
 
@@ -213,20 +218,24 @@ class ProcessServer:
         with self._lock:
             if self._closed or not isinstance(process, ForkedProcess):
                 return False
+            process.works = False
             self._kept.setdefault(kind, []).append(process)
             return True
 
     def take(self, kind: str) -> StageProcess | None:
         """A process that was kept for this kind and is as a new one would be, if there is one."""
-        with self._lock:
-            found = self._kept.get(kind, [])
-            while found:
-                process = found.pop()
-                if process.waits() and surroundings() == self._surroundings:
-                    forget(process.errors)
-                    return process
-                discard(process)
-            return None
+        as_before = surroundings() == self._surroundings
+        while True:
+            with self._lock:  # not for longer: whoever discards one asks for the server's last words
+                kept = self._kept.get(kind)
+                process = kept.pop() if kept else None
+            if process is None:
+                return None
+            if as_before and process.is_idle():
+                empty(process.errors)
+                process.works = True
+                return process
+            discard(process)
 
     def last_words(self) -> str:
         """How the server ended, and the last that it wrote to standard error."""
@@ -264,7 +273,7 @@ def discard(process: StageProcess) -> None:
             file.close()
 
 
-def forget(errors: IO[str]) -> None:
+def empty(errors: IO[str]) -> None:
     """Empty a file that a process writes to; both have the same place in it."""
     os.lseek(errors.fileno(), 0, os.SEEK_SET)
     os.ftruncate(errors.fileno(), 0)
@@ -284,7 +293,7 @@ def request(module: str) -> bytes:
 def stage_environment() -> dict[str, str]:
     """The environment of stages' processes: this program's, with one thread for the products of small matrices that
     numpy hands to BLAS. More of them wait for one another without sleeping, at the cost of the process beside."""
-    return {ONE_THREAD: "1"} | os.environ
+    return {BLAS_THREADS: "1"} | os.environ
 
 
 def surroundings() -> tuple[object, ...]:

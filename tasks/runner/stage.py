@@ -3,7 +3,7 @@
 `segment_task = stage(segment)` gives a callable that takes references (`Ref[Scan]`) where the function takes values,
 and plain values as they are, and returns a reference to what the function returns. Called, it looks for a record of the
 same code, configuration, inputs and libraries whose artifact is sound; if there is none, it loads the inputs from the
-store, runs the function (with `process=True` in a fresh process of its own), saves what it returns, and logs time and
+store, runs the function (with `process=True` in a process of its own), saves what it returns, and logs time and
 size. An `Infeasible` among the inputs is handed through without running anything. A function with a parameter `client`
 gets the client that its configuration names, which is no input: what it may say is decided by the configuration.
 
@@ -288,8 +288,8 @@ def stage(
     name: str | None = None,
     simulates: bool = False,
 ) -> Stage[..., ValueT]:
-    """The task of a pure function; `process` gives each run a fresh process of its own, or those that it says of by
-    their inputs; what `simulates` falls under the limit of simulations."""
+    """The task of a pure function; `process` gives each run a process of its own, or those that it says of by
+    their inputs; what `simulates` falls under the limit of simulations, and its process does the next one, too."""
     return Stage(function, process=process, name=name or function.__name__, simulates=simulates)
 
 

@@ -48,6 +48,22 @@ def test_others_are_refused(hosts: list[str], origins: list[str]) -> None:
     assert LOCAL.refusal(hosts, origins) != ""
 
 
+@pytest.mark.parametrize(
+    ("site", "destination", "refused"),
+    [
+        ("cross-site", "image", True),
+        ("same-site", "iframe", True),  # another port of this machine
+        ("cross-site", "document", False),  # a link that somebody follows
+        ("same-origin", "image", False),
+        ("none", "document", False),
+        ("", "", False),  # no browser
+    ],
+)
+def test_what_pages_of_others_load_is_refused(site: str, destination: str, refused: bool) -> None:
+    """Also where a browser says no origin of it."""
+    assert bool(LOCAL.refusal(["localhost:8080"], [], site, destination)) == refused
+
+
 def test_where_it_listens_for_others() -> None:
     """By the address that it was given or its machine's name; by any name where it listens everywhere, but for pages
     of other origins."""

@@ -16,7 +16,7 @@ from dcap.geometry.raycast import Raycaster, packed_rays
 from dcap.geometry.rendering.bands import in_bands
 from dcap.geometry.rendering.shading import compressed, shade
 from dcap.geometry.rendering.surface import PreparedMeshes, RenderScene, SurfaceHits, dot
-from dcap.geometry.rendering.visibility import LightRays, Lights, gather
+from dcap.geometry.rendering.visibility import OFFSET, LightRays, Lights, gather
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.paint import PaintedMesh
 
@@ -84,10 +84,11 @@ class Exposure:
         mesh, camera = scene.prepared.mesh, scene.camera
         corner = mesh.vertices[mesh.faces[faces]].reshape(-1, 3)
         low, high = corner.min(axis=0), corner.max(axis=0)
-        center, radius = (0.5 * (low + high)).astype(np.float32), 0.5 * float(np.linalg.norm(high - low))
-        toward = center - camera.position.astype(np.float32)
-        along = dot(self.surface.direction, toward)
-        seen = np.flatnonzero(float(toward @ toward) - along * along < (1.01 * radius) ** 2)
+        center = (0.5 * (low + high)).astype(np.float32)
+        toward = center.astype(np.float64) - camera.position  # a difference of squares takes double precision
+        along, away = dot(self.surface.direction, toward), float(np.linalg.norm(toward))
+        radius = 0.5 * float(np.linalg.norm(high - low)) + OFFSET[0] * away + OFFSET[1]  # rays start off a surface
+        seen = np.flatnonzero(away**2 - along * along < (1.01 * radius) ** 2)
         ways = self.surface.direction[:, seen].T
         hits = added.first_hits(packed_rays(np.broadcast_to(camera.position, ways.shape), ways))
         fresh = seen[hits.distance < self.surface.distance[seen]]

@@ -77,3 +77,30 @@ def test_nothing_is_written_in_place_where_runs_are_written() -> None:
         if isinstance(node, ast.Attribute) and node.attr in ("write_bytes", "write_text", "copyfile")
     ]
     assert in_place == []
+
+
+def test_a_link_keeps_leading_where_it_led(tmp_path: Path) -> None:
+    """What it leads to is written, and the link stays."""
+    (tmp_path / "elsewhere").mkdir()
+    (link := tmp_path / "table.csv").symlink_to(tmp_path / "elsewhere" / "table.csv")
+    write_whole(link, b"rows")
+    assert link.is_symlink()
+    assert (tmp_path / "elsewhere" / "table.csv").read_bytes() == b"rows"
+
+
+def test_what_is_no_file_is_written_itself(tmp_path: Path) -> None:
+    """A pipe is not replaced by a file."""
+    os.mkfifo(pipe := tmp_path / "pipe")
+    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    try:
+        write_whole(pipe, b"rows")
+        assert os.read(reader, 100) == b"rows"
+    finally:
+        os.close(reader)
+    assert list(tmp_path.iterdir()) == [pipe]
+
+
+def test_what_a_library_says_stays(tmp_path: Path) -> None:
+    """An OSError without a number is not blamed on the file."""
+    with pytest.raises(OSError, match="cannot write mode F"), whole_file(tmp_path / "a.png"):
+        raise OSError("cannot write mode F")

@@ -153,3 +153,17 @@ def room_labels(name: str) -> dict[str, str]:
     """Label of every instance of a generated room by its id, in small letters as stages see it."""
     built = build_room(name, 0)
     return {key: label.lower() for key, label in zip(built.instance_ids, built.instance_labels, strict=True)}
+
+
+def test_many_scenes_are_the_rooms_in_turn_with_other_seeds(tmp_path: Path) -> None:
+    """Five scenes of two rooms are five rooms, no two alike; those of the first round are the rooms themselves."""
+
+    def surface(folder: Path, name: str) -> bytes:
+        return next((folder / "rooms" / name).glob("*.ply")).read_bytes()
+
+    make_dataset(tmp_path, 3, rooms=["hall_01", "bathroom_01"], objects=[], scenes=5)
+    names = ["bathroom_01", "bathroom_01_seed_4", "hall_01", "hall_01_seed_4", "hall_01_seed_5"]
+    assert sorted(path.name for path in (tmp_path / "rooms").iterdir()) == names
+    assert len({surface(tmp_path, name) for name in names}) == len(names)
+    make_dataset(tmp_path / "alone", 4, rooms=["hall_01"], objects=[])
+    assert surface(tmp_path / "alone", "hall_01") == surface(tmp_path, "hall_01_seed_4")

@@ -37,6 +37,17 @@ def test_a_lost_server_is_survived(folder: Path) -> None:
         assert told("write_name", folder / "name", server) == [str(folder / "name"), os.getpid()]
 
 
+def test_a_kept_process_whose_server_is_lost_is_no_longer_there(folder: Path) -> None:
+    """The next job of its kind gets a process of its own, and the run ends: nobody waits for the lost one."""
+    with serving() as server:
+        run_in_process(job("write_name", folder / "first"), quiet, server, "a")
+        os.kill(server.pid, signal.SIGKILL)
+        wait_until(lambda: not alive(server.pid))
+        with ThreadPoolExecutor(1) as pool:
+            pool.submit(run_in_process, job("write_name", folder / "name"), quiet, server, "a").result(timeout=60.0)
+        assert json.loads((folder / "name").read_text()) == [str(folder / "name"), os.getpid()]
+
+
 @pytest.mark.slow
 def test_the_last_words_of_a_server_are_told(folder: Path) -> None:
     """A job whose server crashes while it loads another's module quotes what the server said; the other is spawned."""
