@@ -5,6 +5,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Mapping
+from dataclasses import fields
 from pathlib import Path
 from typing import TypeVar
 
@@ -17,7 +18,9 @@ from dcap.geometry.distance import sampler
 from dcap.geometry.rendering.normals import ShadingNormals
 from dcap.scene.json_tree import JsonObject, JsonValue
 from dcap.scene.readers.scenes.placed_scene import DEFORMED, FACTS
+from dcap.scene.settings import PROJECT_ROOT
 from dcap.scene.store.artifacts import Store
+from dcap.scene.store.earlier_files import copy_earlier, note_files
 from dcap.scene.store.ply import mesh_to_ply
 from dcap.scene.store.ref import Ref
 from dcap.scene.types.anchor import Anchor
@@ -42,6 +45,7 @@ from tasks.render.contact_surfaces import contact_nodes
 from tasks.render.particle_table import distances, iso_surface, particle_columns, soft_bodies
 from tasks.render.settled_meshes import settled_item
 from tasks.render.source_surfaces import object_at_rest, scene_at_rest
+from tasks.runner.digests import reached_code
 
 SCHEMA = "placement.schema.json"
 """The JSON Schema of placement.json, beside it."""
@@ -85,18 +89,17 @@ def load(store: Store, ref: Ref[object], kind: type[Kind]) -> Kind | None:
 def write_placement(finished: FinishedSample, out: Path) -> JsonObject:
     """Write all files of a placement into `out` and return what placement.json holds.
 
-    The files are written beside and moved in, placement.json last: whoever sees it sees everything.
+    The files are written beside and moved in, placement.json last: whoever sees it sees everything. What is made of
+    meshes is copied from an earlier folder of the same placement, if there is one.
     """
     store = Store.default()
     values = load_values(finished, store)
     out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=out, prefix=".writing-") as draft_name:
-        draft = Path(draft_name)
-        artifacts = write_geometry(values, draft) | copy_pictures(finished, store, draft)
-        artifacts |= splat_artifact(finished, values, draft)
-        beside = next_scene_files(values, finished.sample.prompt)
-        for name, data in beside.items():
-            (draft / name).write_bytes(data)
+        draft, key = Path(draft_name), geometry_key(finished)
+        geometry = copy_earlier(key, draft) or write_geometry(values, draft)
+        beside = copy_earlier(f"{key} beside", draft) or write_next_scene(values, finished.sample.prompt, draft)
+        artifacts = geometry | copy_pictures(finished, store, draft) | splat_artifact(finished, values, draft)
         tree = placement_json(finished, values, artifacts)
         (draft / SCHEMA).write_bytes(readable_json(placement_schema()))
         os.replace(draft / SCHEMA, out / SCHEMA)
@@ -109,7 +112,26 @@ def write_placement(finished: FinishedSample, out: Path) -> JsonObject:
             os.replace(draft / name, out / name)
         (draft / "placement.json").write_bytes(readable_json(tree))
         os.replace(draft / "placement.json", out / "placement.json")
+    note_files(key, out, geometry)
+    note_files(f"{key} beside", out, beside)
     return tree
+
+
+def geometry_key(finished: FinishedSample) -> str:
+    """What decides the files of a placement that are made of its meshes: what its stages returned, the sentence, and
+    the code that writes."""
+    code = reached_code(Path(__file__).resolve(), PROJECT_ROOT)
+    refs = [getattr(finished.placement, one.name) for one in fields(finished.placement)]
+    made_of = [ref.to_json() if isinstance(ref, Ref) else None for ref in refs]
+    return json.dumps([made_of, finished.sample.prompt, code.digests, code.libraries], sort_keys=True)
+
+
+def write_next_scene(values: Values, prompt: str, folder: Path) -> dict[str, str]:
+    """What makes the folder a scene for the next placement; names of the files, each by itself."""
+    files = next_scene_files(values, prompt)
+    for name, data in files.items():
+        (folder / name).write_bytes(data)
+    return {name: name for name in files}
 
 
 def readable_json(tree: object) -> bytes:

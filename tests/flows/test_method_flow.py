@@ -25,7 +25,9 @@ from dcap.scene.writers.glb import Node, glb_bytes
 from flows.benchmark import dataset_samples
 from flows.measures_file import VIEWS, read_measures
 from flows.methods import examples_of, place_by
+from flows.output import write_geometry
 from flows.place import PlaceConfig
+from flows.placement_json import Values
 from flows.run_samples import keep
 from flows.sample_run import FinishedSample, plan_sample
 from flows.scoring import scored_row
@@ -93,6 +95,34 @@ def test_the_pose_before_the_drop_is_measured_as_it_stands(tmp_path: Path, monke
     assert row.right_place == 10.0
     assert row.physics_naturalness is not None
     assert row.physics_naturalness < 10.0
+
+
+@pytest.mark.slow
+def test_meshes_of_a_placement_are_written_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """A second run copies what the first has written, unless somebody has edited it there; another method's placement
+    of the same sample has its own."""
+    run_directly(monkeypatch)
+    sample = by_method(sample_in(tmp_path), "no_drop")
+    _, tree, finished = placed(sample, tmp_path / "run")
+    first = sample_folder(tmp_path / "run", sample.id)
+    files = {path.name: path.read_bytes() for path in first.iterdir() if path.is_file()}
+    calls = []
+
+    def counted(values: Values, folder: Path) -> dict[str, str]:
+        calls.append(folder)
+        return write_geometry(values, folder)
+
+    monkeypatch.setattr("flows.output.write_geometry", counted)
+    assert keep(tmp_path / "again", finished) == tree
+    again = sample_folder(tmp_path / "again", sample.id)
+    assert {path.name: path.read_bytes() for path in again.iterdir() if path.is_file()} == files
+    assert calls == []
+    (again / "scene.glb").write_bytes(b"edited by a person")
+    keep(tmp_path / "third", finished)
+    assert len(calls) == 1
+    assert (sample_folder(tmp_path / "third", sample.id) / "scene.glb").read_bytes() == files["scene.glb"]
+    placed(by_method(sample_in(tmp_path), "holodeck"), tmp_path / "run")
+    assert len(calls) == 2
 
 
 @pytest.mark.slow

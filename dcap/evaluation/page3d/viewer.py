@@ -7,7 +7,6 @@ cut-out around the object as GLB, compressed, in base 64. A script is loaded whe
 
 import base64
 import gzip
-import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -18,6 +17,8 @@ from dcap.evaluation.page3d.three import ORBIT, three_script
 from dcap.evaluation.study.placed_surface import read_placed_surface
 from dcap.evaluation.table_files import write_if_other
 from dcap.scene.errors import DcapError
+from dcap.scene.store.digest import digest_of_file
+from dcap.scene.store.earlier_files import copy_earlier, note_files
 
 PAGE, FOLDER = "view3d.html", "view3d"
 SCENE = "scene.glb"
@@ -81,12 +82,14 @@ def write_model(folder: Path, model: ShownModel) -> bool:
     source, path = model.folder / SCENE, folder / f"{model.link}.js"
     if not source.is_file():
         return False
-    with source.open("rb") as file:
-        mark = f"// {FORMAT} {hashlib.file_digest(file, 'sha256').hexdigest()}\n"
+    mark = f"// {FORMAT} {digest_of_file(source)}\n"
     if path.is_file():
         with path.open(encoding="utf-8") as file:
             if file.readline() == mark:
                 return True
+    key = f"view3d {model.link} {mark}"
+    if copy_earlier(key, folder):
+        return True
     try:
         surface = read_placed_surface(source).around_thing(MOST_FACES)
         data = gzip.compress(surface.glb(surface.best_direction()), LEVEL, mtime=0)
@@ -95,4 +98,5 @@ def write_model(folder: Path, model: ShownModel) -> bool:
     path.parent.mkdir(parents=True, exist_ok=True)
     text = base64.b64encode(data).decode()
     write_if_other(path, f'{mark}window.dcapModel({json.dumps(model.link)}, "{text}");\n'.encode())
+    note_files(key, folder, {"script": path.relative_to(folder).as_posix()})
     return True

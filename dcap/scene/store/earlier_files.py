@@ -1,0 +1,50 @@
+"""Files of results that were made before: copied from where they lie instead of being made again.
+
+What decides the files is their key. A note in the cache says in which folder they were written last, and the digest of
+each. What was moved, deleted or edited there is not whole any more, and they are made anew; so a note that is lost or
+damaged costs time alone.
+"""
+
+import hashlib
+import json
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+
+from dcap.scene.settings import cache_root
+from dcap.scene.store.digest import digest_of_file
+from dcap.scene.whole_files import write_whole
+
+FOLDER = "earlier"
+
+
+def copy_earlier(key: str, folder: Path) -> dict[str, str]:
+    """Copy the files of a key into a folder; their names there by what they are, nothing where they are not all there
+    and whole."""
+    try:
+        note = json.loads(note_of(key).read_bytes())
+        files = {str(what): str(name) for what, name in note["files"].items()}
+        if any(Path(name).is_absolute() or ".." in Path(name).parts for name in files.values()):
+            return {}
+        for name in files.values():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(Path(note["folder"], name), folder / name)
+            if digest_of_file(folder / name) != note["sha256"][name]:
+                return {}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return {}
+    return files
+
+
+def note_files(key: str, folder: Path, files: Mapping[str, str]) -> None:
+    """Note where the files of a key have been written: their names in the folder by what they are."""
+    digests = {name: digest_of_file(folder / name) for name in files.values()}
+    tree = {"folder": str(folder.resolve()), "files": dict(files), "sha256": digests}
+    path = note_of(key)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_whole(path, json.dumps(tree).encode())
+
+
+def note_of(key: str) -> Path:
+    """Where the note of a key lies."""
+    return cache_root() / FOLDER / f"{hashlib.sha256(key.encode()).hexdigest()}.json"

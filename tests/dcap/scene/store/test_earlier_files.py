@@ -1,0 +1,55 @@
+"""Files that were made before are copied only where they are all there and whole."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from dcap.scene.store.earlier_files import copy_earlier, note_files, note_of
+
+FILES = {"scene": "scene.glb", "script": "deep/one.js"}
+
+
+@pytest.fixture
+def made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with files that were noted."""
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path / "data"))
+    folder = tmp_path / "made"
+    (folder / "deep").mkdir(parents=True)
+    for name in FILES.values():
+        (folder / name).write_bytes(name.encode())
+    note_files("key", folder, FILES)
+    return folder
+
+
+def test_whole_files_are_copied(made: Path, tmp_path: Path) -> None:
+    """With their names by what they are; of another key nothing is known."""
+    assert copy_earlier("key", tmp_path / "new") == FILES
+    for name in FILES.values():
+        assert (tmp_path / "new" / name).read_bytes() == name.encode()
+    assert copy_earlier("other", tmp_path / "newer") == {}
+
+
+@pytest.mark.parametrize("damage", ["edited", "deleted", "note", "key", "outside", "absolute"])
+def test_nothing_is_told_of_what_is_not_whole(made: Path, tmp_path: Path, damage: str) -> None:
+    """Edited by a person, deleted, or noted wrongly: they are made anew, and nothing is written elsewhere."""
+    note = note_of("key")
+    tree = json.loads(note.read_text())
+    match damage:
+        case "edited":
+            (made / "scene.glb").write_bytes(b"mine")
+        case "deleted":
+            (made / "deep" / "one.js").unlink()
+        case "note":
+            note.write_bytes(note.read_bytes()[:-9])
+        case "key":
+            note.write_text("[1, 2]")
+        case "outside":
+            tree["files"]["scene"] = "../scene.glb"
+            note.write_text(json.dumps(tree))
+        case "absolute":
+            tree["files"]["scene"] = str(tmp_path / "scene.glb")
+            note.write_text(json.dumps(tree))
+    assert copy_earlier("key", tmp_path / "new" / "folder") == {}
+    assert not list(tmp_path.glob("**/new/*.glb"))
+    assert not (tmp_path / "scene.glb").exists()
