@@ -31,6 +31,8 @@ FLOAT, BYTE, INDEX = 5126, 5121, 5125
 VERTICES, INDICES = 34962, 34963
 """Targets of buffer views."""
 
+MIX = np.uint64(0x9E3779B97F4A7C15)
+"""Odd, and 2^64 over the golden ratio: multiplied by it, numbers that are near one another are far apart."""
 MOST_TINTS = 32
 """Colours that multiply one texture and get a material each; where there are more they are vertex colours."""
 
@@ -204,7 +206,7 @@ class _Writer:
         rows = [np.ascontiguousarray(one).view("<u4").reshape(len(one), -1) for one in columns.values()]
         if colors is not None:
             rows.append(np.column_stack([colors, np.full(len(colors), 255, np.uint8)]).copy().view("<u4"))
-        _, first, inverse = np.unique(np.concatenate(rows, axis=1), axis=0, return_index=True, return_inverse=True)
+        first, inverse = distinct_rows(np.concatenate(rows, axis=1))
         attributes: dict[str, int] = {}
         for name, values in columns.items():
             own = np.ascontiguousarray(values[first])
@@ -216,7 +218,7 @@ class _Writer:
         if colors is not None:
             data = np.column_stack([colors[first], np.full(len(first), 255, np.uint8)])
             attributes["COLOR_0"] = self._accessor(data.tobytes(), VERTICES, BYTE, "VEC4", len(data), normalized=True)
-        index = inverse.reshape(-1).astype("<u4")
+        index = inverse.astype("<u4")
         entry: dict[str, object] = {
             "attributes": attributes,
             "indices": self._accessor(index.tobytes(), INDICES, INDEX, "SCALAR", index.size),
@@ -258,3 +260,22 @@ class _Writer:
         if self.meshes:
             chunks += struct.pack("<II", len(self.binary), BINARY_CHUNK) + bytes(self.binary)
         return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+def distinct_rows(rows: NDArray[np.uint32]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Where each distinct row (n, k) stands first, in that order, and which of them each row is, shape (n,).
+
+    Rows are told apart by a 64-bit number mixed of their columns, which sorts ten times as fast as they do; where two
+    that differ have the same number, they are sorted themselves.
+    """
+    key = np.zeros(len(rows), dtype=np.uint64)
+    for column in rows.T:
+        key = (key ^ column) * MIX
+        key ^= key >> np.uint64(32)
+    _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
+    if not np.array_equal(rows[first[inverse]], rows):
+        _, first, inverse = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+    order = np.argsort(first)
+    place = np.empty_like(order)
+    place[order] = np.arange(len(order))
+    return first[order], place[inverse.reshape(-1)]

@@ -18,7 +18,8 @@ from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.rectangle import min_area_box
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.segmentation import Instance, Part, Segmentation
-from dcap.scene.writers.glb import Node, glb_bytes, labelled_nodes
+from dcap.scene.writers import glb
+from dcap.scene.writers.glb import MIX, Node, distinct_rows, glb_bytes, labelled_nodes
 from tasks.mesh.stage import MeshConfig, cleaned
 from tasks.segment.stage import SegmentConfig, segment
 
@@ -128,3 +129,13 @@ def test_same_input_same_bytes_and_nothing_is_a_valid_file() -> None:
     document = json.loads(empty[20:])
     assert not {"meshes", "accessors", "buffers"} & set(document)
     assert document["nodes"] == [{"name": "empty"}]
+
+
+@pytest.mark.parametrize("mix", [MIX, np.uint64(0)])
+def test_distinct_rows_are_told_apart(mix: np.uint64, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As numpy tells them, in the order in which they first stand; also where all have the same number."""
+    monkeypatch.setattr(glb, "MIX", mix)
+    rows = np.random.default_rng(0).integers(0, 3, (500, 4)).astype(np.uint32)
+    first, inverse = distinct_rows(rows)
+    assert np.array_equal(rows[first][inverse], rows)
+    assert sorted(first) == list(first) == sorted(np.unique(rows, axis=0, return_index=True)[1])
