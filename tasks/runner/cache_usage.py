@@ -8,6 +8,7 @@ from pathlib import Path
 
 from dcap.scene.settings import cache_root
 from dcap.scene.store.artifacts import DRAFTS, Source, Store
+from dcap.scene.store.earlier_files import lost_notes
 from dcap.scene.store.ref import Ref
 from tasks.runner.records import Record, key_in, record_in, records_root
 
@@ -89,11 +90,12 @@ def usages_of(store: Store, records: Iterable[Record], refs: Iterable[Ref[object
 
 
 def litter_of(store: Store, older_than_s: float) -> list[Path]:
-    """What is half-made, is no record, or was moved away by a repair, of at least an age [s]."""
+    """What is half-made, is no record, was moved away by a repair, or tells of files that have gone, of at least an age
+    [s]."""
     folders = (store.root / DRAFTS, cache_root() / DAMAGED_FOLDER)
     left = [path for folder in folders if folder.is_dir() for path in sorted(folder.iterdir())]
     no_records = [one.path for one in record_files() if one.record is None]
-    return [path for path in (*left, *no_records) if age(path) >= older_than_s]
+    return [path for path in (*left, *no_records, *lost_notes()) if age(path) >= older_than_s]
 
 
 def sizes(store: Store, refs: Iterable[Ref[object]]) -> int:

@@ -48,3 +48,17 @@ def note_files(key: str, folder: Path, files: Mapping[str, str]) -> None:
 def note_of(key: str) -> Path:
     """Where the note of a key lies."""
     return cache_root() / FOLDER / f"{hashlib.sha256(key.encode()).hexdigest()}.json"
+
+
+def lost_notes() -> list[Path]:
+    """Notes that cannot be read, or whose folder is gone."""
+    folder = cache_root() / FOLDER
+    return [path for path in sorted(folder.glob("*.json")) if not is_there(path)] if folder.is_dir() else []
+
+
+def is_there(note: Path) -> bool:
+    """Whether the folder that a note names is still there."""
+    try:
+        return Path(json.loads(note.read_bytes())["folder"]).is_dir()
+    except (OSError, ValueError, KeyError, TypeError):
+        return False

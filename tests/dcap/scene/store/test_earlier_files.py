@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from dcap.scene.store.earlier_files import copy_earlier, note_files, note_of
+from dcap.scene.store.earlier_files import copy_earlier, lost_notes, note_files, note_of
 
 FILES = {"scene": "scene.glb", "script": "deep/one.js"}
 
@@ -53,3 +53,12 @@ def test_nothing_is_told_of_what_is_not_whole(made: Path, tmp_path: Path, damage
     assert copy_earlier("key", tmp_path / "new" / "folder") == {}
     assert not list(tmp_path.glob("**/new/*.glb"))
     assert not (tmp_path / "scene.glb").exists()
+
+
+def test_notes_of_what_is_gone_are_lost(made: Path) -> None:
+    """Their folder was deleted or they cannot be read."""
+    assert lost_notes() == []
+    (note_of("damaged")).write_text("{")
+    assert lost_notes() == [note_of("damaged")]
+    made.rename(made.with_name("moved"))
+    assert set(lost_notes()) == {note_of("damaged"), note_of("key")}
