@@ -125,6 +125,7 @@ def test_fast_examples_give_what_they_show(page: Path, tmp_path: Path, monkeypat
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(900)
 def test_slow_examples_give_what_they_show(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """So do those that read a placement or a run, after the commands that the pages name."""
