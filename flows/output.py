@@ -18,7 +18,6 @@ from dcap.geometry.distance import sampler
 from dcap.geometry.rendering.normals import ShadingNormals
 from dcap.scene.json_tree import JsonObject, JsonValue
 from dcap.scene.readers.scenes.placed_scene import DEFORMED, FACTS
-from dcap.scene.settings import PROJECT_ROOT
 from dcap.scene.store.artifacts import Store
 from dcap.scene.store.earlier_files import copy_earlier, note_files
 from dcap.scene.store.ply import mesh_to_ply
@@ -120,7 +119,7 @@ def write_placement(finished: FinishedSample, out: Path) -> JsonObject:
 def geometry_key(finished: FinishedSample) -> str:
     """What decides the files of a placement that are made of its meshes: what its stages returned, the sentence, and
     the code that writes."""
-    code = reached_code(Path(__file__).resolve(), PROJECT_ROOT)
+    code = reached_code(Path(__file__).resolve())
     refs = [getattr(finished.placement, one.name) for one in fields(finished.placement)]
     made_of = [ref.to_json() if isinstance(ref, Ref) else None for ref in refs]
     return json.dumps([made_of, finished.sample.prompt, code.digests, code.libraries], sort_keys=True)

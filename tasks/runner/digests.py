@@ -91,7 +91,7 @@ def libraries(module_path: Path, root: Path) -> dict[str, str]:
     return reached_code(module_path, root).libraries
 
 
-def reached_code(module_path: Path, root: Path) -> ReachedCode:
+def reached_code(module_path: Path, root: Path = PROJECT_ROOT) -> ReachedCode:
     """What a module reaches, looked for again where a file has changed: following imports takes 50 ms each time."""
     known = _reached.get((module_path, root))
     if known is not None and known.unchanged:
