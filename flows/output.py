@@ -33,6 +33,7 @@ from dcap.scene.types.renders import Renders
 from dcap.scene.types.scan import Scan
 from dcap.scene.types.segmentation import Segmentation
 from dcap.scene.types.settled import Settled
+from dcap.scene.whole_files import DRAFTS
 from dcap.scene.writers.glb import Node, glb_bytes, labelled_nodes
 from flows.next_scene import next_scene_files
 from flows.placement_json import AT_REST, Values, placement_json
@@ -94,7 +95,7 @@ def write_placement(finished: FinishedSample, out: Path) -> JsonObject:
     store = Store.default()
     values = load_values(finished, store)
     out.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=out, prefix=".writing-") as draft_name:
+    with tempfile.TemporaryDirectory(dir=out, prefix=DRAFTS) as draft_name:
         draft, key = Path(draft_name), geometry_key(finished)
         geometry = copy_earlier(key, draft) or write_geometry(values, draft)
         beside = copy_earlier(f"{key} beside", draft) or write_next_scene(values, finished.sample.prompt, draft)

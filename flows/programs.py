@@ -14,6 +14,7 @@ from functools import cache
 from pathlib import Path
 
 PROC = Path("/proc")
+MACHINE_ID = Path("/etc/machine-id")
 STATE, START = 0, 19
 """Where they stand in `/proc/PID/stat`, counted behind the name."""
 DEAD = frozenset("ZXx")
@@ -55,9 +56,6 @@ class Program:
         """Whether it has surely ended: of one of another machine, or of another user where those are hidden, nobody
         can tell."""
         return self.host == this_host() and self.started != start_of(self.pid) and not is_hidden(self.pid)
-
-
-MACHINE_ID = Path("/etc/machine-id")
 
 
 @cache

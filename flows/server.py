@@ -34,8 +34,9 @@ from flows.server_program import USERS
 
 PROGRAM = "flows.server_program"
 HOST, AUTH_STRING = "PREFECT_SERVER_API_HOST", "PREFECT_SERVER_API_AUTH_STRING"
-LOGIN = "PREFECT_API_AUTH_STRING"
 """Prefect's settings of a server: the address that it listens on, and `NAME:PASSWORD` of who may ask."""
+LOGIN = "PREFECT_API_AUTH_STRING"
+"""The same of a program that asks."""
 START_SECONDS = 300.0
 """A first start creates the database, which takes 8 s on two idle cores; more than a minute on busy ones."""
 STOP_SECONDS = 10.0

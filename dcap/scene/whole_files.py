@@ -1,33 +1,33 @@
 """Files that appear whole or not at all: what was there stays where a disk is full or the program is killed."""
 
 import os
-import secrets
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 NEW_FILE = 0o666
 """Rights of a new file, but for those that the user's mask takes away."""
+DRAFTS = ".writing-"
+"""How the names of folders begin in which files are written: nobody who lists pictures or tables finds half of one."""
 
 
 @contextmanager
 def whole_file(path: Path, mode: int = NEW_FILE) -> Iterator[Path]:
-    """An empty file beside `path`, of the same suffix, that takes its place once the block has written it; OSError
-    names `path`. What is no file, as a pipe, is written itself; of a link, what it leads to."""
+    """An empty file in a folder beside `path`, of the same name, that takes its place once the block has written it;
+    OSError names `path`. What is no file, as a pipe, is written itself; of a link, what it leads to."""
     path = path.resolve()
     if path.exists() and not path.is_file():
         yield path
         return
-    draft = path.with_name(f".{secrets.token_hex(4)}{path.suffix}")
     try:
-        os.close(os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, mode))
-        try:
+        with tempfile.TemporaryDirectory(dir=path.parent, prefix=DRAFTS) as folder:
+            draft = Path(folder, path.name)
+            os.close(os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, mode))
             yield draft
             os.replace(draft, path)
-        finally:
-            draft.unlink(missing_ok=True)
     except OSError as error:
-        if error.errno is None or error.filename not in (None, str(draft), draft):
+        if error.errno is None or not (error.filename is None or str(path.parent / DRAFTS) in str(error.filename)):
             raise  # of another file that the block reads, or of what a library has to say
         raise OSError(error.errno, error.strerror, str(path)) from error
 

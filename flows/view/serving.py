@@ -10,10 +10,9 @@ import rich
 import viser
 
 from dcap.scene.errors import InputError
-from flows.own_requests import OwnRequests
+from flows.own_requests import LOOPBACK, OwnRequests
 from flows.view.handshake import guarded_servers
 
-HOST = "127.0.0.1"
 PORTS = 20
 """Ports that are tried [-]."""
 PANEL_WIDTH = 440
@@ -33,8 +32,8 @@ def open_server(port: int) -> LocalViewer:
     """A server on `port`, or on the next free one; what viser prints is dropped."""
     rich.reconfigure(stderr=True, quiet=True)  # viser prints to standard output, which is the URL's
     logging.getLogger("websockets").setLevel(logging.CRITICAL)  # browsers open connections that they never use
-    with guarded_servers(OwnRequests.to(HOST)):
-        server = LocalViewer(host=HOST, port=free_port_from(port), label="dcap", verbose=False)
+    with guarded_servers(OwnRequests.to(LOOPBACK)):
+        server = LocalViewer(host=LOOPBACK, port=free_port_from(port), label="dcap", verbose=False)
     arrange(server)
     return server
 
@@ -53,7 +52,7 @@ def free_port_from(port: int) -> int:
             if os.name == "posix":  # what waits for its last packets is free
                 probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             try:
-                probe.bind((HOST, one))
+                probe.bind((LOOPBACK, one))
             except OSError:
                 continue
             return one
@@ -62,7 +61,7 @@ def free_port_from(port: int) -> int:
 
 def url_of(server: viser.ViserServer) -> str:
     """The page's address."""
-    return f"http://{HOST}:{server.get_port()}"
+    return f"http://{LOOPBACK}:{server.get_port()}"
 
 
 def has_display() -> bool:

@@ -31,7 +31,7 @@ class DriftConfig(BaseModel, frozen=True, extra="forbid"):
     most_steps: PositiveInt = 60
     """Steps at most: a rest state takes about 25 for a second, what falls more."""
     most_work: PositiveFloat = 3e6
-    """Material points times Newton iterations at most: four seconds of one core."""
+    """Material points times Newton iterations at most: four to six seconds of one core."""
     threads: NonNegativeInt = 0
     """Worker threads, 0: all cores; never changes a result."""
 

@@ -96,9 +96,9 @@ def dents(shift: Array, exposure: Exposure) -> NDArray[np.float32]:
     surface = exposure.surface
     result = np.zeros(len(surface.face), dtype=np.float32)
     faces = exposure.scene.prepared.mesh.faces
-    moved = np.zeros(len(exposure.scene.prepared.mesh.vertices), dtype=bool)
-    moved[: len(shift)] = shift.any(axis=1)  # the first mesh's vertices come first
-    bent = np.asarray(moved[faces].any(axis=1))
+    shifted = np.zeros(len(exposure.scene.prepared.mesh.vertices), dtype=bool)
+    shifted[: len(shift)] = shift.any(axis=1)  # the first mesh's vertices come first
+    bent = np.asarray(shifted[faces].any(axis=1))
     mine = np.flatnonzero((surface.mesh_index == 0) & bent[surface.face])
     corner = faces[surface.face[mine]]
     moved = np.einsum("kn,nki->in", surface.corner_weights[:, mine], shift[corner])

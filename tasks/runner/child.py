@@ -6,6 +6,7 @@ ends after an error, and where standard input is closed.
 """
 
 import ctypes
+import gc
 import importlib
 import json
 import logging
@@ -52,6 +53,15 @@ def main() -> None:
             return
         say(report, done=done | usage.told())
         del values, value  # it may wait for long, and hold two jobs at once when the next one's inputs are loaded
+        give_memory_back()
+
+
+def give_memory_back() -> None:
+    """Free what only cycles of references hold, and return to the system what is free, where its allocator can."""
+    gc.collect()
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None) if sys.platform == "linux" else None
+    if trim is not None:
+        trim(0)
 
 
 class JobUsage:

@@ -224,14 +224,13 @@ class ProcessServer:
 
     def take(self, kind: str) -> StageProcess | None:
         """A process that was kept for this kind and is as a new one would be, if there is one."""
-        as_before = surroundings() == self._surroundings
         while True:
             with self._lock:  # not for longer: whoever discards one asks for the server's last words
                 kept = self._kept.get(kind)
                 process = kept.pop() if kept else None
             if process is None:
                 return None
-            if as_before and process.is_idle():
+            if process.is_idle() and surroundings() == self._surroundings:
                 empty(process.errors)
                 process.works = True
                 return process

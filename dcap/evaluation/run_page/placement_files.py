@@ -36,8 +36,7 @@ def read_placement(folder: Path) -> JsonObject:
 
 def views_of(folder: Path) -> tuple[str, ...]:
     """Paths of the pictures that compare a placement with others, below its folder: canonical views, or its own."""
-    views = (path for path in (folder / "views").glob("*.png") if not path.name.startswith("."))  # no drafts
-    found = {path.stem for path in views} - set(BEFORE)
+    found = {path.stem for path in (folder / "views").glob("*.png")} - set(BEFORE)
     if not found:
         return tuple(f"{name}.png" for name in ("settled", "closeup") if (folder / f"{name}.png").is_file())
     order = [name for name in PLACED if name in found]

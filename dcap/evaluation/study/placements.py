@@ -137,7 +137,5 @@ def show(run: Path, method: str, sample: str, row: SampleOutcome | None) -> Show
 def views_of(folder: Path) -> list[Path]:
     """The pictures of a placement in the order in which judges see them; any others follow by name."""
     order = {name: place for place, name in enumerate(PLACED)}
-    found = (
-        path for path in folder.glob("*.png") if path.stem not in BEFORE and not path.name.startswith(".")
-    )  # a draft
+    found = (path for path in folder.glob("*.png") if path.stem not in BEFORE)
     return sorted(found, key=lambda path: (order.get(path.stem, len(order)), path.stem))

@@ -12,6 +12,7 @@ from dented_bed import RADIUS, TOP, anchor, scene_of, settled
 from placed_ball import FRAMES, SLIDE, pushed, shown, values
 
 from dcap.scene.errors import InputError
+from flows.own_requests import LOOPBACK
 from flows.place import PlaceConfig
 from flows.view import serving
 from flows.view.model import middle_of, placement_view, scene_view
@@ -134,7 +135,7 @@ def status_of(port: int, host: str, origin: str, *, upgrade: bool) -> int:
 def test_a_taken_port_is_passed_over() -> None:
     """The next free one is used; where there is none the option is named."""
     with socket.socket() as taken:
-        taken.bind((serving.HOST, 0))
+        taken.bind((LOOPBACK, 0))
         taken.listen()
         port = taken.getsockname()[1]
         assert port < serving.free_port_from(port) < port + serving.PORTS
@@ -144,7 +145,7 @@ def test_no_free_port_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     """It names the option and its value."""
     monkeypatch.setattr(serving, "PORTS", 1)
     with socket.socket() as taken:
-        taken.bind((serving.HOST, 0))
+        taken.bind((LOOPBACK, 0))
         taken.listen()
         port = taken.getsockname()[1]
         with pytest.raises(InputError, match=f"--port {port}"):
