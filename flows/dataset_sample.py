@@ -33,6 +33,7 @@ from dcap.scene.settings import runs_root
 from dcap.scene.store.artifacts import Store
 from dcap.scene.types.sample import Sample, SourceOptions
 from dcap.scene.types.segmentation import Segmentation
+from dcap.scene.whole_files import DRAFTS
 from flows.configure import configured
 from flows.language_options import language_options
 from flows.options import PlaceOptions
@@ -283,7 +284,7 @@ def write_dataset(
     texts[SUPPORTS_TABLE] = supports_table(contents)
     texts.update(lists_of(splits))
     path.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=path.parent, prefix=".writing-") as folder:
+    with tempfile.TemporaryDirectory(dir=path.parent, prefix=DRAFTS) as folder:
         for file, text in texts.items():
             (Path(folder) / file).write_text(text, encoding="utf-8")
         save_supports_plot([deformable_supports(labels) for labels in contents.values()], Path(folder) / SUPPORTS_PLOT)
