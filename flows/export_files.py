@@ -11,6 +11,7 @@ from contextlib import suppress
 from pathlib import Path, PurePosixPath
 
 from dcap.scene.errors import InputError
+from dcap.scene.whole_files import DRAFTS
 from flows.output import readable_json
 from flows.scene_splats import SETTLED_SPLATS
 
@@ -28,7 +29,7 @@ def write_files(folder: Path, files: Files, kind: str) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         check_free(folder, listed)
-        with tempfile.TemporaryDirectory(dir=folder, prefix=".writing-") as draft:
+        with tempfile.TemporaryDirectory(dir=folder, prefix=DRAFTS) as draft:
             for name, content in listed.items():
                 path = Path(draft) / name
                 path.parent.mkdir(parents=True, exist_ok=True)

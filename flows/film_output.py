@@ -8,6 +8,7 @@ import imageio_ffmpeg
 import numpy as np
 
 from dcap.geometry.raycast import Raycaster
+from dcap.scene.whole_files import DRAFTS
 from flows.map_output import automatic_camera
 from flows.run_files import FinishedPlacement
 from tasks.render.animation import drop_pictures
@@ -40,7 +41,7 @@ def write_film(placement: FinishedPlacement, folder: Path) -> Path | None:
     thing = settled_item(item, anchor, settled.bodies[0])
     camera = nearby(things, thing, automatic_camera(values, config), config)
     surfaces = values.scene_surface, values.object_surface
-    with tempfile.TemporaryDirectory(dir=folder, prefix=".writing-") as draft:
+    with tempfile.TemporaryDirectory(dir=folder, prefix=DRAFTS) as draft:
         path = Path(draft) / FILM
         writer = imageio_ffmpeg.write_frames(
             str(path), (SIZE, SIZE), fps=PER_SECOND, codec=CODEC, quality=8, macro_block_size=8, output_params=EXACT

@@ -21,6 +21,7 @@ from dcap.scene.store.artifacts import Store
 from dcap.scene.types.sample import Sample
 from dcap.scene.types.scan import Scan
 from dcap.scene.types.segmentation import Instance, Segmentation
+from dcap.scene.whole_files import DRAFTS
 from dcap.scene.writers.labels import FoundThing, labels_text, labels_tree
 from flows.configure import configured
 from flows.language_options import language_options
@@ -132,7 +133,7 @@ def page_of(
 def write_all(folder: Path, files: dict[str, bytes], plan: NDArray[np.uint8]) -> None:
     """Write the files beside the folder's others and move them in; the plan as a picture of its own too."""
     folder.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=folder, prefix=".writing-") as name:
+    with tempfile.TemporaryDirectory(dir=folder, prefix=DRAFTS) as name:
         draft = Path(name)
         for file, data in files.items():
             (draft / file).write_bytes(data)

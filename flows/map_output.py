@@ -20,6 +20,7 @@ from dcap.geometry.rendering.map_files import COLMAP, COMPOSITE, FILES, write_ma
 from dcap.scene.errors import InputError
 from dcap.scene.readers.files.content import read_bytes
 from dcap.scene.readers.files.image import FORMATS, read_image
+from dcap.scene.whole_files import DRAFTS
 from flows.options import check_out
 from flows.placement_json import Values
 from flows.run_files import FinishedPlacement
@@ -46,7 +47,7 @@ def write_maps_of(
     over = None if image is None else composite(found, image)
     check_out(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=folder, prefix=".writing-") as draft:
+    with tempfile.TemporaryDirectory(dir=folder, prefix=DRAFTS) as draft:
         fresh = Path(draft)
         write_maps(fresh, found, view)
         if over is not None:

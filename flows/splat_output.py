@@ -4,6 +4,7 @@ import os
 import tempfile
 from pathlib import Path
 
+from dcap.scene.whole_files import DRAFTS
 from flows.options import check_out
 from flows.run_files import FinishedPlacement
 from flows.scene_splats import SETTLED_SPLATS, settled_scene_splats, write_made
@@ -14,7 +15,7 @@ def write_settled_splats(placement: FinishedPlacement, folder: Path) -> Path:
     check_out(folder)
     made = settled_scene_splats(placement.finished, placement.values)
     folder.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=folder, prefix=".writing-") as draft:
+    with tempfile.TemporaryDirectory(dir=folder, prefix=DRAFTS) as draft:
         write_made(made, Path(draft))
         os.replace(Path(draft) / SETTLED_SPLATS, folder / SETTLED_SPLATS)
     return folder / SETTLED_SPLATS
