@@ -108,8 +108,10 @@ def told(function: str, path: Path, server: ProcessServer | None) -> object:
 
 
 def alive(pid: int) -> bool:
-    """Whether a process runs (a dead one that nobody has waited for does not): any of its threads, as the last that ends
-    closes what it had open."""
+    """Whether a process runs (a dead one that nobody has waited for does not).
+
+    Any of its threads counts: the last that ends closes what it had open.
+    """
     with suppress(FileNotFoundError, ProcessLookupError):
         stats = [path.read_text() for path in Path(f"/proc/{pid}/task").glob("*/stat")]
         return any(one.rpartition(")")[2].split()[0] not in "ZX" for one in stats)
