@@ -7,6 +7,7 @@ its pages are of the server's own origin: such a name stands in `Host`.
 """
 
 import ipaddress
+import re
 import socket
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -20,6 +21,9 @@ LOOPBACK = "127.0.0.1"
 LOOPBACK_NAMES = frozenset({"localhost", LOOPBACK, "::1"})
 EVERYWHERE = frozenset({"0.0.0.0", "::", ""})
 """Addresses to listen on that stand for all of this machine."""
+USUAL_PORTS = {"http": 80, "https": 443}
+ROOT = re.compile(r"https?://[^/?#@\s]+/?", re.IGNORECASE)
+"""Address of a web server, with nothing behind its name and port."""
 HEADERS = b"host", b"origin"
 FETCH = b"sec-fetch-site", b"sec-fetch-dest"
 ELSEWHERE = frozenset({"cross-site", "same-site"})
@@ -44,11 +48,11 @@ class OwnRequests:
     @classmethod
     def to(cls, address: str, before: Iterable[str] = ()) -> "OwnRequests":
         """Requests to a server that listens on an address; `before` are addresses of servers that stand before it."""
-        fronts = [urlsplit(one) for one in before]
-        origins = frozenset(f"{one.scheme}://{one.netloc}".lower() for one in fronts)
+        fronts = [origin_of(one) for one in before]
+        origins = frozenset(fronts)
         if address in EVERYWHERE:
             return cls(None, origins)
-        hosts = LOOPBACK_NAMES | {address.lower()} | {one.hostname for one in fronts if one.hostname}
+        hosts = LOOPBACK_NAMES | {address.lower()} | {host_name(origin_host(one)) for one in fronts}
         return cls(hosts if is_loopback(address) else hosts | {socket.gethostname().lower()}, origins)
 
     def refusal(self, hosts: Sequence[str], origins: Sequence[str], site: str = "", destination: str = "") -> str:
@@ -88,6 +92,17 @@ class OwnRequestsOnly:
             kind = [(b"content-type", b"text/plain; charset=utf-8"), (b"content-length", str(len(text)).encode())]
             await send({"type": "http.response.start", "status": REFUSED, "headers": kind})
             await send({"type": "http.response.body", "body": text})
+
+
+def origin_of(address: str) -> str:
+    """The `Origin` that a browser sends from pages of a web server's address, which names no port that goes without
+    saying. ValueError where the address is none."""
+    parts = urlsplit(address)
+    name, port = parts.hostname, parts.port
+    if not ROOT.fullmatch(address) or not name:
+        raise ValueError(address)
+    shown = f"[{name}]" if ":" in name else name
+    return f"{parts.scheme}://{shown}" + ("" if port in (None, USUAL_PORTS[parts.scheme]) else f":{port}")
 
 
 def url_host(address: str) -> str:

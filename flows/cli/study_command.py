@@ -1,6 +1,5 @@
 """`dcap study serve|report`."""
 
-import re
 from collections.abc import Mapping
 from typing import Annotated
 
@@ -8,10 +7,9 @@ import typer
 
 from dcap.scene.errors import InputError
 from flows.cli.checks import note
+from flows.own_requests import origin_of
 
 study_app = typer.Typer(no_args_is_help=True, help="A study in which people compare the methods of a run.")
-ROOT = re.compile(r"https?://[^/?#@\s]+/?")
-"""Address of a web server."""
 Run = Annotated[str, typer.Argument(help="Name or folder of a run, or 'last'.")]
 
 
@@ -44,8 +42,12 @@ def study_serve(
 
 def check_url(url: str) -> None:
     """InputError for what is no address of a web server at whose root a study can lie."""
-    if url and not ROOT.fullmatch(url):
-        raise InputError(f"--url {url}: give https://NAME, with the port if it has one of its own, and nothing behind")
+    try:
+        if url:
+            origin_of(url)
+    except ValueError as error:
+        text = f"--url {url}: give https://NAME, with the port if it has one of its own, and nothing behind"
+        raise InputError(text) from error
 
 
 def announce(links: Mapping[str, str]) -> None:

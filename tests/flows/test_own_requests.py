@@ -3,8 +3,12 @@
 import socket
 
 import pytest
+from starlette.applications import Starlette
+from starlette.routing import WebSocketRoute
+from starlette.testclient import TestClient
+from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from flows.own_requests import LOOPBACK, OwnRequests
+from flows.own_requests import LOOPBACK, POLICY, OwnRequests, OwnRequestsOnly
 
 LOCAL = OwnRequests.to(LOOPBACK)
 
@@ -84,3 +88,34 @@ def test_behind_another_server(host: str) -> None:
     assert own.refusal([host], []) == ""
     assert own.refusal([host], ["https://evil.example"]) != ""
     assert own.refusal(["evil.example"], ["https://study.example.org"]) != ""
+
+
+@pytest.mark.parametrize(
+    "url", ["https://study.example.org:443", "HTTPS://Study.Example.Org", "http://study.example.org:80/"]
+)
+def test_a_port_that_goes_without_saying(url: str) -> None:
+    """A browser does not name it, whether or not the address does."""
+    own, origin = OwnRequests.to(LOOPBACK, [url]), url.lower().partition(":")[0] + "://study.example.org"
+    assert own.refusal(["study.example.org"], [origin]) == ""
+    assert own.refusal(["study.example.org"], [f"{origin}:8443"]) != ""
+
+
+async def hello(socket: WebSocket) -> None:
+    """Says hello to whoever gets in."""
+    await socket.accept()
+    await socket.send_text("hello")
+    await socket.close()
+
+
+def test_a_websocket_is_refused_before_it_is_open() -> None:
+    """To pages of other origins; the server's own get in."""
+    app = OwnRequestsOnly(Starlette(routes=[WebSocketRoute("/ws", hello)]), LOCAL, "--host")
+    client, address = TestClient(app), "ws://localhost:8080/ws"
+    with client.websocket_connect(address, headers={"origin": "http://localhost:8080"}) as own:
+        assert own.receive_text() == "hello"
+    with (
+        pytest.raises(WebSocketDisconnect) as refused,
+        client.websocket_connect(address, headers={"origin": "http://evil.example"}),
+    ):
+        pass
+    assert refused.value.code == POLICY

@@ -227,7 +227,18 @@ def test_links_name_a_host_that_others_reach() -> None:
 
 
 @pytest.mark.parametrize(
-    "url", ["study.example.org", "https://a.example/below", "ftp://a.example", "https://a.example?b"]
+    "url",
+    [
+        "study.example.org",
+        "https://a.example/below",
+        "ftp://a.example",
+        "https://a.example?b",
+        "https://a b.example",
+        "https://:8090",
+        "https://[::1",
+        "https://a.example:port",
+        "https://a.example:99999",
+    ],
 )
 def test_an_address_that_is_none(run: Path, url: str, capsys: pytest.CaptureFixture[str]) -> None:
     """The option and what it takes are named."""
