@@ -20,7 +20,7 @@ class SolverConfig(BaseModel, frozen=True, extra="forbid"):
 
     start_overlap: PositiveFloat = 5e-3
     """Bodies that start deeper inside each other than this [m] are refused: no rest state can be reached from
-    there honestly."""
+    there honestly. Where a final state is simulated on, they are pushed apart."""
     step_seconds: PositiveFloat = 4e-3
     """First step [s]: a fall of 1 cm takes 45 ms, so about ten steps resolve it."""
     step_distance: PositiveFloat = 2e-3

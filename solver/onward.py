@@ -3,7 +3,8 @@
 In: a model in its start pose, and where its bodies are said to rest. Out: how far they go from there within some
 seconds of true time. A state of rest stays; what floats falls; what leans on nothing tips. Contacts begin without any
 memory: they become as stiff as a drop makes them, and friction finds its elastic slip anew, so that a state of rest
-settles by some hundredths of a millimetre.
+settles by some hundredths of a millimetre. What begins so deep inside something that no step could start is pushed out
+first, and goes that way too: shallower overlap is pushed out by contact, to the same effect.
 """
 
 from collections.abc import Mapping
@@ -21,6 +22,11 @@ from solver.runtime import start
 from solver.tl.simulation import Simulation, StepControl
 
 Array = NDArray[np.float64]
+
+FLUSH = 1e-4
+"""What is pushed out may stay this deep [m]."""
+MOST_PUSHES = 60
+"""Each along the normal of the deepest point, by its depth: a corner takes a few for each of its sides."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -57,15 +63,15 @@ def onward(
     """Simulate a state on until `seconds` are over, or `most_steps`, or `most_work`: of that a step takes once the
     material points, and once more for each of its Newton iterations.
 
-    Raises ModelError where it begins with bodies inside each other by more than `config.start_overlap`, and
-    UnstableStep where a step breaks.
+    Bodies that begin inside each other by more than `config.start_overlap` are pushed apart first. Raises ModelError
+    where that finds no way out, and UnstableStep where a step breaks.
     """
     start(config.threads, config.arch)
     with threadpool_limits(1):
         simulation = Simulation(model, config)
         first = begun(simulation, placed)
-        refuse_overlap(simulation, first)
-        state, control, impulse, steps, work = first, StepControl(config.step_seconds), 0.0, 0, 0
+        state = apart(simulation, first)
+        control, impulse, steps, work = StepControl(config.step_seconds), 0.0, 0, 0
         while state.time < seconds - 1e-9 and steps < most_steps and work < most_work:
             control = replace(control, dt=min(control.dt, seconds - state.time))
             step = simulation.step(state, control)
@@ -105,15 +111,64 @@ def place(state: State, index: int, center: Array, rotation: Array, translation:
     state.center[index] = rotation @ center + translation
 
 
+def apart(simulation: Simulation, state: State) -> State:
+    """The state, or where bodies are too deep inside each other for a step to start, one in which free bodies are
+    pushed out; ModelError where they cannot be."""
+    deepest = overlap(simulation, state)
+    if deepest is None or deepest.depth <= simulation.config.start_overlap:
+        return state
+    state = state.copy()
+    for _ in range(MOST_PUSHES):
+        if deepest is None or deepest.depth <= FLUSH:
+            return state
+        if not any(index in simulation.free for index in (deepest.a, deepest.b)):
+            break
+        moves_a = deepest.a in simulation.free
+        push(simulation, state, deepest.a if moves_a else deepest.b, (1 if moves_a else -1) * deepest.way)
+        deepest = overlap(simulation, state)
+    refuse_overlap(simulation, state)
+    return state
+
+
+def push(simulation: Simulation, state: State, index: int, way: Array) -> None:
+    """Move a free body as a whole by `way` [m], shape (3,)."""
+    state.center[index] += way
+    if (one := simulation.soft_of.get(index)) is not None:
+        state.x[one.nodes] += way
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Overlap:
+    """The deepest point of one body in another."""
+
+    a: int
+    b: int
+    depth: float
+    """[m]."""
+    way: Array
+    """Of `a` out of `b` there [m], shape (3,)."""
+    position: Array
+    """[m], shape (3,)."""
+
+
+def overlap(simulation: Simulation, state: State) -> Overlap | None:
+    """Where bodies are deepest inside each other; None where they are not."""
+    query, found = simulation.query, None
+    for touching in query.find(state, query.begin(state, simulation.config.step_seconds)).active:
+        worst = int(np.argmin(touching.gap))
+        depth = float(-touching.gap[worst])
+        if found is None or depth > found.depth:
+            way, place = depth * touching.normal[worst], touching.position[worst]
+            found = Overlap(touching.pair.a, touching.pair.b, depth, way, place)
+    return found
+
+
 def refuse_overlap(simulation: Simulation, state: State) -> None:
     """ModelError where bodies are inside each other by more than contact may be at the start."""
-    config, query = simulation.config, simulation.query
-    for touching in query.find(state, query.begin(state, config.step_seconds)).active:
-        depth = float(-touching.gap.min())
-        if depth > config.start_overlap:
-            a, b = (simulation.model.bodies[i].name for i in (touching.pair.a, touching.pair.b))
-            where = np.round(touching.position[int(np.argmin(touching.gap))], 3).tolist()
-            raise ModelError(
-                f"bodies {a!r} and {b!r} start {1e3 * depth:.1f} mm inside each other near {where} (bound "
-                f"start_overlap = {1e3 * config.start_overlap:.1f} mm); move one of them"
-            )
+    found, bound = overlap(simulation, state), simulation.config.start_overlap
+    if found is not None and found.depth > bound:
+        a, b = (simulation.model.bodies[i].name for i in (found.a, found.b))
+        raise ModelError(
+            f"bodies {a!r} and {b!r} start {1e3 * found.depth:.1f} mm inside each other near "
+            f"{np.round(found.position, 3).tolist()} (bound start_overlap = {1e3 * bound:.1f} mm); move one of them"
+        )

@@ -114,12 +114,14 @@ class Raycaster:
         ray, face = (found[name].numpy().astype(np.int64) for name in ("ray_ids", "primitive_ids"))
         return ray, self._in_mesh(face), found["t_hit"].numpy().astype(np.float64)
 
-    def nearest(self, points: FloatArray) -> NDArray[np.float64]:
-        """The point of the surface nearest to each of some points (n, 3) [m], nan of an empty mesh, shape (n, 3)."""
+    def nearest_facing(self, points: FloatArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The nearest point of the surface [m] and the unit normal of its face there, nan of an empty mesh, shape
+        (n, 3) each."""
         if self._empty or len(points) == 0:
-            return np.full((len(points), 3), np.nan)
+            return np.full((len(points), 3), np.nan), np.full((len(points), 3), np.nan)
         found = self._scene.compute_closest_points(tensor(points))
-        return np.asarray(found["points"].numpy(), dtype=np.float64)
+        place, normal = (found[name].numpy().astype(np.float64) for name in ("points", "primitive_normals"))
+        return place, normal
 
     def distance_to(self, points: FloatArray) -> NDArray[np.float64]:
         """Distance of points (n, 3) from the surface [m], inf of an empty mesh, shape (n,)."""

@@ -1,4 +1,4 @@
-"""A final state simulated on: rest stays, what floats falls, what is inside something is refused."""
+"""A final state simulated on: rest stays, what floats falls, what is deep inside something is pushed out."""
 
 import numpy as np
 import pytest
@@ -46,12 +46,31 @@ def test_a_rest_state_stays(lab):
 
 
 @pytest.mark.slow
-def test_the_same_pose_over_a_slab_without_its_dent_is_refused(lab):
-    """The dent is 1 cm: without it the ball is that deep inside."""
+def test_the_same_pose_over_a_slab_without_its_dent_is_pushed_out_and_sinks_in(lab):
+    """The dent is 1 cm: without it the ball is that deep inside, and comes back to where it was."""
     model = bodies(lab)
     rest = placed(settle(model, CONFIG))
+    found = onward(model, CONFIG, PlacedBodies(rest.rotation, rest.translation), 1.0, 400)
+    assert found.distance < 1e-3
+
+
+def test_what_is_deep_in_a_corner_is_pushed_out_of_both_sides(lab):
+    """12 mm in a floor and 8 mm in a wall; that far is its drift."""
+    wall = lab.rigid("wall", lab.Box(np.array([0.1, 0.3, 0.3])), [0.15, 0, 0.15], fixed=True, spacing=0.004)
+    cube = lab.rigid("cube", lab.Box(np.array([0.1, 0.1, 0.1])), [0.058, 0, 0.038], mass=0.8)
+    found = onward(Model((cube, lab.floor(), wall), np.array([0.0, 0.0, -G])), CONFIG, PlacedBodies(), 0.2, 400)
+    assert found.distance == pytest.approx(np.hypot(0.012, 0.008), rel=0.05)
+    assert found.angle < 0.02
+
+
+def test_what_has_no_way_out_is_refused(lab):
+    """A ball of 10 cm between slabs that are 6 cm apart."""
+    size = np.array([0.3, 0.3, 0.2])
+    slabs = [lab.rigid(f"slab {side}", lab.Box(size), [0, 0, side * 0.13], fixed=True, spacing=0.004)
+             for side in (-1, 1)]  # fmt: skip
+    ball = lab.rigid("ball", lab.Capsule(0.05, 0.0), [0, 0, 0.0], mass=0.8)
     with pytest.raises(ModelError, match="inside each other"):
-        onward(model, CONFIG, PlacedBodies(rest.rotation, rest.translation), 1.0, 400)
+        onward(Model((ball, *slabs), np.array([0.0, 0.0, -G])), CONFIG, PlacedBodies(), 0.2, 400)
 
 
 def test_a_soft_body_of_which_only_a_pose_is_known_begins_there(lab):

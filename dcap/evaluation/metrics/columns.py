@@ -1,7 +1,8 @@
 """The object over its support, seen along vertical lines: what lies beneath it, how far away, and how deep it is in.
 
 A line starts where the object ends on it: the desk over a chair's seat carries nothing of the chair. Only where that is
-inside a solid it starts at the top of the whole object, so that the surface is found in which an object is partly.
+inside a solid it starts at the top of the whole object, so that the surface is found in which an object is partly. What
+a line meets from behind in the upper half of the object is what the object is under, a board that its top touches.
 Nothing here knows what a method meant: only where the meshes are.
 """
 
@@ -19,6 +20,10 @@ LINES = 96
 """Vertical lines along each side of the object's box in plan [-]: features under a hundredth of its size are missed."""
 ABOVE = 1e-3
 """Lines start this far above the object's highest point on them [m]."""
+HAIR = 1e-5
+"""A line goes on this far below what it passes through [m]."""
+MOST_BOARDS = 16
+"""That a line passes through [-]."""
 DOWN, UP = np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, 1.0])
 
 
@@ -28,12 +33,22 @@ class Columns:
 
     plan: Array
     """Where they are in plan [m], shape (k, 2)."""
+    index: NDArray[np.int64]
+    """Their places among LINES along each side, shape (k, 2)."""
+    step: Array
+    """Between neighbours along each side [m], shape (2,)."""
     under: Array
     """Height of the object's lowest point on each [m], shape (k,)."""
+    high: Array
+    """Height of its highest point on each [m], shape (k,)."""
+    drowned: NDArray[np.bool_]
+    """Where that is inside a solid of the scene, shape (k,)."""
     top: Array
     """Height of the first surface of the scene below where the line starts [m], -inf where there is none, (k,)."""
     face: NDArray[np.int64]
     """That face of the scene, -1 where there is none, shape (k,)."""
+    upward: NDArray[np.bool_]
+    """Whether that face looks up, shape (k,)."""
     end: float
     """Height of the object's top [m]: a surface over it is none that it is in."""
 
@@ -58,14 +73,37 @@ def columns(thing: Mesh, beneath: Raycaster, *, sunk: bool = True) -> Columns:
     plan = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
     end = float(high[2]) + ABOVE
     under = heights(plan, float(low[2]) - ABOVE, own, UP)
-    plan, under = plan[np.isfinite(under)], under[np.isfinite(under)]
-    start = np.column_stack([plan, np.maximum(heights(plan, end, own, DOWN), under) + ABOVE])
-    if sunk:
-        start[below(start, beneath, end), 2] = end
-    hits = beneath.cast(start, np.tile(DOWN, (len(plan), 1)))
+    met = np.flatnonzero(np.isfinite(under))
+    plan, under = plan[met], under[met]
+    own_top = np.maximum(heights(plan, end, own, DOWN), under)
+    start = np.column_stack([plan, own_top + ABOVE])
+    drowned = below(start, beneath, end) if sunk else np.zeros(len(plan), dtype=bool)
+    start[drowned, 2] = end
+    top, face, upward = first_below(start, 0.5 * (own_top + under), beneath)
+    return Columns(plan, np.column_stack(np.divmod(met, LINES)), step, under, own_top, drowned, top, face, upward, end)
+
+
+def first_below(start: Array, middle: Array, beneath: Raycaster) -> tuple[Array, NDArray[np.int64], NDArray[np.bool_]]:
+    """Height [m] and face of what vertical lines from points (n, 3) meet first, and whether it looks up, shape (n,)
+    each. What is met from behind above `middle` [m], shape (n,), is passed through where a face that looks up follows.
+    """
+    hits = beneath.cast(start, np.tile(DOWN, (len(start), 1)))
     met = np.isfinite(hits.distance)
     top = np.where(met, start[:, 2] - np.where(met, hits.distance, 0.0), -np.inf)
-    return Columns(plan, under, top, np.where(met, hits.face, -1).astype(np.int64), end)
+    face, upward = np.where(met, hits.face, -1).astype(np.int64), hits.normal[:, 2] > 0.0
+    under = np.flatnonzero(met & ~upward & (top > middle))
+    level = top[under] - HAIR
+    for _ in range(MOST_BOARDS):
+        hits = beneath.cast(np.column_stack([start[under, :2], level]), np.tile(DOWN, (len(under), 1)))
+        met = np.isfinite(hits.distance)
+        under, level, normal, number = under[met], level[met] - hits.distance[met], hits.normal[met], hits.face[met]
+        carries = normal[:, 2] > 0.0
+        here = under[carries]
+        top[here], face[here], upward[here] = level[carries], number[carries], True
+        under, level = under[~carries], level[~carries] - HAIR
+        if not len(under):
+            break
+    return top, face, upward
 
 
 def heights(plan: Array, start: float, mesh: Raycaster, way: Array) -> Array:

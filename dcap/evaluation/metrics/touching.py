@@ -11,6 +11,7 @@ import shapely
 from numpy.typing import NDArray
 
 from dcap.evaluation.metrics.columns import DOWN, UP, Columns, below, columns
+from dcap.evaluation.metrics.depth import sunk_depth
 from dcap.geometry.distance import MeshDistance
 from dcap.geometry.placement.poses import center_of_mass
 from dcap.geometry.raycast import Raycaster
@@ -37,7 +38,9 @@ class Touching:
     """An object against a scene."""
 
     penetration: float
-    """Largest depth of a point of the scene inside the object, or of the whole object below a surface [m]."""
+    """How deep the object is in the scene [m]: the largest distance of a point of the scene inside the object from the
+    object's surface, or, if that is more, the least way out of what is below a surface; of an object that is inside a
+    solid as a whole how far its lowest point is below the surface."""
     gap: float
     """How far the object could come down before it touches; 0 where it touches [m]; inf over nothing."""
     contact_area: float
@@ -64,8 +67,14 @@ def touching(thing: Mesh, scene: Mesh) -> Touching:
     edge = max(FINE * size, LEAST_EDGE)
     whole = Raycaster(scene)
     enclosed = enclosed_depth(thing, whole, scene)
-    depth = max(inside_depth(thing, around(thing, scene, TOUCHING + edge), edge), enclosed)
+    solid = MeshDistance(thing)
+    depth = max(inside_depth(solid, around(thing, scene, TOUCHING + edge), edge), enclosed)
     lines = columns(thing, whole, sunk=depth > TOUCHING)
+    low = sunk_depth(solid, lines)
+    if low > TOUCHING >= depth:  # it is nearly drowned: the surface is near its top, and deep is what is below
+        lines = columns(thing, whole)
+        low = sunk_depth(solid, lines)
+    depth = max(depth, low)
     gap = np.inf
     if enclosed or lines.nearest >= 0:
         gap = 0.0 if enclosed else max(float(lines.gap[lines.nearest]), 0.0)
@@ -88,12 +97,17 @@ def touching(thing: Mesh, scene: Mesh) -> Touching:
 
 
 def faced(points: Array, normal: Array, scene: Raycaster) -> NDArray[np.bool_]:
-    """Which points (n, 3) of a surface with area normals (n, 3) have the scene within TOUCHING before them, shape (n,):
-    the rim of a side is near what its bottom stands on, and does not touch it."""
-    way = scene.nearest(points) - points
+    """Which points (n, 3) of a surface with area normals (n, 3) have the scene within TOUCHING before them, or are that
+    deep behind a face that looks at them, shape (n,): the rim of a side is near what its bottom stands on, and does not
+    touch it."""
+    place, looks = scene.nearest_facing(points)
+    way, length = place - points, np.linalg.norm(normal, axis=1)
     away = np.linalg.norm(way, axis=1)
-    before = np.einsum("ij,ij->i", way, normal) >= FACING * away * np.linalg.norm(normal, axis=1)
-    return np.asarray((away <= TOUCHING) & (before | (away <= AT)))
+    ahead = np.einsum("ij,ij->i", way, normal)
+    before = ahead >= FACING * away * length
+    opposed = np.einsum("ij,ij->i", looks, normal) <= -FACING * length
+    behind = (ahead <= -FACING * away * length) & opposed
+    return np.asarray((away <= TOUCHING) & (before | behind | (away <= AT)))
 
 
 def around(thing: Mesh, scene: Mesh, reach: float) -> Mesh:
@@ -104,15 +118,16 @@ def around(thing: Mesh, scene: Mesh, reach: float) -> Mesh:
     return scene.submesh(np.flatnonzero(near))
 
 
-def inside_depth(thing: Mesh, near: Mesh, edge: float) -> float:
+def inside_depth(solid: MeshDistance, near: Mesh, edge: float) -> float:
     """Largest distance from the object's surface of a point of the scene inside the object [m]."""
     if not len(near.faces):
         return 0.0
-    points = surface_points(near, thing.bounds, edge)
-    points = points[((points > thing.bounds[0]) & (points < thing.bounds[1])).all(axis=1)]
+    low, high = solid.mesh.bounds
+    points = surface_points(near, solid.mesh.bounds, edge)
+    points = points[((points > low) & (points < high)).all(axis=1)]
     if not len(points):
         return 0.0
-    return float(max(0.0, -MeshDistance(thing)(points).min()))
+    return float(max(0.0, -solid(points).min()))
 
 
 def surface_points(mesh: Mesh, box: Array, edge: float) -> Array:

@@ -29,12 +29,12 @@ SLAB = box([1.0, 1.0, 0.2], [0.0, 0.0, -0.1])
 """Its top is z = 0."""
 
 
-@pytest.mark.parametrize("height", [0.0, 1e-4, 0.0009, 0.0011, 0.05])
+@pytest.mark.parametrize("height", [-9e-4, -1e-4, -3e-5, 0.0, 1e-4, 0.0009, 0.0011, 0.05])
 def test_a_box_over_a_slab(height):
-    """What carries it once it has come down does not depend on how far it has to."""
+    """What carries it once it has come down does not depend on how far it has to, nor on a hair that it is too low."""
     found = touching(box([0.2, 0.1, 0.1], [0.0, 0.0, 0.05 + height]), SLAB)
-    assert found.gap == pytest.approx(height, abs=1e-6)
-    assert found.penetration == pytest.approx(0.0, abs=1e-6)
+    assert found.gap == pytest.approx(max(height, 0.0), abs=1e-6)
+    assert found.penetration == pytest.approx(max(-height, 0.0), abs=1e-6)
     touches = height <= TOUCHING
     assert found.contact_area == pytest.approx(0.02 if touches else 0.0, rel=0.05)
     assert found.margin == pytest.approx(0.05, abs=0.003)
@@ -135,3 +135,64 @@ def test_the_middle_of_a_contact_does_not_depend_on_how_its_faces_are_cut():
     found = touching(disc, SLAB)
     assert found.middle is not None
     assert found.middle == pytest.approx([0.0, 0.0, 0.0], abs=1e-4)
+
+
+DEPTHS = np.array([0.1, 0.5, 2.0, 5.0, 15.0, 20.0, 25.0, 29.0, 29.9, 31.0, 45.0])
+"""How far things are lowered into a slab [mm]."""
+
+
+def book(depth: float) -> Mesh:
+    return box([0.22, 0.15, 0.03], [0.0, 0.0, 0.015 - depth])
+
+
+def cube(depth: float) -> Mesh:
+    return box([0.1, 0.1, 0.1], [0.0, 0.0, 0.05 - depth])
+
+
+def pen(depth: float) -> Mesh:
+    """Upright: no way out sideways, though it is thin."""
+    return box([0.008, 0.008, 0.15], [0.0, 0.0, 0.075 - depth])
+
+
+@pytest.mark.parametrize("shape", [book, cube, pen, lambda depth: ball(0.05, [0.0, 0.0, 0.05 - depth])])
+def test_lowered_into_a_slab_it_is_as_deep_as_it_is_low(shape):
+    """Also where its top is nearer to the surface than its bottom, and where it is below the surface as a whole."""
+    for depth in 1e-3 * DEPTHS:
+        assert touching(shape(depth), SLAB).penetration == pytest.approx(depth, rel=0.02, abs=2e-5)
+
+
+def test_nearly_drowned_things_are_deep():
+    """A cube and a ball of 10 cm, 99 and 99.9 mm of them below the surface."""
+    assert touching(cube(0.099), SLAB).penetration == pytest.approx(0.099, rel=1e-3)
+    assert touching(ball(0.05, [0.0, 0.0, 0.05 - 0.0999]), SLAB).penetration == pytest.approx(0.0999, rel=0.01)
+
+
+def test_what_may_come_out_sideways_is_no_deeper_than_that():
+    """A cupboard's edge in a ball's side, a wall beside a box, two walls at a box between them, a post in a plate."""
+    cupboard = box([1.0, 1.0, 1.0], [0.58, 0.0, -0.5])  # its face is at x = 8 cm, its top at z = 0
+    assert touching(ball(0.1, [0.0, 0.0, 0.0]), cupboard).penetration == pytest.approx(0.02, abs=0.003)
+    wall = together(SLAB, box([0.2, 2.0, 0.3], [0.145, 0.0, 0.15]))
+    assert touching(box([0.1, 0.1, 0.1], [0.0, 0.0, 0.05]), wall).penetration == pytest.approx(0.005, abs=1e-3)
+    vice = together(SLAB, box([0.2, 2.0, 0.06], [0.148, 0.0, 0.03]), box([0.2, 2.0, 0.06], [-0.148, 0.0, 0.03]))
+    assert touching(box([0.1, 0.1, 0.1], [0.0, 0.0, 0.05]), vice).penetration == pytest.approx(0.002, abs=2e-3)
+    half_over = touching(box([0.1, 0.1, 0.1], [0.5, 0.0, -0.045]), SLAB)
+    assert half_over.penetration == pytest.approx(0.05, abs=2e-3)
+
+
+def test_what_is_between_its_parts_is_not_in_it():
+    """A low box between a seat and the bar below it."""
+    chair = together(box([0.4, 0.4, 0.02], [0.0, 0.0, 0.45]), box([0.4, 0.4, 0.02], [0.0, 0.0, 0.1]))
+    found = touching(chair, box([0.3, 0.3, 0.1], [0.0, 0.0, 0.3]))
+    assert found.penetration == 0.0
+
+
+@pytest.mark.parametrize("under", [0.0, 5e-4, 3e-3])
+def test_what_is_just_under_a_board_does_not_rest_on_it(under):
+    """A cube whose top is that far below, and one that is 3 mm inside from below; the floor carries them."""
+    board = box([1.0, 1.0, 0.03], [0.0, 0.0, 0.115 + under])
+    found = touching(cube(0.0), together(SLAB, board))
+    assert found.columns.top[found.columns.nearest] == pytest.approx(0.0, abs=1e-5)
+    assert found.gap == pytest.approx(0.0, abs=1e-5)
+    pressed = touching(cube(0.0), together(SLAB, box([1.0, 1.0, 0.03], [0.0, 0.0, 0.112])))
+    assert pressed.penetration == pytest.approx(0.003, abs=1e-4)
+    assert pressed.columns.top[pressed.columns.nearest] == pytest.approx(0.0, abs=1e-5)

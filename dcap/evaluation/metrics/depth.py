@@ -1,0 +1,70 @@
+"""How far an object is inside what it is on: the least way out, up or sideways.
+
+Along each vertical line on which the object is sunk, what is below the surface has to be lifted out. Where the object
+goes on beside it, half as deep and in the open, it may come out sideways instead: a cupboard's edge that is two
+centimetres inside a ball's side is two centimetres inside, though the ball reaches far below the cupboard's top.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt, label
+
+from dcap.evaluation.metrics.columns import DOWN, LINES, Columns
+from dcap.geometry.distance import MeshDistance
+from dcap.geometry.raycast import Raycaster
+
+Array = NDArray[np.float64]
+
+BESIDE = np.ones((3, 3), dtype=int)
+"""Lines that touch at a corner are neighbours."""
+
+
+def sunk_depth(solid: MeshDistance, lines: Columns) -> float:
+    """Largest over all sunk lines of the least way out [m], 0 where none is; `solid` is the object."""
+    ways = lifts(solid, lines)
+    sunk = np.flatnonzero(ways > 0.0)
+    if not len(sunk):
+        return 0.0
+    place = np.zeros((LINES, LINES), dtype=bool)
+    place[tuple(lines.index[sunk].T)] = True
+    group = label(place, BESIDE)[0][tuple(lines.index[sunk].T)]
+    deepest = np.zeros(group.max() + 1)
+    np.maximum.at(deepest, group, ways[sunk])
+    found = 0.0
+    for one in np.argsort(-deepest):
+        if deepest[one] <= found:  # the rest are less deep, whatever is beside them
+            break
+        own = sunk[group == one]
+        first = own[ways[own].argmax()]
+        aside = ways_aside(lines, own, float(lines.top[first] - 0.5 * ways[first]))
+        found = max(found, float(np.minimum(ways[own], aside).max()))
+    return found
+
+
+def lifts(solid: MeshDistance, lines: Columns) -> Array:
+    """How far each line has to be lifted until the object on it is above the surface [m], 0 where it is, shape (k,).
+
+    The surface is one that looks up and lies inside the object, or over what is inside a solid as a whole.
+    """
+    ways = np.zeros(len(lines.plan))
+    over = lines.upward & (lines.gap < 0.0)
+    drowned = over & lines.drowned
+    ways[drowned] = -lines.gap[drowned]
+    cut = np.flatnonzero(over & ~drowned)
+    points = np.column_stack([lines.plan[cut], lines.top[cut]])
+    inside = solid.inside(points)
+    cut, points = cut[inside], points[inside]
+    down = Raycaster(solid.mesh).cast(points, np.tile(DOWN, (len(points), 1))).distance
+    ways[cut] = np.where(np.isfinite(down), down, 0.0)
+    return ways
+
+
+def ways_aside(lines: Columns, own: NDArray[np.int64], level: float) -> Array:
+    """From lines (m,) to the nearest one on which the object is in the open at a height [m], inf without one, (m,)."""
+    free = np.flatnonzero(~lines.drowned & (np.maximum(lines.under, lines.top) < level) & (level < lines.high))
+    if not len(free):
+        return np.full(len(own), np.inf)
+    taken = np.ones((LINES, LINES), dtype=bool)
+    taken[tuple(lines.index[free].T)] = False
+    away = distance_transform_edt(taken, sampling=lines.step)
+    return np.asarray(away[tuple(lines.index[own].T)])

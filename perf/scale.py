@@ -1,0 +1,199 @@
+"""What a run of a data set cost, how that grew while it ran, and what a larger one would cost.
+
+python -m perf.scale RUN [--scenes 186 --prompts 5 --cores 2,16,128 --main SECONDS]
+
+RUN is a run whose stages were computed for it (`dcap benchmark` on an empty store, any methods). A stage counts once
+for all placements that share it: one time to the millisecond in placements of one scene, object or sample is one
+computation. What a larger data set costs is the mean of each stage, of each scene, object or placement, times their
+number; on C cores with a worker each it takes that over C, and over the share of its time in which a worker of RUN was
+in a stage. The program that places prepares and writes what stages return; with `--main`, its processor time for a
+placement, a time that it takes alone is told too: what more workers on one program cannot go below.
+"""
+
+import argparse
+import json
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import mean, median
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from dcap.evaluation.methods import DCAP
+from dcap.evaluation.run_folder import placement_folder
+from dcap.evaluation.run_page.costs import Timings, timings_of
+from dcap.scene.errors import InputError
+from flows.run_files import find_run
+
+PER_SCENE = frozenset({"mesh_scene", "surface_scene", "segment"})
+PER_OBJECT = frozenset({"mesh_object", "surface_object", "segment_object"})
+"""Stages that all placements in a scene, and of an object, share; each other stage is of one placement."""
+PARTS = 4
+"""Of a run, one after another."""
+HOUR = 3600.0
+
+
+@dataclass(frozen=True, slots=True)
+class Placement:
+    """What a placement took."""
+
+    method: str
+    scene: str
+    thing: str
+    sample: str
+    timings: Timings
+
+    def owner(self, stage: str) -> tuple[str, str]:
+        """Whose a stage is: what shares it."""
+        if stage in PER_SCENE:
+            return "scene", self.scene
+        return ("object", self.thing) if stage in PER_OBJECT else ("placement", self.sample)
+
+
+@dataclass(frozen=True, slots=True)
+class Computed:
+    """A stage that was computed, for the first placement that needed it."""
+
+    stage: str
+    kind: str
+    method: str
+    seconds: float
+    part: int
+    """Of the run, by the order of its samples."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cost:
+    """Mean seconds of all stages of one scene, one object, and one placement by each method."""
+
+    scene: float
+    thing: float
+    placement: Mapping[str, float]
+    busy: float
+    """Share of a worker's time that it was in a stage [-]."""
+
+    def seconds(self, scenes: int, objects: int, prompts: int) -> float:
+        """Of one core, for that many scenes with that many prompts each by every method."""
+        return scenes * (self.scene + prompts * sum(self.placement.values())) + objects * self.thing
+
+
+def placements(folder: Path) -> list[Placement]:
+    """Those of a run that have times, by its samples and then by its methods."""
+    tree = json.loads((folder / "run.json").read_text())
+    found = []
+    for sample in tree["samples"]:
+        for method in tree.get("methods") or [DCAP]:
+            path = placement_folder(folder, method, sample["id"]) / "placement.json"
+            timings = timings_of(json.loads(path.read_text())) if path.is_file() else {}
+            if timings:
+                found.append(Placement(method, sample["scene"], sample["object"], sample["id"], timings))
+    if not found:
+        raise InputError(f"{folder}: no placement has times; give a run of `dcap benchmark`")
+    return found
+
+
+def computed(found: Sequence[Placement]) -> Iterator[Computed]:
+    """Every stage once, with the part of the run in which it was needed first."""
+    order = {sample: place for place, sample in enumerate(dict.fromkeys(one.sample for one in found))}
+    seen = set()
+    for one in found:
+        part = order[one.sample] * PARTS // len(order)
+        for stage, seconds in one.timings.items():
+            kind, name = one.owner(stage)
+            key = kind, name, stage, round(seconds, 3)
+            if key not in seen:
+                seen.add(key)
+                yield Computed(stage, kind, one.method, seconds, part)
+
+
+def cost_of(found: Sequence[Placement], stages: Sequence[Computed], busy: float) -> Cost:
+    """Means over the scenes, objects and placements of a run."""
+    total: dict[tuple[str, str], float] = defaultdict(float)
+    for one in stages:
+        total[one.kind, one.method if one.kind == "placement" else ""] += one.seconds
+    methods = dict.fromkeys(one.method for one in found)
+    return Cost(
+        total["scene", ""] / len({one.scene for one in found}),
+        total["object", ""] / len({one.thing for one in found}),
+        {name: total["placement", name] / sum(one.method == name for one in found) for name in methods},
+        busy,
+    )
+
+
+def busy_share(folder: Path, stages: Sequence[Computed], workers: int) -> float:
+    """Of the workers' time in a run, what was spent in stages [-]; InputError where some of it was not this run's."""
+    path = folder / "summary.json"
+    if not path.is_file():
+        raise InputError(f"{path} is not there: the run has not ended")
+    wall = float(json.loads(path.read_text())["wall_s"])
+    share = sum(one.seconds for one in stages) / (workers * wall)
+    if share > 1.0:
+        raise InputError(
+            f"{folder}: {share:.2f} times as many seconds of stages as {workers} workers have in {wall:.0f} s; "
+            "give a run that computed all of them, and its --workers"
+        )
+    return share
+
+
+def stage_table(stages: Sequence[Computed]) -> Table:
+    """Seconds of every stage, the costliest first, and their mean in each part of the run."""
+    by_stage: dict[str, list[Computed]] = defaultdict(list)
+    for one in stages:
+        by_stage[one.stage].append(one)
+    shown = Table("stage", "n", "median s", "mean s", "95 %", "most", "in all s",
+                  *(f"part {part + 1}" for part in range(PARTS)), box=None)  # fmt: skip
+    for stage, own in sorted(by_stage.items(), key=lambda item: -sum(one.seconds for one in item[1])):
+        seconds = [one.seconds for one in own]
+        parts = [[one.seconds for one in own if one.part == part] for part in range(PARTS)]
+        shown.add_row(
+            stage, str(len(own)), f"{median(seconds):.2f}", f"{mean(seconds):.2f}",
+            f"{np.quantile(seconds, 0.95):.2f}", f"{max(seconds):.1f}", f"{sum(seconds):.0f}",
+            *(f"{mean(part):.2f}" if part else "-" for part in parts),
+        )  # fmt: skip
+    return shown
+
+
+def forecast_table(cost: Cost, scenes: int, objects: int, prompts: int, cores: Sequence[int], main: float) -> Table:
+    """Hours of a data set on so many cores, with a worker on each."""
+    total, count = cost.seconds(scenes, objects, prompts), scenes * prompts * len(cost.placement)
+    shown = Table(f"{count} placements", "hours", *(["not less by one program"] if main else []), box=None)
+    for number in cores:
+        alone = [f"{main * count / HOUR:.1f}"] if main else []
+        shown.add_row(f"{number} cores", f"{total / cost.busy / number / HOUR:.1f}", *alone)
+    return shown
+
+
+def main() -> None:
+    """Read a run and print."""
+    about = argparse.ArgumentParser(prog="python -m perf.scale", description="What a run cost, and a larger one would.")
+    about.add_argument("run", help="name or folder of a run, or 'last'")
+    about.add_argument("--workers", type=int, default=2, help="that the run had")
+    about.add_argument("--scenes", type=int, default=186)
+    about.add_argument("--prompts", type=int, default=5, help="of each scene")
+    about.add_argument("--cores", default="2,16,128", help="between commas")
+    about.add_argument("--main", type=float, default=0.0, help="processor time of the main program per placement [s]")
+    asked = about.parse_args()
+    console = Console(highlight=False, width=140)
+    try:
+        folder = find_run(asked.run)
+        found = placements(folder)
+        stages = list(computed(found))
+        cost = cost_of(found, stages, busy_share(folder, stages, asked.workers))
+    except InputError as error:
+        raise SystemExit(f"perf.scale: {error}") from error
+    console.print(stage_table(stages))
+    each = ", ".join(f"{name} {seconds:.1f}" for name, seconds in cost.placement.items())
+    console.print(
+        f"seconds of a core: a scene {cost.scene:.1f}, an object {cost.thing:.1f}, a placement: {each} (what methods "
+        f"share counts for the first); workers are in stages {cost.busy:.0%} of the time"
+    )
+    objects = len({one.thing for one in found})
+    cores = [int(number) for number in asked.cores.split(",")]
+    console.print(forecast_table(cost, asked.scenes, objects, asked.prompts, cores, asked.main))
+
+
+if __name__ == "__main__":
+    main()
