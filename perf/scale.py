@@ -37,7 +37,7 @@ HOUR = 3600.0
 
 
 @dataclass(frozen=True, slots=True)
-class Placement:
+class TimedPlacement:
     """What a placement took."""
 
     method: str
@@ -80,7 +80,7 @@ class Cost:
         return scenes * (self.scene + prompts * sum(self.placement.values())) + objects * self.thing
 
 
-def placements(folder: Path) -> list[Placement]:
+def placements(folder: Path) -> list[TimedPlacement]:
     """Those of a run that have times, by its samples and then by its methods."""
     tree = json.loads((folder / "run.json").read_text())
     found = []
@@ -89,13 +89,13 @@ def placements(folder: Path) -> list[Placement]:
             path = placement_folder(folder, method, sample["id"]) / "placement.json"
             timings = timings_of(json.loads(path.read_text())) if path.is_file() else {}
             if timings:
-                found.append(Placement(method, sample["scene"], sample["object"], sample["id"], timings))
+                found.append(TimedPlacement(method, sample["scene"], sample["object"], sample["id"], timings))
     if not found:
         raise InputError(f"{folder}: no placement has times; give a run of `dcap benchmark`")
     return found
 
 
-def computed(found: Sequence[Placement]) -> Iterator[Computed]:
+def computed(found: Sequence[TimedPlacement]) -> Iterator[Computed]:
     """Every stage once, with the part of the run in which it was needed first."""
     order = {sample: place for place, sample in enumerate(dict.fromkeys(one.sample for one in found))}
     seen = set()
@@ -109,7 +109,7 @@ def computed(found: Sequence[Placement]) -> Iterator[Computed]:
                 yield Computed(stage, kind, one.method, seconds, part)
 
 
-def cost_of(found: Sequence[Placement], stages: Sequence[Computed], busy: float) -> Cost:
+def cost_of(found: Sequence[TimedPlacement], stages: Sequence[Computed], busy: float) -> Cost:
     """Means over the scenes, objects and placements of a run."""
     total: dict[tuple[str, str], float] = defaultdict(float)
     for one in stages:
