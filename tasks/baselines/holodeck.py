@@ -14,6 +14,8 @@ from dcap.evaluation.baselines.holodeck.constraints import parsed_relations
 from dcap.evaluation.baselines.holodeck.floor_placement import CENTIMETRES, floor_place, floor_pose
 from dcap.evaluation.baselines.holodeck.receptacle import collides, fits_on, is_small, receptacle_place
 from dcap.evaluation.baselines.proposal import proposed_anchor
+from dcap.evaluation.metrics.columns import columns
+from dcap.geometry.raycast import Raycaster
 from dcap.language.connect import Client
 from dcap.language.protocol.baseline_questions import RelationsRequest, names_of
 from dcap.language.protocol.client import LanguageConfig
@@ -89,7 +91,7 @@ def on_receptacle(
     rng: np.random.Generator,
     attempts: int,
 ) -> Anchor | Infeasible:
-    """A random free place on a thing."""
+    """A random free place on a thing; what the source leaves to physics comes down onto what is beneath it."""
     index = scene.index_of(receptacle)
     one = scene.instances[index]
     extents = 2.0 * one.box.half_extents[:2]
@@ -104,9 +106,11 @@ def on_receptacle(
     if place is None:
         return Infeasible(Reason.NO_SUPPORT_HIT, f"{attempts} attempts found no free place on the {one.label}", None)
     pose = asset.pose(place.center, place.yaw, place.tilt)
-    low, high = item.mesh.transformed(pose).bounds
+    thing = item.mesh.transformed(pose)
     stays = not is_small(asset.size) and np.array_equal(place.tilt, np.eye(3))
-    if stays and (met := collides(plan, receptacle, low, high)):
+    if not stays:
+        pose[2, 3] -= float(columns(thing, Raycaster(scene.mesh), sunk=False).gap.min())
+    elif met := collides(plan, receptacle, *thing.bounds):
         return Infeasible(Reason.NO_SUPPORT_HIT, f"dropped: on the {one.label} its box meets that of the {met}", None)
     turned = f"{np.degrees(place.yaw):.0f} degrees"
     reason = f"Holodeck: on top of the {one.label}, attempt {place.attempt} of {attempts}, turned by {turned}"

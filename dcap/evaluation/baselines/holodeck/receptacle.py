@@ -8,8 +8,8 @@ dropped. Ours is what its simulator AI2-THOR does behind its action `InitialRand
 from the receptacle's faces that look up (unit normal's vertical part above 0.9) with room for the object above them;
 the corners and middles of its footprint must be over the receptacle (no deeper than `SAG` below the highest), and
 nothing may be in the box above the surface. The turn is drawn before, not after, so that what is checked is what is
-returned; what is not small is tried at quarter turns. The source lets AI2-THOR's physics settle small things
-afterwards; here the place is taken as it is.
+returned; what is not small is tried at quarter turns. The source lets AI2-THOR's physics settle what is small or thin
+afterwards; here the stage lets it down onto what is beneath it, without turning it.
 """
 
 from dataclasses import dataclass
