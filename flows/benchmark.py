@@ -29,12 +29,13 @@ from dcap.scene.types.sample import Sample
 from dcap.scene.whole_files import write_whole
 from flows.display import Display, print_lines, print_table, summary_line
 from flows.failed_before import failed_before
+from flows.find_run import RUN, find_run
 from flows.judge_run import judged_rows, write_rows
 from flows.language_options import LEDGER, LanguageOptions
 from flows.look_ahead import plan_ahead
 from flows.output import readable_json
 from flows.place import PlaceConfig
-from flows.run_files import RUN, asked_of_run, find_run, kept, located, read_result, sample_from_json, undamaged
+from flows.run_files import asked_of_run, kept, located, read_result, sample_from_json, undamaged
 from flows.run_names import WatchedRun
 from flows.run_samples import run_all, settle_result
 from flows.runners import SampleRunner

@@ -20,10 +20,11 @@ from dcap.scene.json_tree import JsonObject, JsonValue
 from dcap.scene.settings import version
 from dcap.scene.store.digest import digest_of_file
 from dcap.scene.types.sample import Sample
+from flows.find_run import RUN, find_run
 from flows.output import PICTURES, SCHEMA, readable_json
 from flows.pack_readme import readme
 from flows.placement_json import AT_REST
-from flows.run_files import PLACEMENT, RUN, Asked, asked_of, asked_of_run, find_run
+from flows.run_files import PLACEMENT, Asked, asked_of, asked_of_run
 from flows.samples import EMBEDDED, SPLAT_ROOMS, licences_in
 
 FORMAT, VERSION = "dcap dataset", 1

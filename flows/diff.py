@@ -14,8 +14,9 @@ from dcap.evaluation.run_diff import Pose, RunDiff, RunFacts, SampleFacts, diff_
 from dcap.evaluation.run_folder import sample_folder
 from dcap.scene.errors import InputError
 from dcap.scene.settings import runs_root
+from flows.find_run import RUN, find_run
 from flows.results import read_json
-from flows.run_files import PLACEMENT, RUN, find_run, sample_from_json
+from flows.run_files import PLACEMENT, sample_from_json
 from flows.scoring import scored_row
 from tasks.runner.stage import deciding
 from tasks.runner.why import flattened

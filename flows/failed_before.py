@@ -10,8 +10,9 @@ from dcap.scene.errors import InputError
 from dcap.scene.settings import runs_root
 from dcap.scene.types.sample import Sample
 from flows.display import print_lines
+from flows.find_run import RUN
 from flows.place import PlaceConfig
-from flows.run_files import RUN, read_result
+from flows.run_files import read_result
 from flows.sample_run import plan_sample
 
 SHOWN = 5

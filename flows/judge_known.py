@@ -20,10 +20,10 @@ from dcap.scene.settings import runs_root
 from dcap.scene.types.gravity import GRAVITY
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.whole_files import write_whole
+from flows.find_run import find_run
 from flows.judge_run import asking
 from flows.language_options import LanguageOptions
 from flows.output import readable_json
-from flows.run_files import find_run
 from tasks.bodies.footprint import heights_over
 from tasks.bodies.plan_contact import plan_contact
 
@@ -66,9 +66,13 @@ def validate_judge(
     folder = find_run(run) / JUDGING if run else runs_root() / WITHOUT_RUN
     config = options.config()
     session = Session() if config.client is ClientName.OFFLINE else options.session(folder)
-    answers = [one for name in rooms for one in known_answers(name, reference=pressed_depth)]
     with asking(session, say):
-        found = judge_accuracy(connect(config, session), answers, judge_name(config))
+        client, judge = connect(config, session), judge_name(config)
+        answers = list(known_answers(rooms[0], reference=pressed_depth))
+        if not options.batch:  # whoever cannot be asked says so before all rooms are prepared
+            judge_accuracy(client, answers[:1], judge)
+        answers += [one for name in rooms[1:] for one in known_answers(name, reference=pressed_depth)]
+        found = judge_accuracy(client, answers, judge)
     folder.mkdir(parents=True, exist_ok=True)
     tree = {**asdict(found), "sides": side_tree(found.sides), "accuracy": found.accuracy}
     tree |= {"rooms": list(rooms), "client": config.client.value}

@@ -50,9 +50,10 @@ from dcap.language.protocol.session import Session
 from dcap.scene.errors import FormatError, InputError
 from dcap.scene.types.judged_views import BEFORE, PLACED
 from dcap.scene.whole_files import whole_file
+from flows.find_run import find_run
 from flows.language_options import LanguageOptions
 from flows.measures_file import MEASURES, VIEWS
-from flows.run_files import chooser_of, find_run
+from flows.run_files import chooser_of
 
 RESULTS = "results.parquet"
 

@@ -13,8 +13,9 @@ from pathlib import Path
 from dcap.scene.errors import InputError
 from dcap.scene.settings import runs_root
 from dcap.scene.types.sample import Sample
+from flows.find_run import RUN
 from flows.place import PlaceConfig
-from flows.run_files import PLACEMENT, RUN, Asked, asked_of, asked_of_run
+from flows.run_files import PLACEMENT, Asked, asked_of, asked_of_run
 from flows.sample_records import read_needs
 from flows.sample_run import looked_up
 from tasks.runner.collection import Needs

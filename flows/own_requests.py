@@ -121,9 +121,10 @@ def is_loopback(address: str) -> bool:
 
 
 def host_name(host: str) -> str:
-    """The name in a header `Host`; empty where there is none."""
+    """The name in a header `Host`; empty where there is none, or a port that is no number."""
     try:
-        return urlsplit(f"//{host}").hostname or ""
+        parts = urlsplit(f"//{host}")
+        return "" if parts.port == 0 else parts.hostname or ""
     except ValueError:
         return ""
 

@@ -21,10 +21,11 @@ from dcap.scene.store.artifacts import FILES_FOLDER, Source, Store
 from dcap.scene.store.codec import canonical_json
 from dcap.scene.store.digest import digest_of_file, walk
 from dcap.scene.store.ref import Ref
+from flows.find_run import RUN
 from flows.language_options import LEDGER
 from flows.place import SECTIONS, PlaceConfig
 from flows.results import read_json
-from flows.run_files import PLACEMENT, RUN
+from flows.run_files import PLACEMENT
 from flows.sample_records import RECORDS
 from tasks.runner.digests import changed_sources
 from tasks.runner.record_index import record_index

@@ -19,13 +19,14 @@ from dcap.scene.settings import runs_root
 from dcap.scene.store.artifacts import Store
 from dcap.scene.types.sample import GivenPlace, KnownHeight, Sample, SourceOptions
 from dcap.scene.whole_files import write_whole
+from flows.find_run import RUN, find_run
 from flows.language_options import LanguageOptions
 from flows.output import load_values, readable_json
 from flows.place import PlaceConfig
 from flows.placement_json import Values
 from flows.sample_run import FinishedSample, plan_sample
 
-RUN, PLACEMENT = "run.json", "sample.json"
+PLACEMENT = "sample.json"
 DAMAGED = "the file is damaged, or of another version of dcap; run it again"
 SHOWN = 200
 """Characters of what is wrong with a file that are shown."""
@@ -64,15 +65,6 @@ class FinishedPlacement:
     finished: FinishedSample
     values: Values
     config: PlaceConfig
-
-
-def find_run(run: str) -> Path:
-    """Folder of a run by name, path or `last`."""
-    for folder in (runs_root() / run, Path(run)):
-        if (folder / RUN).is_file():
-            return folder.resolve()
-    known = sorted(path.parent.name for path in runs_root().glob(f"*/{RUN}"))
-    raise InputError(f"{run!r} is not a run; there are {', '.join(known) or 'none'} in {runs_root()}")
 
 
 def asked_of_run(folder: Path) -> Asked:

@@ -23,6 +23,7 @@ from dcap.scene.types.rotation import Rotation
 from dcap.scene.types.scan import Scan
 from dcap.scene.types.segmentation import Segmentation
 from flows.configure import configured
+from flows.find_run import RUN
 from flows.label_one import found_scene
 from flows.language_options import language_options
 from flows.one_sample import sample_of
@@ -31,7 +32,7 @@ from flows.output import load
 from flows.place import PlaceConfig
 from flows.place_one import place_files
 from flows.placement_json import certificate_of, placement_json
-from flows.run_files import PLACEMENT, RUN, FinishedPlacement, finished_placement
+from flows.run_files import PLACEMENT, FinishedPlacement, finished_placement
 from flows.view.model import middle_of, placement_view, scene_view
 from flows.view.nodes import PlacementNodes, stand
 from flows.view.panel import PanelText, PlacementPanel

@@ -26,7 +26,7 @@ from dcap.evaluation.methods import DCAP
 from dcap.evaluation.run_folder import placement_folder
 from dcap.evaluation.run_page.costs import Timings, timings_of
 from dcap.scene.errors import InputError
-from flows.run_files import find_run
+from flows.find_run import find_run
 
 PER_SCENE = frozenset({"mesh_scene", "surface_scene", "segment"})
 PER_OBJECT = frozenset({"mesh_object", "surface_object", "segment_object"})

@@ -28,6 +28,7 @@ from flows.cli.provenance_command import provenance
 from flows.cli.study_command import study_app
 from flows.cli.view_command import view
 from flows.cli.worker_command import worker
+from flows.find_run import find_run
 from flows.options import DropOptions, PlaceOptions, check_case, check_out, check_prompt
 from flows.settings.own import effective_options, exported_paths, run_settings, server_settings
 
@@ -325,6 +326,7 @@ def rerun(
 @app.command()
 def report(run: Annotated[str, typer.Argument(help="Name or folder of a run, or 'last'.")]) -> int:
     """Write a run's HTML report again."""
+    find_run(run)
     from flows.benchmark import rewrite_report
 
     print(rewrite_report(run))

@@ -6,6 +6,7 @@ import typer
 
 from dcap.scene.errors import InputError
 from flows.cli.checks import note
+from flows.find_run import find_run
 
 
 def judge(
@@ -33,6 +34,10 @@ def judge(
     ] = False,
 ) -> int:
     """Score and compare the methods of a run, and write Table 1; or tell how good a judge is."""
+    if run is None and not validate:
+        raise InputError("name the run to judge, or 'last'; without one there is --validate")
+    if run is not None:
+        find_run(run)
     from dcap.evaluation.method_report import shown_lines
     from flows.benchmark import rewrite_page
     from flows.judge_known import validate_judge
@@ -44,8 +49,7 @@ def judge(
         found = validate_judge(run, asking, note)
         print(f"{found.accuracy.in_words}\n{found.path}")
         return 0
-    if run is None:
-        raise InputError("name the run to judge, or 'last'; without one there is --validate")
+    assert run is not None
     judged = judge_run(run, asking, note)
     print("\n".join(shown_lines(judged.table)))
     print(f"{judged.csv}\nreport: {rewrite_page(judged.folder, judged.rows)}")

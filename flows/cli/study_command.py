@@ -7,6 +7,7 @@ import typer
 
 from dcap.scene.errors import InputError
 from flows.cli.checks import note
+from flows.find_run import find_run
 from flows.own_requests import origin_of
 
 study_app = typer.Typer(no_args_is_help=True, help="A study in which people compare the methods of a run.")
@@ -31,11 +32,12 @@ def study_serve(
     ] = "",
 ) -> int:
     """Serve the comparisons of a run's methods to raters until interrupted; prints a secret link for each."""
-    from flows.study.serve import StudyOptions, serve_study
-
     if not host.strip():
         raise InputError("--host: name an address to listen on, such as 127.0.0.1")
     check_url(url)
+    find_run(run)
+    from flows.study.serve import StudyOptions, serve_study
+
     serve_study(run, StudyOptions(host, port, raters, pairs, seed, url), note, announce)
     return 0
 
@@ -60,6 +62,7 @@ def announce(links: Mapping[str, str]) -> None:
 @study_app.command("report")
 def study_report(run: Run) -> int:
     """Write Table 2 of the votes so far, the raters, and the votes as a table."""
+    find_run(run)
     from dcap.evaluation.statistics.comparisons import JudgedAxis
     from dcap.evaluation.study.tables import agreement_line
     from flows.study.report import report_study

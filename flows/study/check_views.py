@@ -22,7 +22,7 @@ from dcap.geometry.rendering.surface import PreparedMeshes
 from dcap.scene.readers.scenes.placed_scene import FACTS, instance_of, read_facts
 from dcap.scene.types.paint import PaintedMesh
 from dcap.scene.types.segmentation import Instance, Segmentation
-from flows.run_files import RUN
+from flows.find_run import RUN
 from tasks.measure.judge_cameras import JudgeCameras, ViewsConfig
 from tasks.render.scene_views import SceneViews
 

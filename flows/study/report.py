@@ -11,8 +11,9 @@ from dcap.evaluation.study.tables import StudyTable, study_table, write_study_ta
 from dcap.evaluation.table_files import TABLES
 from dcap.language.protocol.client import ClientName
 from dcap.scene.errors import InputError
+from flows.find_run import find_run
 from flows.judge_run import changed_since, read_rows
-from flows.run_files import chooser_of, find_run
+from flows.run_files import chooser_of
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,9 +28,9 @@ from dcap.evaluation.study.study_folder import (
     write_design,
 )
 from dcap.scene.errors import InputError
+from flows.find_run import find_run
 from flows.judge_run import changed_since, read_rows, states_of
 from flows.own_requests import EVERYWHERE, OwnRequests
-from flows.run_files import find_run
 from flows.study.app import study_app
 from flows.study.check_views import check_pictures, views_config
 

@@ -40,6 +40,7 @@ def test_its_own_pages_are_answered(host: str, origins: list[str]) -> None:
         (["localhost:8080"], ["http://localhost:8080", "http://evil.example"]),
         (["evil.example:8080"], ["http://evil.example:8080"]),  # a name that leads here
         (["evil.example"], []),
+        (["127.0.0.1:8080.evil.example"], []),
         (["localhost.evil.example"], []),
         (["localhost:8080", "evil.example"], []),
         (["[::1"], []),

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dcap.evaluation.judging.standing import Standing, standing_of
-from dcap.evaluation.methods import DCAP
+from dcap.evaluation.methods import DCAP, split_id
 from dcap.evaluation.outcome_table import SampleOutcome
 from dcap.evaluation.run_folder import placement_folder
 from dcap.scene.errors import InputError
@@ -20,8 +20,6 @@ from dcap.scene.types.judged_views import BEFORE, PLACED
 VIEWS = "views"
 CLEAN, ASSET = BEFORE
 """Pictures of the scene before and of the asset alone: of the first method's folder."""
-FALLBACK = ("settled", "closeup")
-"""Pictures of a placement that has no canonical views."""
 SCENE_GLB, OBJECT_GLB = "scene.glb", "object.glb"
 
 
@@ -64,21 +62,20 @@ class StudyRun:
 
     def clean_picture(self, sample: str) -> Path | None:
         """The scene before anything was placed."""
-        return self._beside(sample, f"{VIEWS}/{CLEAN}.png", f"{CLEAN}.png")
+        return self._beside(sample, f"{VIEWS}/{CLEAN}.png")
 
     def asset_picture(self, sample: str) -> Path | None:
         """The asset alone."""
-        return self._beside(sample, f"{VIEWS}/{ASSET}.png", f"{ASSET}.png")
+        return self._beside(sample, f"{VIEWS}/{ASSET}.png")
 
     def asset_model(self, sample: str) -> Path | None:
         """The asset alone, in three dimensions."""
         return self._beside(sample, OBJECT_GLB)
 
-    def _beside(self, sample: str, *names: str) -> Path | None:
-        """The first of some files that the first method which has one wrote for a sample."""
-        folders = [placement_folder(self.folder, method, sample) for method in self.methods]
-        found = (folder / name for folder in folders for name in names if (folder / name).is_file())
-        return next(found, None)
+    def _beside(self, sample: str, name: str) -> Path | None:
+        """A file that the first method which has it wrote for a sample."""
+        paths = (placement_folder(self.folder, method, sample) / name for method in self.methods)
+        return next((path for path in paths if path.is_file()), None)
 
 
 def read_study_run(folder: Path, rows: Sequence[SampleOutcome]) -> StudyRun:
@@ -107,11 +104,11 @@ def read_study_run(folder: Path, rows: Sequence[SampleOutcome]) -> StudyRun:
 
 
 def asked_of_folder(folder: Path) -> tuple[tuple[str, ...], dict[str, str]]:
-    """Methods and prompts by sample of a run, from its run.json."""
+    """Methods and prompts by sample, whoever placed it, of a run, from its run.json."""
     path = folder / "run.json"
     try:
         tree = json.loads(path.read_text(encoding="utf-8"))
-        samples = {str(one["id"]): str(one["prompt"]) for one in tree["samples"]}
+        samples = {split_id(str(one["id"]))[1]: str(one["prompt"]) for one in tree["samples"]}
         methods = tuple(dict.fromkeys(str(one) for one in tree.get("methods", [DCAP])))
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(f"{path}: not what a benchmark writes ({type(error).__name__}: {error})") from None
@@ -130,7 +127,7 @@ def show(run: Path, method: str, sample: str, row: SampleOutcome | None) -> Show
     if standing_of(row) is not Standing.JUDGED:
         return f"no placement: {row.reason or row.error or row.verdict}"
     folder = placement_folder(run, method, sample)
-    pictures = views_of(folder / VIEWS) or [path for path in (folder / f"{n}.png" for n in FALLBACK) if path.is_file()]
+    pictures = views_of(folder / VIEWS)
     return ShownPlacement(method, sample, folder, tuple(pictures), row.verdict) if pictures else "not rendered"
 
 

@@ -122,9 +122,10 @@ def tex_text(table: StudyTable, raters: Sequence[RaterRow]) -> str:
     lines += tabular(table.rows, table.name)
     checks, failed = sum(one.checks for one in raters), sum(one.checks_failed for one in raters)
     flagged = sum(one.flagged for one in raters)
+    plural = "" if flagged == 1 else "s"
     lines += [
         f"% {table.raters} raters, {table.comparisons} comparisons. {agreement_line(table)}",
-        f"% Attention checks failed: {failed} of {checks}, by {flagged} raters, whose votes are included.",
+        f"% Attention checks failed: {failed} of {checks}, by {flagged} rater{plural}, whose votes count.",
         *([f"% No placement where one was intended: {tex_escaped(table.refusals)}."] if table.refusals else []),
         MARKED,
     ]

@@ -113,7 +113,7 @@ def told_in_a_line(model: str) -> Iterator[None]:
     except anthropic.APITimeoutError:
         raise unanswered(model) from None
     except anthropic.APIError as error:
-        raise unreachable(model, error) from None
+        raise unreachable(model, error, base_address()) from None
     except anthropic.AnthropicError as error:
         raise no_access(error) from None
     except TypeError as error:
@@ -139,9 +139,15 @@ def unanswered(model: str) -> LanguageError:
     return LanguageError(f"{model} gave no answer within {TIMEOUT:.0f} s, {RETRIES + 1} times")
 
 
-def unreachable(model: str, error: Exception) -> LanguageError:
+def unreachable(model: str, error: Exception, address: str) -> LanguageError:
     """What is said where no try reached the server."""
-    return LanguageError(f"{model} cannot be reached: {type(error).__name__}: {one_line(str(error))}")
+    return LanguageError(f"{model} cannot be reached at {address}: {one_line(str(error))}")
+
+
+def base_address() -> str:
+    """Where questions go, with the variable that decides it."""
+    given = os.environ.get("ANTHROPIC_BASE_URL", "")
+    return f"{given} (ANTHROPIC_BASE_URL)" if given else "the usual address (ANTHROPIC_BASE_URL names another)"
 
 
 def message_of(body: object, otherwise: str) -> str:

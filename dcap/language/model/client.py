@@ -117,8 +117,8 @@ def replayed(name: str, session: Session) -> Send:
         if message is None:
             raise LanguageError(
                 f"{folder.root} has no reply of {name} to this question {payload.question!r} ({payload.digest[:12]}): "
-                "scene, prompt, pictures or our templates have changed since; record it again with "
-                "--language anthropic --record"
+                "scene, prompt, pictures or our templates have changed since; record it again, with the "
+                "--language that it was recorded with and --record"
             )
         return message
 

@@ -1,5 +1,6 @@
 """What of a run can be shown, and what is cut out of it for a page."""
 
+import json
 import shutil
 from functools import partial
 from pathlib import Path
@@ -92,11 +93,20 @@ def test_only_views_that_both_have_are_compared(run: Path) -> None:
     assert [path.stem for path in left] == [name for name in PLACED if name != "left"]
 
 
-def test_a_run_without_canonical_views_shows_its_own_pictures(run: Path) -> None:
-    for folder in run.rglob("views"):
-        shutil.rmtree(folder)
-    left, _ = read_study_run(run, read_rows(run)).pair("dcap", "fireplace", "bed-1")
-    assert [path.name for path in left] == ["settled.png", "closeup.png"]
+def test_a_placement_without_canonical_views_is_left_out(run: Path) -> None:
+    """Its other pictures are not those of all methods alike: their size tells whose they are."""
+    shutil.rmtree(method_folder(run, "dcap", "bed-1") / "views")
+    assert read_study_run(run, read_rows(run)).left_out["dcap", "bed-1"] == "not rendered"
+
+
+def test_samples_are_known_whoever_placed_them(run: Path) -> None:
+    """run.json lists METHOD/SAMPLE for those of other methods."""
+    tree = json.loads((run / "run.json").read_text())
+    tree["samples"] += [{**one, "id": f"fireplace/{one['id']}"} for one in tree["samples"]]
+    before = read_study_run(run, read_rows(run))
+    (run / "run.json").write_text(json.dumps(tree))
+    after = read_study_run(run, read_rows(run))
+    assert (after.prompts, after.left_out) == (before.prompts, before.left_out)
 
 
 def test_one_method_is_no_study(tmp_path: Path) -> None:
