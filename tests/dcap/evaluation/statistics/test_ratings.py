@@ -5,9 +5,9 @@ import pytest
 from scipy.optimize import minimize
 from simulated_judge import row, simulated, table
 
-from dcap.evaluation.statistics.comparisons import PairCounts, Winner, pair_counts
+from dcap.evaluation.statistics.comparisons import Comparison, PairCounts, Winner, pair_counts
 from dcap.evaluation.statistics.pairwise_fit import RIDGE, fit_strengths
-from dcap.evaluation.statistics.ratings import POINTS, bradley_terry, elo_ratings, rating_difference_p
+from dcap.evaluation.statistics.ratings import POINTS, bradley_terry, elo_ratings, fits, rating_difference_p
 from dcap.evaluation.statistics.win_rates import win_rates
 from dcap.scene.errors import InputError
 
@@ -110,6 +110,34 @@ def test_strong_differences_are_significant_and_absent_ones_are_not():
     counts = pair_counts(rows)
     assert rating_difference_p(counts, "a", "b", resamples=1000) == pytest.approx(2 / 1001)
     assert rating_difference_p(counts, "b", "c", resamples=1000) > 0.01
+
+
+def met_seldom(samples: int) -> list[Comparison]:
+    """a and b are compared on thirty samples and win one each; c beats a on the first few, and nothing else."""
+    rows = [row(f"s{k:02}", "a", "b", winner) for k in range(30) for winner in (Winner.LEFT, Winner.RIGHT)]
+    return rows + [row(f"s{k:02}", "c", "a", Winner.LEFT) for k in range(samples)]
+
+
+@pytest.mark.parametrize(("samples", "least"), [(1, 1.0), (2, 0.5), (7, 2.0**-6), (30, 2 / 1001)])
+def test_two_methods_differ_by_what_both_were_compared_on(samples: int, least: float):
+    """However many samples there are, p is at least 2^(1 - n) of the n on which both have comparisons."""
+    assert rating_difference_p(pair_counts(met_seldom(samples)), "c", "a", resamples=1000) == pytest.approx(least)
+
+
+def test_a_resample_without_a_method_says_nothing_of_it():
+    """c is on one of thirty samples and is not drawn in (1 - 1/30)^30 of resamples: it has no rating there, and the
+    others have the mean that they have with all samples. In all others c is above the mean, as it won, and above a."""
+    counts, resamples = pair_counts(met_seldom(1)), 4000
+    fit, resampled = fits(counts, counts.shared_wins, resamples, 0)
+    without = np.isnan(resampled[:, 2])
+    share = (29 / 30) ** 30
+    assert without.mean() == pytest.approx(share, abs=4 * np.sqrt(share * (1 - share) / resamples))
+    np.testing.assert_allclose(resampled[without, :2].mean(axis=1), fit.theta[0, :2].mean(), atol=1e-12)
+    assert not np.isnan(resampled[:, :2]).any()
+    assert bradley_terry(counts, resamples=400)[2].interval.low > 1500.0
+    rated = {anchor: elo_ratings(counts, anchor, resamples=400) for anchor in "ac"}
+    assert rated["a"][2].interval.low > 1000.0
+    assert rated["c"][0].interval.high < 1000.0  # where the anchor is missing nobody is rated
 
 
 def test_an_unknown_anchor_is_named():
