@@ -3,6 +3,7 @@
 import os
 from dataclasses import replace
 from pathlib import Path
+from time import process_time
 
 import pyarrow.parquet as pq
 import pytest
@@ -39,6 +40,19 @@ def test_no_vote_counts_twice(tmp_path: Path) -> None:
     path = tmp_path / JOURNAL
     path.write_bytes(2 * path.read_bytes())
     assert read_votes(tmp_path) == tuple(ballot())
+
+
+def test_what_is_answered_is_known_at_once(tmp_path: Path) -> None:
+    """Of 2000 comparisons in the journal, one of them without an answer to one question, asked for 2000 times, as the
+    pages of a study do. Counting the votes of each anew took 0.13 s for 600 of them, most of an hour for this."""
+    votes = [vote for number in range(2000) for vote in ballot(item=f"{number:03d}")][:-1]
+    (tmp_path / JOURNAL).write_bytes(b"".join(vote.line() for vote in votes))
+    with VoteJournal(tmp_path) as journal:
+        begin = process_time()
+        for _ in range(2000):
+            known = journal.answered("r01")
+        assert process_time() - begin < 10.0
+        assert known == {f"{number:03d}" for number in range(1999)}
 
 
 @pytest.mark.parametrize("cut", [1, 40, 200, 300])
