@@ -97,10 +97,10 @@ def study_app(session: StudySession, own: OwnRequests) -> FastAPI:
 
     @app.post("/s/{token}/votes")
     def vote(token: str, rater: Annotated[str, Depends(rater_of)], answer: StudyAnswer) -> JSONResponse:
-        asked, current = session.item(rater, answer.item), session.current(rater)
+        asked = session.item(rater, answer.item)
         if asked is None:
             raise HTTPException(404, "There is no such comparison.")
-        if current is not None and asked.item > current.item:
+        if session.comes_later(rater, asked):
             raise HTTPException(409, "Another comparison comes first.")
         try:
             fresh = session.answer(rater, asked, answer.by_axis, min(answer.seconds, DAY_SECONDS))

@@ -18,12 +18,19 @@ from dcap.language.connect import Client
 from dcap.language.protocol.client import ClientName, LanguageConfig
 from dcap.scene.errors import InputError
 
-FAMILIES = {
-    "claude": "anthropic", "gpt": "openai", "chatgpt": "openai", "o1": "openai", "o3": "openai", "o4": "openai",
-    "gemini": "google", "gemma": "google", "paligemma": "google", "llama": "meta", "qwen": "alibaba", "qwq": "alibaba",
-    "qvq": "alibaba", "mistral": "mistral", "mixtral": "mistral", "pixtral": "mistral", "ministral": "mistral",
+MODELS = {
+    "alibaba": "qwen qwq qvq", "allen": "olmo molmo", "amazon": "nova", "anthropic": "claude", "cohere": "command aya",
+    "deepseek": "deepseek", "google": "gemini gemma paligemma", "ibm": "granite", "meta": "llama", "microsoft": "phi",
+    "mistral": "mistral mixtral pixtral ministral magistral codestral devstral", "moonshot": "kimi moonshot",
+    "nvidia": "nemotron", "openai": "gpt chatgpt o1 o3 o4", "openbmb": "minicpm", "opengvlab": "internvl internlm",
+    "xai": "grok", "zhipu": "glm chatglm cogvlm",
 }  # fmt: skip
+"""Names of models by maker."""
+FAMILIES = {name: maker for maker, names in MODELS.items() for name in names.split()}
 """Makers by a word of a model's name."""
+LEADING = re.compile(r"(?:[a-z]+\.)*([a-z]{2,})")
+"""The word before the first digit, dash or colon, without what dots part from it: `us.maker.word-7b`. One letter is a
+version: `v2`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,12 +71,15 @@ def judge_name(config: LanguageConfig) -> str:
 
 
 def model_family(model: str) -> str:
-    """Who made a model: by the first word of its name that is known, whatever gateway stands before it; a name without
-    such a word is a family of its own, as two names with the same gateway or first word may have different makers."""
-    for word in re.findall(r"[a-z]+\d?", model.lower()):
+    """Who made a model: by the first word of its name that is known, whatever gateway stands before it; else the word
+    with which the last part of its path begins, as gateways, regions and owners stand before it and sizes and versions
+    behind it. A name that begins with no word is a family of its own."""
+    name = model.lower()
+    for word in re.findall(r"[a-z]+\d?", name):
         if family := FAMILIES.get(word) or FAMILIES.get(word.rstrip("0123456789")):
             return family
-    return model.lower()
+    leading = LEADING.match(name.rpartition("/")[2])
+    return leading[1] if leading else name
 
 
 def same_family(judge: LanguageConfig, chooser: LanguageConfig) -> bool:

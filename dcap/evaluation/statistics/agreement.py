@@ -1,15 +1,19 @@
 """How far raters agree on nominal choices: the share of pairs of raters, and Krippendorff's alpha.
 
-In: what each rater chose for each item. None where nobody rated the same thing; alpha also where a single category was
-ever used (then chance alone explains everything, 0 / 0). Kappas ask for the same raters, or as many, for every item:
-raters of a study see some items together and others alone, and alpha takes them as they come.
+In: what each rater chose for each item. None where nobody rated the same thing; alpha also where chance alone explains
+everything (a single category was ever used: 0 / 0). Kappas ask for the same raters, or as many, for every item: raters
+of a study see some items together and others alone, and alpha takes them as they come.
+
+Which method of a pair is the first is a matter of names. Were chance taken over FIRST and SECOND as they come, raters
+who agree on nearly everything would seem to agree by chance where the better method is mostly the first. So each item
+counts in both orientations: which of the two a value is says nothing without its item.
 
 Source: [K11] Krippendorff, Computing Krippendorff's Alpha-Reliability, 2011, section C (nominal data, any number of
 raters, missing data).
 """
 
-from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +24,8 @@ Ratings = Sequence[Mapping[str, str]]
 """One mapping per item: rater to category."""
 FIRST, SECOND, TIE = "first", "second", "tie"
 """Categories of comparisons."""
+SIDES = (FIRST, SECOND)
+"""Which of them change places if the two methods of a pair do."""
 
 
 def ratings_of(comparisons: Iterable[Comparison]) -> list[Mapping[str, str]]:
@@ -58,14 +64,22 @@ def percent_agreement(ratings: Ratings) -> float | None:
     return float(((counts * (counts - 1)).sum(axis=1) / (raters * (raters - 1))).mean())
 
 
-def krippendorff_alpha(ratings: Ratings) -> float | None:
-    """1 - D_o / D_e for nominal categories; lone raters are left out, missing ones allowed [K11, section C]."""
-    counts = category_counts(ratings)
-    counts = counts[counts.sum(axis=1) > 1]
-    if len(counts) == 0:
+def krippendorff_alpha(ratings: Ratings, exchangeable: Collection[str] = ()) -> float | None:
+    """1 - D_o / D_e for nominal categories; lone raters are left out, missing ones allowed [K11, section C].
+
+    Of `exchangeable` categories each item counts in all orientations. That leaves D_o as it is, and in D_e two values
+    of such categories, d of all n, are alike in one of so many cases: with two of them and t other values of one kind
+    1 - D_e = (d (d - 1) / 2 + t (t - 1)) / (n (n - 1)). As in the plain formula no value is set beside itself, nor
+    beside itself turned round: items written down twice would give 2 n - 1 for 2 (n - 1), as if orientations were
+    further raters, and 1 / (2 n) instead of 0 to those who toss coins.
+    """
+    shared = [item for item in ratings if len(item) > 1]
+    if not shared:
         return None
-    raters = counts.sum(axis=1)
-    total, by_category = counts.sum(), counts.sum(axis=0)
-    agreeing = float(((counts * (counts - 1)).sum(axis=1) / (raters - 1)).sum())  # diagonal of the coincidences
-    expected = float((by_category * (by_category - 1)).sum()) / (total - 1)
+    counts = category_counts(shared)
+    agreeing = float(((counts * (counts - 1)).sum(axis=1) / (counts.sum(axis=1) - 1)).sum())  # diagonal of coincidences
+    chosen = Counter(category for item in shared for category in item.values())
+    total, sided = chosen.total(), sum(chosen.pop(one, 0) for one in exchangeable)
+    alike = sum(n * (n - 1) for n in chosen.values()) + sided * (sided - 1) / max(1, len(exchangeable))
+    expected = alike / (total - 1)
     return None if expected == total else 1.0 - (total - agreeing) / (total - expected)

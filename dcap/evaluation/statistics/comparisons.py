@@ -138,6 +138,16 @@ class PairCounts:
         return self.wins + 0.5 * self.ties
 
     @property
+    def met(self) -> NDArray[np.float64]:
+        """How often each method was compared on each sample, shape (k, m)."""
+        return np.asarray(self.shared_wins.sum(axis=2) + self.shared_wins.sum(axis=1))
+
+    def samples_of_both(self, first: int, second: int) -> int:
+        """On how many samples two methods, by their columns, were both compared."""
+        met = self.met > 0
+        return int((met[:, first] & met[:, second]).sum())
+
+    @property
     def doubled_wins(self) -> NDArray[np.float64]:
         """Wins with every tie counted as a win of both, shape (k, m, m)."""
         return self.wins + self.ties

@@ -5,8 +5,9 @@ rating, and sum A_ij log(1 + 10^((R_j - R_i) / 400)) is smallest. Its published 
 problem is convex, so here Newton's method solves it to convergence (pairwise_fit.py). Bradley-Terry counts half of a
 tie for each and has the mean rating fixed. Both are on the scale on which 400 points are odds of 10 to 1.
 
-Intervals resample whole samples (cluster bootstrap), since comparisons on one sample are not independent. Standard
-errors from the Hessian, beside, take every comparison as independent.
+Intervals resample whole samples (cluster bootstrap), since comparisons on one sample are not independent. A resample
+in which a method was not drawn tells nothing of it, and does not count for it: the ridge would put it at the mean.
+Standard errors from the Hessian, beside, take every comparison as independent.
 
 Source: [W24] Wu et al., GPT-4V(ision) is a Human-Aligned Evaluator for Text-to-3D Generation, CVPR 2024.
 """
@@ -51,7 +52,7 @@ def elo_ratings(
     if anchor not in counts.methods:
         raise InputError(f"anchor {anchor!r} is not one of {', '.join(counts.methods)}")
     column = counts.methods.index(anchor)
-    fit, resampled = fits(counts.doubled_wins, resamples, seed)
+    fit, resampled = fits(counts, counts.doubled_wins, resamples, seed)
 
     def anchored(theta: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.asarray(rating + POINTS * (theta - theta[:, [column]]))
@@ -63,7 +64,7 @@ def bradley_terry(
     counts: PairCounts, mean: float = MEAN_RATING, resamples: int = RESAMPLES, seed: int = SEED
 ) -> list[MethodRating]:
     """Bradley-Terry ratings of all methods, in the order of `counts`, with this mean."""
-    fit, resampled = fits(counts.shared_wins, resamples, seed)
+    fit, resampled = fits(counts, counts.shared_wins, resamples, seed)
     separable = bool(fit.separable[0])
     errors = None if separable else POINTS * fit.standard_errors()[0]
     return rated(counts, mean + POINTS * fit.theta, mean + POINTS * resampled, errors, separable)
@@ -72,19 +73,28 @@ def bradley_terry(
 def rating_difference_p(
     counts: PairCounts, ours: str, theirs: str, resamples: int = RESAMPLES, seed: int = SEED
 ) -> float:
-    """Two-sided p that two methods have the same Bradley-Terry rating, by bootstrap over samples."""
-    _, resampled = fits(counts.shared_wins, resamples, seed)
+    """Two-sided p that two methods have the same Bradley-Terry rating, by bootstrap over samples; few on which
+    both were compared show little, however many others there are."""
+    _, resampled = fits(counts, counts.shared_wins, resamples, seed)
     first, second = counts.methods.index(ours), counts.methods.index(theirs)
-    return two_sided_p(resampled[:, first] - resampled[:, second], len(counts.samples))
+    gaps = resampled[:, first] - resampled[:, second]
+    return two_sided_p(gaps[~np.isnan(gaps)], counts.samples_of_both(first, second))
 
 
-def fits(wins: NDArray[np.float64], resamples: int, seed: int) -> tuple[StrengthFit, NDArray[np.float64]]:
-    """Strengths from all samples, and those of each resample, shape (resamples, m); wins by sample, (k, m, m)."""
-    found = [
-        fit_strengths((weights @ wins.reshape(len(wins), -1)).reshape(-1, *wins.shape[1:])).theta
-        for weights in draws(len(wins), resamples, seed)
-    ]
-    return fit_strengths(wins.sum(axis=0)[None]), np.concatenate(found)
+def fits(
+    counts: PairCounts, wins: NDArray[np.float64], resamples: int, seed: int
+) -> tuple[StrengthFit, NDArray[np.float64]]:
+    """Strengths from all samples, and those of each resample, shape (resamples, m); wins by sample, (k, m, m).
+
+    A method that was not drawn is nan. The others then have the mean that they have with all samples: with mean 0 among
+    themselves they would all move because one is missing."""
+    fit, found = fit_strengths(wins.sum(axis=0)[None]), []
+    for weights in draws(len(wins), resamples, seed):
+        theta = fit_strengths((weights @ wins.reshape(len(wins), -1)).reshape(-1, *wins.shape[1:])).theta
+        drawn = weights @ counts.met > 0
+        shift = np.mean(np.broadcast_to(fit.theta, theta.shape) - theta, axis=1, keepdims=True, where=drawn)
+        found.append(np.where(drawn, theta + shift, np.nan))
+    return fit, np.concatenate(found)
 
 
 def rated(
@@ -99,7 +109,7 @@ def rated(
         MethodRating(
             method,
             float(ratings[0, k]),
-            interval_of(resampled[:, k]),
+            interval_of(resampled[:, k][~np.isnan(resampled[:, k])]),
             None if errors is None else float(errors[k]),
             separable,
         )

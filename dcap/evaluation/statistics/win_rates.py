@@ -81,7 +81,7 @@ def win_rate_significance(
     resampled = resampled_rates(won, met, resamples, seed)
     gaps = resampled[:, ours] - resampled[:, theirs]
     gaps = gaps[~np.isnan(gaps)]
-    both = int(((met[:, ours] > 0) & (met[:, theirs] > 0)).sum())
+    both = counts.samples_of_both(ours, theirs)
     test = PairedDifference(
         rates[method] - rates[best], interval_of(gaps), two_sided_p(gaps, both), both, len(counts.samples) - both
     )
@@ -90,8 +90,7 @@ def win_rate_significance(
 
 def won_and_met(counts: PairCounts) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Wins (with half of the ties) and comparisons by sample and method, shapes (k, m)."""
-    won = counts.shared_wins.sum(axis=2)
-    return won, won + counts.shared_wins.sum(axis=1)
+    return counts.shared_wins.sum(axis=2), counts.met
 
 
 def resampled_rates(

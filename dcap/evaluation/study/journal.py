@@ -8,6 +8,7 @@ the last one counts, so no vote counts twice. A journal is open in one process a
 import fcntl
 import json
 import os
+from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +20,8 @@ from dcap.evaluation.study.design import Side
 from dcap.scene.errors import InputError
 
 JOURNAL = "votes.jsonl"
+VoteKey = tuple[str, str, JudgedAxis]
+"""Rater, item and axis."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +42,7 @@ class StudyVote:
     """From when the two placements were shown to the answer of the whole page [s]."""
 
     @property
-    def key(self) -> tuple[str, str, JudgedAxis]:
+    def key(self) -> VoteKey:
         """What no two votes that count have in common."""
         return self.rater, self.item, self.axis
 
@@ -96,11 +99,13 @@ class VoteJournal:
 
     def __init__(self, folder: Path) -> None:
         self._path, self._lock = folder / JOURNAL, Lock()
+        self._votes: dict[VoteKey, StudyVote] = {}
+        self._answered: defaultdict[str, set[str]] = defaultdict(set)
         self._file = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             data = self._path.read_bytes()
-            self._votes = {vote.key: vote for vote in parsed(data, self._path)}
+            self._count(parsed(data, self._path))
             self._size = len(whole_lines(data))
             os.ftruncate(self._file, self._size)
             os.fsync(self._file)
@@ -127,8 +132,7 @@ class VoteJournal:
     def answered(self, rater: str) -> frozenset[str]:
         """The items of which a rater has answered every question."""
         with self._lock:
-            mine = [item for one, item, _ in self._votes if one == rater]
-        return frozenset(item for item in mine if mine.count(item) == len(JudgedAxis))
+            return frozenset(self._answered.get(rater, ()))
 
     def add(self, votes: Sequence[StudyVote]) -> bool:
         """Keep the votes of one comparison on the disk; False if that rater has answered it before.
@@ -148,8 +152,15 @@ class VoteJournal:
                 os.ftruncate(self._file, self._size)
                 raise
             self._size += len(data)
-            self._votes.update({vote.key: vote for vote in votes})
+            self._count(votes)
             return True
+
+    def _count(self, votes: Sequence[StudyVote]) -> None:
+        """Let votes count, and note which comparisons are answered with them: every page asks for these."""
+        self._votes.update({vote.key: vote for vote in votes})
+        for rater, item in {(vote.rater, vote.item) for vote in votes}:
+            if all((rater, item, axis) in self._votes for axis in JudgedAxis):
+                self._answered[rater].add(item)
 
 
 def sync_folder(folder: Path) -> None:

@@ -49,6 +49,11 @@ class StudySession:
         done = self._journal.answered(rater)
         return next((one for one in self.design.raters[rater] if one.item not in done), None)
 
+    def comes_later(self, rater: str, item: StudyItem) -> bool:
+        """Whether a comparison of the rater's before this one has not been answered."""
+        items, current = self.design.raters[rater], self.current(rater)
+        return current is not None and items.index(item) > items.index(current)
+
     def item(self, rater: str, name: str) -> StudyItem | None:
         """A comparison of the rater's by its name."""
         return next((one for one in self.design.raters[rater] if one.item == name), None)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from dcap.evaluation.methods import DCAP, baselines_among, shown_name
 from dcap.evaluation.preference_table import MARKED, best_first, row_cells, tabular
-from dcap.evaluation.statistics.agreement import krippendorff_alpha, percent_agreement, ratings_of
+from dcap.evaluation.statistics.agreement import SIDES, krippendorff_alpha, percent_agreement, ratings_of
 from dcap.evaluation.statistics.comparisons import Comparison, JudgedAxis, Winner, methods_of, on_axis
 from dcap.evaluation.statistics.method_tables import PreferenceRow, preference_rows
 from dcap.evaluation.study.journal import StudyVote
@@ -27,7 +27,7 @@ class StudyAgreement:
     """How far raters agree on an axis."""
 
     alpha: float | None
-    """Krippendorff's alpha [-]; None where no two raters answered the same comparison, or all gave one answer."""
+    """Krippendorff's alpha [-]; None where no two raters answered the same comparison."""
     share: float | None
     """Of pairs of raters who answered the same comparison, those who chose the same method [-]; None without any."""
     comparisons: int
@@ -79,7 +79,8 @@ def study_table(
 def agreement_of(rows: Sequence[Comparison]) -> StudyAgreement:
     """How far the raters of comparisons of one axis agree."""
     ratings = ratings_of(rows)
-    return StudyAgreement(krippendorff_alpha(ratings), percent_agreement(ratings), sum(len(one) > 1 for one in ratings))
+    alpha, share = krippendorff_alpha(ratings, SIDES), percent_agreement(ratings)
+    return StudyAgreement(alpha, share, sum(len(one) > 1 for one in ratings))
 
 
 def comparison_of(vote: StudyVote) -> Comparison:

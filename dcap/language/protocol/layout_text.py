@@ -1,8 +1,8 @@
 """A line of a layout as LayoutGPT writes them: `bed {length: 120px; width: 110px; height: 60px; ... depth: 30px;}`.
 
 The source is the published program of LayoutGPT (Feng et al., 2023; `parse_3D_layout`): what stands before the bracket
-is the category without its digits, between the brackets are exactly seven fields `name: number`, units are cut off, and
-whatever is not of this form is no line.
+is the category without its digits, between the brackets are exactly seven fields `name: number`, letters of units are
+cut off, and whatever is not of this form is no line.
 """
 
 import math
@@ -12,8 +12,8 @@ from dataclasses import dataclass
 FIELDS = ("length", "width", "height", "left", "top", "depth", "orientation")
 """Seven numbers: extents, then the middle of the box from the plan's least corner, then the turn about the vertical."""
 ANGLE = "orientation"
-UNITS = {"px", "", "degrees"}
-NUMBER = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-z]*)\s*$")
+NUMBER = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(?:\s*[px]+)?(?:\s*[degrs]+)?\s*$")
+"""The source cuts any letters of `degrees` off the end, then any of `px`: `90`, `90deg` and `90 degree` are valid."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +55,7 @@ def parsed_line(text: str) -> CssBox | None:
     for field in fields:
         name, colon, value = field.partition(":")
         found = NUMBER.match(value)
-        if not colon or found is None or found[2] not in UNITS or not math.isfinite(float(found[1])):
+        if not colon or found is None or not math.isfinite(float(found[1])):
             return None
         numbers[name.strip()] = float(found[1])
     if len(fields) != len(FIELDS) or sorted(numbers) != sorted(FIELDS):

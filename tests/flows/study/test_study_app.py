@@ -4,6 +4,7 @@ import html
 import os
 import re
 import stat
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -204,6 +205,17 @@ def test_comparisons_are_answered_in_their_order(study: ServedStudy) -> None:
     assert study.browser.post(f"{study.page('r01')}/votes", json=answer(later)).status_code == 409
     unknown = {**answer(later), "item": "999"}
     assert study.browser.post(f"{study.page('r01')}/votes", json=unknown).status_code == 404
+
+
+def test_the_thousandth_comparison_comes_after_the_one_before(study: ServedStudy) -> None:
+    """Names have three digits up to 999 and four from there: the order is that of the comparisons, not of text."""
+    design = study.session.design
+    items = [replace(one, item=f"{number:03d}") for number, one in enumerate(design.raters["r01"], 998)]
+    study.session.design = replace(design, raters={**design.raters, "r01": tuple(items)})
+    address, order = f"{study.page('r01')}/votes", [items[0], items[2], items[1], items[3], items[2]]
+    got = [study.browser.post(address, json=answer(item)).status_code for item in order]
+    assert [one.item for one in order] == ["998", "1000", "999", "1001", "1000"]
+    assert got == [200, 409, 200, 409, 200]
 
 
 def test_a_vote_that_cannot_be_kept_is_told(study: ServedStudy, monkeypatch: pytest.MonkeyPatch) -> None:

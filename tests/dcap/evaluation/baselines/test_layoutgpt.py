@@ -47,6 +47,14 @@ def test_a_line_is_read_and_written() -> None:
     assert parsed_line(BED.text) == BED
 
 
+@pytest.mark.parametrize(
+    "turn", ["90", "90deg", "90 deg", "90degree", "90 degree", "90degrees", "90px", " 90.0 degrees "]
+)
+def test_letters_of_units_are_cut_off(turn: str) -> None:
+    """The source takes any letters of `degrees`, and any of `px` before them, off the end of a field."""
+    assert parsed_line(LINE.replace("90 degrees", turn)) == BED
+
+
 @given(st.lists(st.integers(-999, 999), min_size=7, max_size=7))
 def test_any_box_survives_its_line(numbers: list[int]) -> None:
     """Reading what was written gives the same numbers."""
@@ -61,6 +69,7 @@ def test_any_box_survives_its_line(numbers: list[int]) -> None:
         LINE.replace("30px", "thirty px"), LINE.replace("30px", "30cm"), LINE.replace("30px", "nan"),
         LINE.replace("depth: 30px", "depth: 30px; depth: 31px"), LINE.replace("left:", "left"), "{" + LINE,
         LINE.replace("30px", "1e999px"), LINE.replace("depth: 30px", "left: 30px"),
+        LINE.replace("90 degrees", "1.57 rad"), LINE.replace("90 degrees", "90°"), LINE.replace("90 degrees", "90 Deg"),
     ],
 )  # fmt: skip
 def test_what_is_no_line_is_dropped(line: str) -> None:

@@ -195,8 +195,11 @@ def test_judges_of_the_chooser_s_family_are_told():
     names = {
         "claude-opus-5-5": "anthropic", "maker/claude-sonnet-5-5": "anthropic", "us.maker.claude-3": "anthropic",
         "gpt-4o": "openai", "o3-mini": "openai", "qwen2.5-vl:7b": "alibaba", "Llama3.2-vision": "meta",
-        "gemini-2.0-flash": "google", "unheard-1": "unheard-1",
-        "local/foo": "local/foo", "local/bar": "local/bar",
+        "gemini-2.0-flash": "google", "Qwen/Qwen2.5-VL-7B": "alibaba", "deepseek-vl2": "deepseek", "x-ai/grok-4": "xai",
+        "us.maker.deepseek.r1-v1:0": "deepseek", "OpenGVLab/InternVL3-78B": "opengvlab", "internvl3-8b": "opengvlab",
+        "unheard-1": "unheard", "Gate/Owner/Unheard2.5vl:7b": "unheard", "eu.maker.unheard-v1:0": "unheard",
+        "unheard_large": "unheard", "local/foo": "foo", "local/bar": "bar",
+        "7b-of-mine": "7b-of-mine", "gate/maker/v2": "gate/maker/v2", "gate/": "gate/",
     }  # fmt: skip
     assert {name: model_family(name) for name in names} == names
     other = LanguageConfig(client=ClientName.ANTHROPIC, model="gpt-4o")

@@ -1,7 +1,9 @@
 """Tables of comparisons, win rates, agreement between raters, and preferences for a side."""
 
+from itertools import combinations, product
 from pathlib import Path
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
@@ -11,6 +13,7 @@ from scipy import stats
 from simulated_judge import row, table
 
 from dcap.evaluation.statistics.agreement import (
+    SIDES,
     krippendorff_alpha,
     percent_agreement,
     ratings_of,
@@ -132,6 +135,51 @@ def test_agreement_has_its_bounds():
     assert (percent_agreement(one), krippendorff_alpha(one)) == (1.0, None)
     alone = [{"a": "x"}, {"a": "y"}]
     assert (percent_agreement(alone), krippendorff_alpha(alone)) == (None, None)
+
+
+def votes(names: str, right: float) -> list[Comparison]:
+    """Four raters of 40 samples and all pairs of methods, from the best to the worst: each vote is right with that
+    probability, the same votes for all names."""
+    random = np.random.default_rng(4)
+    return [
+        row(f"s{k:02}", better, worse, Winner.LEFT if random.random() < right else Winner.RIGHT, f"r{rater}")
+        for k in range(40)
+        for better, worse in combinations(names, 2)
+        for rater in range(4)
+    ]
+
+
+def test_agreement_does_not_depend_on_names():
+    """Raters who are right with p = 0.93 differ in 2 p (1 - p) of pairs: alpha is 1 - 2 * 2 p (1 - p) = 0.740, whether
+    the better method of a pair is the first in alphabetical order always, never, or now and then."""
+    found = []
+    for names in ("abcde", "edcba", "cadbe"):
+        ratings = ratings_of(votes(names, 0.93))
+        found.append((krippendorff_alpha(ratings, SIDES), percent_agreement(ratings)))
+    assert found == [pytest.approx(found[0])] * 3
+    # of an item 0 to 2/3 of the pairs of raters differ, 0.13 on average: its variance is at most 0.13 (2/3 - 0.13), and
+    # alpha has twice the error of the mean over 400 items; four of it
+    differ = 2 * 0.93 * 0.07
+    assert found[0][0] == pytest.approx(1 - 2 * differ, abs=4 * 2 * np.sqrt(differ * (2 / 3 - differ) / 400))
+
+
+def test_ties_are_one_category_whatever_methods_are_called():
+    """Units TT, T1, 11, 22: 2 of 8 values differ from their unit's other; 3 are ties and 5 are none, so two are alike
+    by chance in 5 * 4 / 2 + 3 * 2 = 16 of 8 * 7 cases. A unit turned round changes nothing; ties alone tell nothing."""
+    for one, other in product(SIDES, repeat=2):
+        units = [("tie", "tie"), ("tie", one), (one, one), (other, other)]
+        found = krippendorff_alpha([{"a": a, "b": b} for a, b in units], SIDES)
+        assert found == pytest.approx(1 - (2 / 8) / (1 - 16 / 56))
+    assert krippendorff_alpha([{"a": "tie", "b": "tie"}], SIDES) is None
+
+
+@pytest.mark.parametrize("items", [1, 2, 4])
+def test_coins_agree_as_by_chance_however_few(items: int):
+    """The mean of alpha over all that two coins for each item can show is 0 to the last digit."""
+    pairs = list(product(SIDES, repeat=2))
+    alphas = [krippendorff_alpha([{"a": a, "b": b} for a, b in shown], SIDES) for shown in product(pairs, repeat=items)]
+    assert np.mean([one for one in alphas if one is not None]) == pytest.approx(0.0, abs=1e-9)
+    assert None not in alphas
 
 
 def test_percent_agreement_counts_pairs_of_raters():

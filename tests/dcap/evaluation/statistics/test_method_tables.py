@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from simulated_judge import simulated
 
-from dcap.evaluation.statistics.comparisons import Comparison, JudgedAxis
+from dcap.evaluation.statistics.comparisons import Comparison, JudgedAxis, Winner
 from dcap.evaluation.statistics.method_tables import preference_rows, score_rows
 from dcap.evaluation.statistics.score_summary import DAGGER, composite
 from dcap.scene.errors import InputError
@@ -44,6 +44,15 @@ def test_a_row_has_means_composite_elo_and_its_marks():
     elo = [row.elo.rating for row in rows.values() if row.elo]
     assert elo[-1] == 1000.0
     assert elo == sorted(elo, reverse=True)
+
+
+def test_elo_is_not_marked_by_one_sample():
+    """dcap meets the best baseline on one of 30 samples and wins it: p is 1, however sure the baselines' order is."""
+    rows = simulated({"fireplace": np.log(3), "layoutgpt": 0.0}, 30, 2, np.random.default_rng(3))
+    rows.append(Comparison("s0000", JudgedAxis.OVERALL, "dcap", "fireplace", Winner.LEFT, "simulated"))
+    dcap = score_rows({name: value[:30] for name, value in scores().items()}, rows, BASELINES, resamples=FEW)[0]
+    assert dcap.elo is not None
+    assert (dcap.marks["elo"], dcap.p["elo"]) == ("", 1.0)
 
 
 def test_preferences_have_rates_a_rating_and_marks():

@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
+from scipy import stats
 from scipy.optimize import minimize
 from simulated_judge import row, simulated, table
 
-from dcap.evaluation.statistics.comparisons import PairCounts, Winner, pair_counts
+from dcap.evaluation.statistics.comparisons import Comparison, PairCounts, Winner, pair_counts
 from dcap.evaluation.statistics.pairwise_fit import RIDGE, fit_strengths
-from dcap.evaluation.statistics.ratings import POINTS, bradley_terry, elo_ratings, rating_difference_p
+from dcap.evaluation.statistics.ratings import POINTS, bradley_terry, elo_ratings, fits, rating_difference_p
 from dcap.evaluation.statistics.win_rates import win_rates
 from dcap.scene.errors import InputError
 
@@ -112,6 +113,34 @@ def test_strong_differences_are_significant_and_absent_ones_are_not():
     assert rating_difference_p(counts, "b", "c", resamples=1000) > 0.01
 
 
+def met_seldom(samples: int) -> list[Comparison]:
+    """a and b are compared on thirty samples and win one each; c beats a on the first few, and nothing else."""
+    rows = [row(f"s{k:02}", "a", "b", winner) for k in range(30) for winner in (Winner.LEFT, Winner.RIGHT)]
+    return rows + [row(f"s{k:02}", "c", "a", Winner.LEFT) for k in range(samples)]
+
+
+@pytest.mark.parametrize(("samples", "least"), [(1, 1.0), (2, 0.5), (7, 2.0**-6), (30, 2 / 1001)])
+def test_two_methods_differ_by_what_both_were_compared_on(samples: int, least: float):
+    """However many samples there are, p is at least 2^(1 - n) of the n on which both have comparisons."""
+    assert rating_difference_p(pair_counts(met_seldom(samples)), "c", "a", resamples=1000) == pytest.approx(least)
+
+
+def test_a_resample_without_a_method_says_nothing_of_it():
+    """c is on one of thirty samples and is not drawn in (1 - 1/30)^30 of resamples: it has no rating there, and the
+    others have the mean that they have with all samples. In all others c is above the mean, as it won, and above a."""
+    counts, resamples = pair_counts(met_seldom(1)), 4000
+    fit, resampled = fits(counts, counts.shared_wins, resamples, 0)
+    without = np.isnan(resampled[:, 2])
+    share = (29 / 30) ** 30
+    assert without.mean() == pytest.approx(share, abs=4 * np.sqrt(share * (1 - share) / resamples))
+    np.testing.assert_allclose(resampled[without, :2].mean(axis=1), fit.theta[0, :2].mean(), atol=1e-12)
+    assert not np.isnan(resampled[:, :2]).any()
+    assert bradley_terry(counts, resamples=400)[2].interval.low > 1500.0
+    rated = {anchor: elo_ratings(counts, anchor, resamples=400) for anchor in "ac"}
+    assert rated["a"][2].interval.low > 1000.0
+    assert rated["c"][0].interval.high < 1000.0  # where the anchor is missing nobody is rated
+
+
 def test_an_unknown_anchor_is_named():
     """One line with what there is."""
     with pytest.raises(InputError, match="anchor 'x' is not one of a, b"):
@@ -119,15 +148,17 @@ def test_an_unknown_anchor_is_named():
 
 
 @pytest.mark.slow
-def test_intervals_cover_known_strengths():
-    """Of 95 % intervals about 95 % hold the truth, for ratings and win rates, and the Hessian's errors do where
-    comparisons are independent.
+@pytest.mark.parametrize(("samples", "judges"), [(60, 500), (20, 150)])
+def test_intervals_cover_known_strengths(samples: int, judges: int):
+    """Of 95 % intervals about 95 % hold the truth, for ratings and win rates, and fewer with few samples; the Hessian's
+    errors do where comparisons are independent.
 
-    With k samples a percentile interval lacks about 1/k of its length, so a little less than 95 % is expected: 60
-    samples lose about half a percent. 500 judges with three free numbers each; the numbers of one judge are dependent,
-    so the Monte-Carlo error is taken for 500 trials: three times sqrt(0.95 * 0.05 / 500) = 2.9 %.
+    A percentile interval of a mean of n samples has the half width 1.96 sqrt((n - 1) / n) of its estimated errors: in
+    94.3 % of cases Student's t with n - 1 degrees of freedom is within it for n = 60, in 92.9 % for n = 20. The numbers
+    of one judge are dependent, so the Monte-Carlo error is taken for as many trials as judges, three times
+    sqrt(p (1 - p) / judges); half a percent is for ratings and rates not being means.
     """
-    strengths, judges, samples = {"a": 1.0, "b": 0.3, "c": -0.3, "d": -1.0}, 500, 60
+    strengths = {"a": 1.0, "b": 0.3, "c": -0.3, "d": -1.0}
     random = np.random.default_rng(11)
     truth = np.array(list(strengths.values()))
     chance = 1 / (1 + np.exp(truth[None, :] - truth[:, None]))
@@ -143,7 +174,11 @@ def test_intervals_cover_known_strengths():
             held["hessian"] += abs(one.rating - POINTS * theta) <= 1.96 * one.standard_error
             held["win rate"] += won.interval.low <= rate <= won.interval.high
     covered = {name: count / (judges * len(truth)) for name, count in held.items()}
-    assert all(0.95 - 0.029 - 0.005 <= share <= 0.95 + 0.029 for share in covered.values()), covered
+    width = 1.96 * np.sqrt(1 - 1 / samples)
+    by_samples = 1 - 2 * stats.t.sf(width, samples - 1)
+    for name, expected in {"rating": by_samples, "win rate": by_samples, "hessian": 0.95}.items():
+        error = 3 * np.sqrt(expected * (1 - expected) / judges) + 0.005
+        assert covered[name] == pytest.approx(expected, abs=error), covered
 
 
 @pytest.mark.slow

@@ -41,6 +41,17 @@ def test_no_vote_counts_twice(tmp_path: Path) -> None:
     assert read_votes(tmp_path) == tuple(ballot())
 
 
+def test_what_is_answered_is_known_after_every_vote(tmp_path: Path) -> None:
+    """Of comparisons from an earlier journal and of new ones; one without an answer to one question is not."""
+    votes = [vote for number in range(3) for vote in ballot(item=f"{number:03d}")][:-1]
+    (tmp_path / JOURNAL).write_bytes(b"".join(vote.line() for vote in votes))
+    with VoteJournal(tmp_path) as journal:
+        assert journal.answered("r01") == {"000", "001"}
+        journal.add(ballot(item="007"))
+        assert journal.answered("r01") == {"000", "001", "007"}
+        assert journal.answered("r02") == set()
+
+
 @pytest.mark.parametrize("cut", [1, 40, 200, 300])
 def test_a_torn_end_is_cut_off_and_asked_again(tmp_path: Path, cut: int) -> None:
     """A comparison of which a line is missing counts as unanswered, and its new answer wins over what was left."""
