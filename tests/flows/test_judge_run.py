@@ -3,13 +3,15 @@
 import csv
 import json
 import re
+import subprocess
+import sys
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
-from fake_api import FakeApi, data_of, message, question_of, says
+from fake_api import FakeApi, data_of, error, message, question_of, says
 from judged import REPLY, SCORES, placement
 from many_methods_run import METHODS, SAMPLES, many_methods_run, method_folder, row, write_rows
 
@@ -365,3 +367,31 @@ def test_a_judge_is_validated(
     tree = json.loads(Path(said[1]).read_text())
     assert (tree["accuracy"], tree["sides"]["left_share"], tree["sides"]["consistent"]) == (0.5, 1.0, 0)
     assert "'nowhere' is not a run" in complaint(capsys, "nowhere", "--validate")
+
+
+def test_a_judge_that_cannot_be_asked_says_so_before_all_rooms_are_prepared(
+    run: Path, api: FakeApi, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One pair is asked first; here the key is refused."""
+    prepared: list[str] = []
+
+    def pairs_of(name: str, reference: object) -> list[KnownAnswer]:
+        prepared.append(name)
+        one, two = placement("s", "a", 1), placement("s", "b", 2, gap_m=0.05)
+        return [KnownAnswer(one, two, JudgedAxis.PHYSICS_NATURALNESS, "floating")]
+
+    monkeypatch.setattr("flows.judge_known.known_answers", pairs_of)
+    api.answers = [lambda body: error(401, "authentication_error", "no such key")]
+    assert "no such key" in complaint(capsys, run, "--validate", "--language", "anthropic")
+    assert len(prepared) == 1
+
+
+def test_a_run_that_is_none_is_told_before_anything_is_loaded() -> None:
+    """Of what computes nothing is imported for it."""
+    program = (
+        "import sys; from flows.cli.app import main; code = main(sys.argv[1:]); "
+        "assert not {'taichi', 'open3d', 'prefect'} & set(sys.modules), 'loaded'; sys.exit(code)"
+    )
+    for words in (["judge", "norun"], ["report", "norun"], ["study", "serve", "norun"], ["study", "report", "norun"]):
+        done = subprocess.run([sys.executable, "-c", program, *words], capture_output=True, text=True, check=False)
+        assert (done.returncode, "'norun' is not a run" in done.stderr) == (2, True), done.stderr
