@@ -25,6 +25,7 @@ from dcap.language.protocol.client import ClientName
 from dcap.scene.errors import InputError
 from dcap.scene.json_tree import JsonObject, object_to_json
 from dcap.scene.settings import data_root, runs_root, version
+from dcap.scene.spelling import not_one_of
 from dcap.scene.types.sample import Sample
 from dcap.scene.whole_files import write_whole
 from flows.display import Display, print_lines, print_table, summary_line
@@ -280,7 +281,7 @@ def stages_to_refresh(stage: str, sample: Sample, config: PlaceConfig) -> frozen
     if not refreshed.issubset(known):
         known |= dict.fromkeys(one.stage for one in plan_ahead(sample, config).stages)
     if not refreshed.issubset(known):
-        raise InputError(f"--stage {stage!r} is not one of {', '.join((MESH, *known))}")
+        raise InputError(f"--stage {stage!r} {not_one_of(stage, (MESH, *known))}")
     return refreshed
 
 

@@ -4,6 +4,7 @@ import os
 from collections.abc import Mapping
 
 from dcap.scene.errors import InputError
+from dcap.scene.spelling import not_one_of
 from flows.configure import configured, many_options
 from flows.language_options import LanguageOptions, language_of
 from flows.place import PlaceConfig
@@ -25,7 +26,7 @@ def benchmark_config(flags: Mapping[str, object], asked: RunSettings) -> tuple[P
 def runner_of(asked: RunSettings) -> SampleRunner:
     """Who places the samples; InputError for one that cannot work here."""
     if asked.runner not in set(RunnerName):
-        raise InputError(f"--runner {asked.runner!r} is not one of {', '.join(RunnerName)}")
+        raise InputError(f"--runner {asked.runner!r} {not_one_of(asked.runner, RunnerName)}")
     name = RunnerName(asked.runner)
     check_runner(name, asked.cluster, batch=asked.batch)
     limits = {SIMULATIONS: asked.simulations, MODEL_CALLS: asked.model_calls}

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from dcap.scene.errors import InputError
+from dcap.scene.spelling import not_one_of
 from dcap.scene.types.export_scene import ExportScene
 from dcap.scene.writers.mjcf import mjcf_files
 from dcap.scene.writers.urdf import urdf_files
@@ -46,7 +47,7 @@ FORMATS: Mapping[str, Callable[[FinishedPlacement], Files]] = {
 def export_sample(run: str, sample: str | None, kind: str, out: Path | None) -> Path:
     """Write one sample in a format; returns the folder, by default `export/FORMAT` in the sample's own."""
     if kind not in (*FORMATS, SPLATS):
-        raise InputError(f"--format {kind!r} is not one of {', '.join((*FORMATS, SPLATS))}")
+        raise InputError(f"--format {kind!r} {not_one_of(kind, (*FORMATS, SPLATS))}")
     if out is not None:
         check_out(out)
     placement = finished_placement(run, sample)

@@ -13,6 +13,7 @@ from dcap.language.model.reply_folder import MARK, ReplyFolder
 from dcap.language.protocol.client import DEFAULT_MODEL, ClientName, LanguageConfig
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import InputError
+from dcap.scene.spelling import not_one_of
 from flows.options import PlaceOptions
 from flows.settings.own import RunSettings
 
@@ -43,7 +44,7 @@ class LanguageOptions:
         """Who answers; InputError for options that contradict each other."""
         name = self.language or (ClientName.REPLAY if self.replay else ClientName.OFFLINE)
         if name not in list(ClientName):
-            raise InputError(f"--language {name!r} is not one of {', '.join(ClientName)}")
+            raise InputError(f"--language {name!r} {not_one_of(name, ClientName)}")
         client = ClientName(name)
         if client is ClientName.REPLAY and not self.replay:
             raise InputError("--language replay needs --replay DIR, a folder that --record DIR has written")

@@ -14,7 +14,7 @@ from pydantic_core import ErrorDetails
 
 from dcap.scene.errors import InputError
 from dcap.scene.given_text import LONGEST_PROMPT, LONGEST_WORDS, shortened, unfit
-from dcap.scene.spelling import did_you_mean
+from dcap.scene.spelling import did_you_mean, not_one_of
 
 LARGEST_RESOLUTION_M = 1.0
 """A cell larger than this resolves nothing that can be placed in a room [m]."""
@@ -43,7 +43,7 @@ def one_of(words: object) -> BeforeValidator:
 
     def check(value: object) -> object:
         if value not in allowed:
-            raise ValueError(f"is not one of {', '.join(allowed)}")
+            raise ValueError(not_one_of(value, allowed))
         return value
 
     return BeforeValidator(check)

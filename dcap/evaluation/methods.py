@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from dcap.scene.errors import InputError
-from dcap.scene.spelling import did_you_mean
+from dcap.scene.spelling import not_one_of
 from dcap.scene.types.sample import Sample
 
 DCAP, LAYOUTGPT = "dcap", "layoutgpt"
@@ -35,8 +35,7 @@ def methods_of(text: str) -> tuple[str, ...]:
     asked = {one.strip() for one in text.split(",") if one.strip()}
     for name in sorted(asked - {"all"}):
         if name not in METHODS:
-            known = ", ".join((*METHODS, "all"))
-            raise InputError(f"--methods {name!r} is not one of {known}{did_you_mean(name, METHODS)}")
+            raise InputError(f"--methods {name!r} {not_one_of(name, (*METHODS, 'all'))}")
     if not asked:
         raise InputError(f"--methods is empty; there are {', '.join(METHODS)} and all")
     asked |= set(ALL) if "all" in asked else set()

@@ -5,6 +5,7 @@ from typing import Annotated
 import typer
 
 from dcap.scene.errors import InputError
+from dcap.scene.spelling import not_one_of
 
 COMMANDLINE = "COMMANDLINE"
 """Name of the source of what a person has typed."""
@@ -33,5 +34,5 @@ def note(text: str) -> None:
 def choice(option: str, value: str, allowed: tuple[str, ...]) -> str:
     """A value from a closed list."""
     if value not in allowed:
-        raise InputError(f"{option} {value!r} is not one of {', '.join(allowed)}")
+        raise InputError(f"{option} {value!r} {not_one_of(value, allowed)}")
     return value
