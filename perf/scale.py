@@ -1,6 +1,6 @@
 """What a run of a data set cost, how that grew while it ran, and what a larger one would cost.
 
-python -m perf.scale RUN [--scenes 186 --prompts 5 --cores 2,16,128 --main SECONDS]
+python -m perf.scale RUN [--scenes 186 --prompts 5 --cores 2,16,128 --main SECONDS --busy SHARE]
 
 RUN is a run whose stages were computed for it (`dcap benchmark` on an empty store, any methods). A stage counts once
 for all placements that share it: one time to the millisecond in placements of one scene, object or sample is one
@@ -133,7 +133,7 @@ def busy_share(folder: Path, stages: Sequence[Computed], workers: int) -> float:
     if share > 1.0:
         raise InputError(
             f"{folder}: {share:.2f} times as many seconds of stages as {workers} workers have in {wall:.0f} s; "
-            "give a run that computed all of them, and its --workers"
+            "give a run that computed all of them, and its --workers; or --busy"
         )
     return share
 
@@ -171,6 +171,7 @@ def main() -> None:
     about = argparse.ArgumentParser(prog="python -m perf.scale", description="What a run cost, and a larger one would.")
     about.add_argument("run", help="name or folder of a run, or 'last'")
     about.add_argument("--workers", type=int, default=2, help="that the run had")
+    about.add_argument("--busy", type=float, help="share of a worker's time in stages, of a run that found some cached")
     about.add_argument("--scenes", type=int, default=186)
     about.add_argument("--prompts", type=int, default=5, help="of each scene")
     about.add_argument("--cores", default="2,16,128", help="between commas")
@@ -181,7 +182,7 @@ def main() -> None:
         folder = find_run(asked.run)
         found = placements(folder)
         stages = list(computed(found))
-        cost = cost_of(found, stages, busy_share(folder, stages, asked.workers))
+        cost = cost_of(found, stages, asked.busy or busy_share(folder, stages, asked.workers))
     except InputError as error:
         raise SystemExit(f"perf.scale: {error}") from error
     console.print(stage_table(stages))
