@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg, sparse
 
+from solver.errors import UnstableStep
 from solver.kernels import sparse as products
 from solver.kernels import tangents
 from solver.model.soft import BodyGrid, SoftSystem, shape_values
@@ -206,18 +207,18 @@ def factorised(matrix: NDArray[np.float64], frames: int) -> tuple[NDArray[np.flo
 
     Forces of a stiff core on the soft nodes around it come in single precision: what cancels between them and the
     core's own stiffness may leave a rigid motion slightly negative. As it only preconditions, such motions are made
-    stiffer then. Raises LinAlgError where that does not help either.
+    stiffer then, and where cells are so coarse that this does not help, everything. Raises UnstableStep where that does
+    not help either.
     """
     split = len(matrix) - 6 * frames
-    motions = np.arange(split, len(matrix))
-    for lift in LIFTS[:-1]:
-        matrix[motions, motions] *= 1.0 + lift
-        with suppress(linalg.LinAlgError):
-            factor = linalg.cho_factor(matrix.T, lower=False, check_finite=False)
-            return np.asarray(factor[0]), bool(factor[1])
-    matrix[motions, motions] *= 1.0 + LIFTS[-1]
-    factor = linalg.cho_factor(matrix.T, lower=False, overwrite_a=True, check_finite=False)
-    return np.asarray(factor[0]), bool(factor[1])
+    motions, everything = np.arange(split, len(matrix)), np.arange(len(matrix))
+    for stiffened in (motions, everything):
+        for lift in LIFTS:
+            matrix[stiffened, stiffened] *= 1.0 + lift
+            with suppress(linalg.LinAlgError):
+                factor = linalg.cho_factor(matrix.T, lower=False, check_finite=False)
+                return np.asarray(factor[0]), bool(factor[1])
+    raise UnstableStep(f"the coarse lattice of {split // 3} nodes and {frames} stiff cores has no stable stiffness")
 
 
 class CoarseSolve:
