@@ -124,7 +124,8 @@ def host_name(host: str) -> str:
     """The name in a header `Host`; empty where there is none, or a port that is no number."""
     try:
         parts = urlsplit(f"//{host}")
-        return "" if parts.port == 0 else parts.hostname or ""
+        name, _ = parts.hostname, parts.port  # which raises if it is no number
+        return name or ""
     except ValueError:
         return ""
 

@@ -22,11 +22,11 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from dcap.evaluation.methods import DCAP
-from dcap.evaluation.run_folder import placement_folder
+from dcap.evaluation.methods import split_id
+from dcap.evaluation.run_folder import sample_folder
 from dcap.evaluation.run_page.costs import Timings, timings_of
 from dcap.scene.errors import InputError
-from flows.find_run import find_run
+from flows.find_run import RUN, find_run
 
 PER_SCENE = frozenset({"mesh_scene", "surface_scene", "segment"})
 PER_OBJECT = frozenset({"mesh_object", "surface_object", "segment_object"})
@@ -81,15 +81,14 @@ class Cost:
 
 
 def placements(folder: Path) -> list[TimedPlacement]:
-    """Those of a run that have times, by its samples and then by its methods."""
-    tree = json.loads((folder / "run.json").read_text())
+    """Those of a run that have times, in its order."""
     found = []
-    for sample in tree["samples"]:
-        for method in tree.get("methods") or [DCAP]:
-            path = placement_folder(folder, method, sample["id"]) / "placement.json"
-            timings = timings_of(json.loads(path.read_text())) if path.is_file() else {}
-            if timings:
-                found.append(TimedPlacement(method, sample["scene"], sample["object"], sample["id"], timings))
+    for sample in json.loads((folder / RUN).read_text())["samples"]:
+        path = sample_folder(folder, sample["id"]) / "placement.json"
+        timings = timings_of(json.loads(path.read_text())) if path.is_file() else {}
+        if timings:
+            method, name = split_id(sample["id"])
+            found.append(TimedPlacement(method, sample["scene"], sample["object"], name, timings))
     if not found:
         raise InputError(f"{folder}: no placement has times; give a run of `dcap benchmark`")
     return found

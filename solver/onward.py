@@ -121,10 +121,11 @@ def apart(simulation: Simulation, state: State) -> State:
     for _ in range(MOST_PUSHES):
         if deepest is None or deepest.depth <= FLUSH:
             return state
-        if not any(index in simulation.free for index in (deepest.a, deepest.b)):
-            break
         moves_a = deepest.a in simulation.free
-        push(simulation, state, deepest.a if moves_a else deepest.b, (1 if moves_a else -1) * deepest.way)
+        if not moves_a and deepest.b not in simulation.free:
+            break
+        index, way = (deepest.a, deepest.way) if moves_a else (deepest.b, -deepest.way)
+        push(simulation, state, index, way)
         deepest = overlap(simulation, state)
     refuse_overlap(simulation, state)
     return state
@@ -158,8 +159,8 @@ def overlap(simulation: Simulation, state: State) -> Overlap | None:
         worst = int(np.argmin(touching.gap))
         depth = float(-touching.gap[worst])
         if found is None or depth > found.depth:
-            way, place = depth * touching.normal[worst], touching.position[worst]
-            found = Overlap(touching.pair.a, touching.pair.b, depth, way, place)
+            pair, way = touching.pair, depth * touching.normal[worst]
+            found = Overlap(pair.a, pair.b, depth, way, touching.position[worst])
     return found
 
 

@@ -218,7 +218,10 @@ def factorised(matrix: NDArray[np.float64], frames: int) -> tuple[NDArray[np.flo
             with suppress(linalg.LinAlgError):
                 factor = linalg.cho_factor(matrix.T, lower=False, check_finite=False)
                 return np.asarray(factor[0]), bool(factor[1])
-    raise UnstableStep(f"the coarse lattice of {split // 3} nodes and {frames} stiff cores has no stable stiffness")
+    raise UnstableStep(
+        f"the stiffness of the coarse lattice ({split // 3} nodes, {frames} moving frames) is not positive definite, "
+        f"not even where all of it is {LIFTS[-1]:.0%} larger"
+    )
 
 
 class CoarseSolve:

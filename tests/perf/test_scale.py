@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from dcap.evaluation.methods import joined_id
 from dcap.evaluation.run_folder import placement_folder
 from dcap.scene.errors import InputError
 from perf.scale import busy_share, computed, cost_of, forecast_table, placements, stage_table
@@ -15,17 +16,17 @@ SHARED = {"segment": 4.0, "segment_object": 0.5}
 @pytest.fixture
 def run(tmp_path: Path) -> Path:
     """Two samples in one scene, one in another; a second method has the first one's reading of each sentence."""
-    samples = [
-        {"id": name, "scene": scene, "object": "ball.glb"} for name, scene in (("a", "1"), ("b", "1"), ("c", "2"))
-    ]
-    (tmp_path / "run.json").write_text(json.dumps({"samples": samples, "methods": ["dcap", "holodeck"]}))
-    (tmp_path / "summary.json").write_text(json.dumps({"wall_s": 40.0}))
-    for number, sample in enumerate(samples):
-        for method, own in (("dcap", {"drop": 10.0 + number}), ("holodeck", {"holodeck": 2.0})):
-            folder = placement_folder(tmp_path, method, str(sample["id"]))
+    asked = []
+    for method, own in (("dcap", "drop"), ("holodeck", "holodeck")):
+        for number, (name, scene) in enumerate((("a", "1"), ("b", "1"), ("c", "2"))):
+            named = name if method == "dcap" else joined_id(method, name)
+            asked.append({"id": named, "scene": scene, "object": "ball.glb"})
+            folder = placement_folder(tmp_path, method, name)
             folder.mkdir(parents=True)
-            timings = {**SHARED, "intent": 0.1, **own}
+            timings = {**SHARED, "intent": 0.1, own: 10.0 + number if own == "drop" else 2.0}
             (folder / "placement.json").write_text(json.dumps({"timings": timings}))
+    (tmp_path / "run.json").write_text(json.dumps({"samples": asked}))
+    (tmp_path / "summary.json").write_text(json.dumps({"wall_s": 40.0}))
     return tmp_path
 
 

@@ -18,6 +18,7 @@ import anthropic
 from dcap.language.model.payload import CACHED, Payload
 from dcap.language.model.reply_folder import Message
 from dcap.scene.errors import LanguageError, RefusedError
+from dcap.scene.redaction import redacted
 
 USUAL = "api.anthropic.com"
 """Where the SDK asks unless told otherwise."""
@@ -113,7 +114,7 @@ def told_in_a_line(model: str) -> Iterator[None]:
     except anthropic.APITimeoutError:
         raise unanswered(model) from None
     except anthropic.APIError as error:
-        raise unreachable(model, error, base_address()) from None
+        raise unreachable(model, error, "ANTHROPIC_BASE_URL") from None
     except anthropic.AnthropicError as error:
         raise no_access(error) from None
     except TypeError as error:
@@ -139,15 +140,11 @@ def unanswered(model: str) -> LanguageError:
     return LanguageError(f"{model} gave no answer within {TIMEOUT:.0f} s, {RETRIES + 1} times")
 
 
-def unreachable(model: str, error: Exception, address: str) -> LanguageError:
-    """What is said where no try reached the server."""
+def unreachable(model: str, error: Exception, variable: str) -> LanguageError:
+    """What is said where no try reached the server, whose address a variable of the environment may name."""
+    given = os.environ.get(variable, "")
+    address = f"{redacted(given)} ({variable})" if given else f"the usual address ({variable} names another)"
     return LanguageError(f"{model} cannot be reached at {address}: {one_line(str(error))}")
-
-
-def base_address() -> str:
-    """Where questions go, with the variable that decides it."""
-    given = os.environ.get("ANTHROPIC_BASE_URL", "")
-    return f"{given} (ANTHROPIC_BASE_URL)" if given else "the usual address (ANTHROPIC_BASE_URL names another)"
 
 
 def message_of(body: object, otherwise: str) -> str:

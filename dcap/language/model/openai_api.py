@@ -55,12 +55,6 @@ def endpoint() -> str:
     return "" if name == USUAL else name
 
 
-def base_address() -> str:
-    """Where questions go, with the variable that decides it."""
-    given = os.environ.get("OPENAI_BASE_URL", "")
-    return f"{given} (OPENAI_BASE_URL)" if given else "the usual address (OPENAI_BASE_URL names another)"
-
-
 def check_installed() -> None:
     """InputError if the SDK is not there."""
     if importlib.util.find_spec("openai") is None:
@@ -170,7 +164,7 @@ def told_in_a_line(model: str) -> Iterator[None]:
     except openai.APITimeoutError:
         raise unanswered(model) from None
     except openai.APIError as error:
-        raise unreachable(model, error, base_address()) from None
+        raise unreachable(model, error, "OPENAI_BASE_URL") from None
     except openai.OpenAIError as error:
         raise RefusedError(f"no access to OpenAI: {one_line(str(error))}") from None
 

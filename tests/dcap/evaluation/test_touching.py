@@ -168,13 +168,13 @@ def test_nearly_drowned_things_are_deep():
 
 
 def test_what_may_come_out_sideways_is_no_deeper_than_that():
-    """A cupboard's edge in a ball's side, a wall beside a box, two walls at a box between them, a post in a plate."""
+    """A cupboard's edge in a ball's side, a wall beside a box, two walls at a box between them, half over an edge."""
     cupboard = box([1.0, 1.0, 1.0], [0.58, 0.0, -0.5])  # its face is at x = 8 cm, its top at z = 0
     assert touching(ball(0.1, [0.0, 0.0, 0.0]), cupboard).penetration == pytest.approx(0.02, abs=0.003)
     wall = together(SLAB, box([0.2, 2.0, 0.3], [0.145, 0.0, 0.15]))
     assert touching(box([0.1, 0.1, 0.1], [0.0, 0.0, 0.05]), wall).penetration == pytest.approx(0.005, abs=1e-3)
     vice = together(SLAB, box([0.2, 2.0, 0.06], [0.148, 0.0, 0.03]), box([0.2, 2.0, 0.06], [-0.148, 0.0, 0.03]))
-    assert touching(box([0.1, 0.1, 0.1], [0.0, 0.0, 0.05]), vice).penetration == pytest.approx(0.002, abs=2e-3)
+    assert touching(box([0.1, 0.1, 0.1], [0.0, 0.0, 0.05]), vice).penetration == pytest.approx(0.002, abs=5e-4)
     half_over = touching(box([0.1, 0.1, 0.1], [0.5, 0.0, -0.045]), SLAB)
     assert half_over.penetration == pytest.approx(0.05, abs=2e-3)
 
@@ -186,13 +186,11 @@ def test_what_is_between_its_parts_is_not_in_it():
     assert found.penetration == 0.0
 
 
-@pytest.mark.parametrize("under", [0.0, 5e-4, 3e-3])
+@pytest.mark.parametrize("under", [-3e-3, 0.0, 5e-4, 3e-3])
 def test_what_is_just_under_a_board_does_not_rest_on_it(under):
-    """A cube whose top is that far below, and one that is 3 mm inside from below; the floor carries them."""
+    """A cube whose top is that far below it, or inside it from below; the floor carries it."""
     board = box([1.0, 1.0, 0.03], [0.0, 0.0, 0.115 + under])
     found = touching(cube(0.0), together(SLAB, board))
     assert found.columns.top[found.columns.nearest] == pytest.approx(0.0, abs=1e-5)
     assert found.gap == pytest.approx(0.0, abs=1e-5)
-    pressed = touching(cube(0.0), together(SLAB, box([1.0, 1.0, 0.03], [0.0, 0.0, 0.112])))
-    assert pressed.penetration == pytest.approx(0.003, abs=1e-4)
-    assert pressed.columns.top[pressed.columns.nearest] == pytest.approx(0.0, abs=1e-5)
+    assert found.penetration == pytest.approx(max(-under, 0.0), abs=1e-4)
