@@ -12,7 +12,7 @@ from fake_api import KEY, FakeApi, fails, offline_model, says
 from questions_at_hand import materials_request, rotation_request
 
 from dcap.language.connect import connect
-from dcap.language.model.anthropic_api import endpoint, size_of
+from dcap.language.model.anthropic_api import endpoint, size_of, unreachable
 from dcap.language.model.ledger import (
     Ledger,
     ReleaseLine,
@@ -276,3 +276,12 @@ def test_a_failed_call_gives_its_reservation_back(api: FakeApi, ask, tmp_path):
         with pytest.raises(LanguageError, match="400"):
             connect(MODEL, session).ask(INTENT, ask("put the mug on the desk"))
     connect(MODEL, session).ask(INTENT, ask("put the mug on the desk"))
+
+
+def test_an_address_that_is_not_reached_is_told_without_its_log_in(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With the variable that names it, or that may name another."""
+    monkeypatch.setenv("ANTHROPIC_BASE_URL", "https://me:secret@gate.example/v1")
+    said = str(unreachable("m", OSError("refused"), "ANTHROPIC_BASE_URL"))
+    assert said == "m cannot be reached at https://***@gate.example/v1 (ANTHROPIC_BASE_URL): refused"
+    monkeypatch.delenv("ANTHROPIC_BASE_URL")
+    assert "(ANTHROPIC_BASE_URL names another)" in str(unreachable("m", OSError("refused"), "ANTHROPIC_BASE_URL"))
