@@ -18,6 +18,7 @@ from dcap.evaluation.outcome_table import AS_POSED, SampleOutcome
 from dcap.evaluation.page3d.viewer import PAGE, ShownModel, write_view3d
 from dcap.evaluation.run_folder import placement_folder
 from dcap.evaluation.run_page.costs import Timings, costs_table, timings_of
+from dcap.evaluation.run_page.csv_tables import table_from_csv
 from dcap.evaluation.run_page.failures import (
     KINDS,
     baselines_ahead,
@@ -38,7 +39,7 @@ from dcap.evaluation.run_page.placement_files import (
 )
 from dcap.evaluation.run_page.provenance import HASHES, provenance_of, read_run
 from dcap.evaluation.run_page.supports import supports_figure
-from dcap.evaluation.run_page.tables import metrics_table, table_from_csv
+from dcap.evaluation.run_page.tables import metrics_table
 from dcap.evaluation.run_summary import RunSummary
 from dcap.language.model.ledger import in_words
 from dcap.scene.types.judged_views import BEFORE

@@ -1,7 +1,7 @@
-"""Tables of the page: those that lie in the run as CSV, and metrics by method, which are also written as CSV and LaTeX.
+"""A table of the page, and that of metrics by method, which is also written as CSV and LaTeX.
 
-In: rows of a run, `tables/*.csv`. Out: headings and cells as text; `tables/metrics.csv`, `tables/metrics.tex` (SI in
-the CSV, units that suit the eye elsewhere).
+In: rows of a run. Out: headings and cells as text; `tables/metrics.csv`, `tables/metrics.tex` (SI in the CSV, units
+that suit the eye elsewhere).
 """
 
 import csv
@@ -16,9 +16,6 @@ from dcap.evaluation.table_files import TABLES, table_links, write_table
 from dcap.evaluation.table_text import tex_escaped
 
 METRICS = "metrics"
-DAGGER, SIGNIFICANT, LOW, HIGH, WINS = "†", "_significant", "_low", "_high", "_wins"
-MOST_ROWS, MOST_COLUMNS = 60, 24
-"""Of a table from a file that is shown [-]; the whole is in the file."""
 NOTHING = "–"
 RESTING = (AT_REST, AS_POSED)
 """Verdicts of placements of which something can be measured."""
@@ -163,45 +160,3 @@ def metrics_tex(
         label = tex_escaped(f"{one.words} [{one.unit}]" if one.unit else one.words)
         lines.append(f"{' & '.join([label, *cells])} \\\\")
     return "\n".join([*lines, "\\hline", "\\end{tabular}"]) + "\n"
-
-
-def table_from_csv(run: Path, name: str, title: str) -> ShownTable | None:
-    """A table that lies in the run; None where it does not, or is not one."""
-    path = run / TABLES / f"{name}.csv"
-    try:
-        rows = list(csv.reader(path.read_text(encoding="utf-8").splitlines()))
-    except (OSError, ValueError, csv.Error):
-        return None
-    if len(rows) < 2 or any(len(row) != len(rows[0]) for row in rows):
-        return None
-    head, shown = with_intervals(rows[0], rows[1:])
-    note = f"{len(shown)} rows, the first {MOST_ROWS} shown" if len(shown) > MOST_ROWS else ""
-    files = tuple(f"{TABLES}/{name}.{end}" for end in ("csv", "tex") if (run / TABLES / f"{name}.{end}").is_file())
-    return ShownTable(title, tuple(head[:MOST_COLUMNS]), tuple(tuple(row[:MOST_COLUMNS]) for row in shown[:MOST_ROWS]),
-                      files, note)  # fmt: skip
-
-
-def with_intervals(head: Sequence[str], rows: Sequence[Sequence[str]]) -> tuple[list[str], list[list[str]]]:
-    """Headings and cells where X, X_low and X_high are one column, and a mark stands for X_significant.
-
-    p-values stay in the file; of `method` and `name` the latter is shown.
-    """
-    known = set(head)
-    inner = {f"{one.removesuffix(WINS)}{end}" for one in head for end in (LOW, HIGH)} & known
-    marks = {one: one.removesuffix(SIGNIFICANT) for one in head if one.endswith(SIGNIFICANT)}
-    hidden = inner | set(marks) | {one for one in head if one.endswith("_p") or one == "p"}
-    hidden |= {"method"} if {"method", "name"} <= known else set()
-    shown = [one for one in head if one not in hidden]
-    cells = []
-    for row in rows:
-        own = dict(zip(head, row, strict=True))
-        cells.append([interval_cell(own, one, marks) for one in shown])
-    return [one.replace("_", " ").strip() for one in shown], cells
-
-
-def interval_cell(row: Mapping[str, str], column: str, marks: Mapping[str, str]) -> str:
-    """A cell with its interval and mark."""
-    about = column.removesuffix(WINS)
-    low, high = row.get(f"{about}{LOW}", ""), row.get(f"{about}{HIGH}", "")
-    starred = any(row[mark].lower() in ("true", "1") for mark, of in marks.items() if of == about)
-    return f"{row[column] or NOTHING}{DAGGER if starred else ''}{f' [{low}, {high}]' if low and high else ''}"

@@ -17,11 +17,12 @@ from run_rows import outcomes, written
 
 from dcap.evaluation.outcome_table import AS_POSED, SampleOutcome, row_of
 from dcap.evaluation.page3d.three import three_script
+from dcap.evaluation.run_page.csv_tables import table_from_csv
 from dcap.evaluation.run_page.failures import baselines_ahead, failures_of
 from dcap.evaluation.run_page.placement_files import MOST_NOTES, certificate_text, notes_of
 from dcap.evaluation.run_page.provenance import provenance_of
 from dcap.evaluation.run_page.supports import supports_figure
-from dcap.evaluation.run_page.tables import SHOWN_METRICS, metrics_table, table_from_csv
+from dcap.evaluation.run_page.tables import SHOWN_METRICS, metrics_table
 from dcap.evaluation.table_text import tex_escaped
 from dcap.scene.readers.gltf.gltf import read_gltf
 from dcap.scene.types.judged_views import PLACED
@@ -192,15 +193,17 @@ def test_where_a_baseline_is_ahead() -> None:
 
 
 def test_tables_of_the_run_are_shown(tmp_path: Path) -> None:
-    """Intervals and marks belong to their value; a torn table is left out."""
+    """Spread, interval and mark belong to their value; what all rows share is said once; a torn table is left out."""
     (tmp_path / "tables").mkdir()
     path = tmp_path / "tables" / "table2.csv"
-    path.write_text("method,name,overall_wins,overall_low,overall_high,overall_p,overall_significant,elo\n"
-                    "dcap,DCAP,0.9,0.8,0.95,0.001,True,1600\nx,<i>X</i>,0.1,,,0.5,False,\n")  # fmt: skip
+    path.write_text("method,name,overall_wins,overall_low,overall_high,overall_p,overall_significant,elo,score,score_sd,judge,fair\n"
+                    "dcap,DCAP,0.9000,0.8000,0.9512,0.001,True,1600.26,9.4832,1.0335,rubric,False\n"
+                    "x,<i>X</i>,0.1000,,,0.5,False,,4,,rubric,False\n")  # fmt: skip
     table = table_from_csv(tmp_path, "table2", "Table 2")
     assert table is not None
-    assert table.head == ("name", "overall wins", "elo")
-    assert table.rows == (("DCAP", "0.9† [0.8, 0.95]", "1600"), ("<i>X</i>", "0.1", "–"))
+    assert table.head == ("name", "overall wins", "Elo", "score")
+    assert table.rows == (("DCAP", "0.90† [0.80, 0.95]", "1600", "9.48 ± 1.03"), ("<i>X</i>", "0.10", "–", "4"))
+    assert table.note == "In every row: judge rubric; fair no"
     assert table.files == ("tables/table2.csv",)
     path.write_text("method,name\ndcap\n")
     assert table_from_csv(tmp_path, "table2", "Table 2") is None

@@ -1,0 +1,97 @@
+"""Tables that lie in a run as CSV, as people read them on its page.
+
+In: `tables/NAME.csv`, whose columns tell a value, its spread, its interval and whether it is significant. Out: one cell
+for what belongs together, with as many digits as the eye compares; what is the same in every row is said once below.
+"""
+
+import csv
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from dcap.evaluation.run_page.tables import NOTHING, ShownTable
+from dcap.evaluation.table_files import ENDS, TABLES
+
+DAGGER, SIGNIFICANT, SPREAD, LOW, HIGH, WINS = "†", "_significant", "_sd", "_low", "_high", "_wins"
+MOST_ROWS, MOST_COLUMNS = 60, 24
+"""Of a table that are shown [-]; the whole is in the file."""
+LEAST_WHOLE = 100.0
+"""A number that is not whole is shown without decimals from here on, with two below [-]."""
+YES_OR_NO = {"True": "yes", "False": "no"}
+SHOWN_WORDS = {
+    "right_place": "Right Place",
+    "physics_naturalness": "P&N",
+    "bradley_terry": "Bradley–Terry",
+    "elo": "Elo",
+}
+"""How people write what the columns' names begin with."""
+
+
+def table_from_csv(run: Path, name: str, title: str) -> ShownTable | None:
+    """A table that lies in the run; None where it does not, or is not one."""
+    path = run / TABLES / f"{name}.csv"
+    try:
+        rows = list(csv.reader(path.read_text(encoding="utf-8").splitlines()))
+    except (OSError, ValueError, csv.Error):
+        return None
+    if len(rows) < 2 or any(len(row) != len(rows[0]) for row in rows):
+        return None
+    head, shown = joined(rows[0], rows[1:])
+    head, shown, same = said_once(head, shown)
+    cut = f"{len(shown)} rows, the first {MOST_ROWS} shown" if len(shown) > MOST_ROWS else ""
+    files = tuple(f"{TABLES}/{name}{end}" for end in ENDS if (run / TABLES / f"{name}{end}").is_file())
+    return ShownTable(title, tuple(head[:MOST_COLUMNS]), tuple(tuple(row[:MOST_COLUMNS]) for row in shown[:MOST_ROWS]),
+                      files, ". ".join(one for one in (same, cut) if one))  # fmt: skip
+
+
+def joined(head: Sequence[str], rows: Sequence[Sequence[str]]) -> tuple[list[str], list[list[str]]]:
+    """Headings and cells where X, X_sd, X_low and X_high are one column, and a mark stands for X_significant.
+
+    p-values stay in the file; of `method` and `name` the latter is shown.
+    """
+    known = set(head)
+    inner = {f"{one.removesuffix(WINS)}{end}" for one in head for end in (SPREAD, LOW, HIGH)} & known
+    marks = {one: one.removesuffix(SIGNIFICANT) for one in head if one.endswith(SIGNIFICANT)}
+    hidden = inner | set(marks) | {one for one in head if one.endswith("_p") or one == "p"}
+    hidden |= {"method"} if {"method", "name"} <= known else set()
+    shown = [one for one in head if one not in hidden]
+    cells = [[joined_cell(dict(zip(head, row, strict=True)), one, marks) for one in shown] for row in rows]
+    return [heading(one) for one in shown], cells
+
+
+def heading(column: str) -> str:
+    """A column's name as people write it."""
+    for name, words in SHOWN_WORDS.items():
+        column = column.replace(name, words)
+    return column.replace("_", " ").strip()
+
+
+def joined_cell(row: Mapping[str, str], column: str, marks: Mapping[str, str]) -> str:
+    """A cell with its mark, spread and interval."""
+    about = column.removesuffix(WINS)
+    spread, low, high = (eyed(row.get(f"{about}{end}", "")) for end in (SPREAD, LOW, HIGH))
+    starred = any(row[mark].lower() in ("true", "1") for mark, of in marks.items() if of == about)
+    return (f"{eyed(row[column]) or NOTHING}{DAGGER if starred else ''}{f' ± {spread}' if spread else ''}"
+            f"{f' [{low}, {high}]' if low and high else ''}")  # fmt: skip
+
+
+def eyed(text: str) -> str:
+    """A cell of the file with the digits that the eye compares, and words instead of Python's truth values."""
+    if text in YES_OR_NO or "." not in text:
+        return YES_OR_NO.get(text, text)
+    try:
+        value = float(text)
+    except ValueError:
+        return text
+    return f"{value:.0f}" if abs(value) >= LEAST_WHOLE else f"{value:.2f}"
+
+
+def said_once(head: Sequence[str], rows: Sequence[Sequence[str]]) -> tuple[list[str], list[list[str]], str]:
+    """The columns after the first that differ between rows, and the others as a sentence."""
+    same = [at for at in range(1, len(head)) if len(rows) > 1 and len({row[at] for row in rows}) == 1]
+    kept = [at for at in range(len(head)) if at not in same]
+    words = "; ".join(f"{head[at]} {rows[0][at]}" for at in same)
+    return (
+        [head[at] for at in kept],
+        [[row[at] for at in kept] for row in rows],
+        f"In every row: {words}" if words else "",
+    )
