@@ -153,13 +153,15 @@ def print_plan(plans: Sequence[Plan], *, stages: bool = False) -> None:
 def print_table(rows: Sequence[SampleOutcome], summary: RunSummary, folder: Path) -> None:
     """The results of a run."""
     console = console_on_stderr()
-    table = Table("sample", "verdict", "on", "expected", "", "s", box=None)
+    several = len({row.method for row in rows}) > 1
+    table = Table(*(("method",) if several else ()), "sample", "verdict", "on", "expected", "", "s", box=None)
     for row in rows:
         verdict = row.verdict if not row.reason else f"{row.verdict}: {row.reason}"
         mark = "" if row.as_expected is None else ("yes" if row.as_expected else "NO")
         on = f"{row.base} {row.part}".strip() + (" (region missed)" if row.region_missed else "")
         style = "red" if row.error else ("yellow" if row.as_expected is False else "")
-        table.add_row(row.sample, row.error[:60] or verdict, on, row.expected, mark, f"{row.seconds:.1f}", style=style)
+        cells = (row.sample, row.error[:60] or verdict, on, row.expected, mark, f"{row.seconds:.1f}")
+        table.add_row(*((row.method,) if several else ()), *cells, style=style)
     console.print(table)
     console.print(summary_line(summary))
     if summary.language:
@@ -176,8 +178,9 @@ def print_lines(lines: Sequence[str]) -> None:
 
 def summary_line(summary: RunSummary) -> str:
     """The counts in a sentence."""
+    posed = f"{summary.as_posed} as posed, " if summary.as_posed else ""
     line = (
-        f"{summary.samples} samples: {summary.at_rest} at rest, {summary.infeasible} infeasible, "
+        f"{summary.samples} samples: {summary.at_rest} at rest, {posed}{summary.infeasible} infeasible, "
         f"{summary.failed} failed"
     )
     if summary.feasible_intended or summary.infeasible_intended:

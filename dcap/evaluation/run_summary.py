@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from dcap.evaluation.outcome_table import AT_REST, SampleOutcome
+from dcap.evaluation.outcome_table import AS_POSED, AT_REST, SampleOutcome
 from dcap.language.model.ledger import Spending
 
 
@@ -15,6 +15,8 @@ class RunSummary:
     """Folder of the run."""
     samples: int
     at_rest: int
+    as_posed: int
+    """Placements of methods that do not settle what they place."""
     infeasible: int
     failed: int
     """Samples that did not get through; neither at rest nor infeasible."""
@@ -44,6 +46,7 @@ def summary_of(
         run=run,
         samples=len(rows),
         at_rest=sum(row.verdict == AT_REST for row in rows),
+        as_posed=sum(row.verdict == AS_POSED for row in rows),
         infeasible=sum(row.verdict == "infeasible" for row in rows),
         failed=sum(row.error != "" for row in rows),
         region_missed=sum(row.verdict == AT_REST and row.region_missed for row in rows),

@@ -14,8 +14,15 @@ def known_error(error: BaseException) -> DcapError | None:
 def error_line(error: BaseException) -> str:
     """What went wrong, without secrets; the kind of an error that is a mistake of ours is told with it."""
     known = known_error(error)
-    words = str(known) if known else f"{type(error).__name__}: {error}"
+    words = str(known) if known else f"{type(error).__name__}: {ends(str(error))}"
     return redacted(" ".join(words.split()))
+
+
+def ends(text: str) -> str:
+    """Of a text of lines, such as the last words of a process, the first and the last that is not indented: that of a
+    traceback names the error."""
+    lines = [line for line in text.splitlines() if line.strip() and not line[0].isspace()]
+    return " … ".join(lines[:1] + lines[1:][-1:]) or text
 
 
 def reason_line(found: Infeasible) -> str:

@@ -1,11 +1,13 @@
 """What a benchmark shows counts every sample once and every stage that there is."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from rich.console import Console
 
-from dcap.evaluation.outcome_table import row_of
+from dcap.evaluation.methods import DCAP, joined_id
+from dcap.evaluation.outcome_table import AS_POSED, row_of
 from dcap.evaluation.run_summary import summary_of
 from dcap.scene.errors import InputError
 from dcap.scene.types.sample import Sample
@@ -79,3 +81,19 @@ def test_ids_are_shown_as_they_are(capsys: pytest.CaptureFixture[str], tmp_path:
     assert said.count("[/b] :smile: [red]") == 3
     assert said.count("no [/i] there") == 3
     assert "[/b]/report.html" in said
+
+
+def test_the_list_of_a_run_names_the_method_of_each_row(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    """Where there are several; with one, no column says the same again. What stands as posed is counted."""
+    rows = [row_of(Sample(joined_id(method, "one"), "room", "ball", "put it"), None, "", None)
+            for method in (DCAP, "layoutgpt")]  # fmt: skip
+    rows[1] = replace(rows[1], verdict=AS_POSED)
+    print_table(rows, summary_of(rows, run="", wall_s=1.0), tmp_path)
+    said = capsys.readouterr().err
+    assert "method" in said
+    assert "layoutgpt" in said
+    assert "1 as posed" in said
+    print_table(rows[:1], summary_of(rows[:1], run="", wall_s=1.0), tmp_path)
+    said = capsys.readouterr().err
+    assert "method" not in said
+    assert "as posed" not in said
