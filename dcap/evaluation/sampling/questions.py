@@ -4,6 +4,7 @@ Offline the templates answer. A model sees instances and objects with their size
 hold of the scene as far as labels, parts and sizes tell, or it is asked again with the reason.
 """
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -13,7 +14,7 @@ from dcap.evaluation.outcome_table import ExpectedOutcome
 from dcap.evaluation.sampling.requests import PlacedAsset
 from dcap.evaluation.sampling.supports import thing_name
 from dcap.evaluation.sampling.templates import TemplateSample, template_samples
-from dcap.language.offline.lexicon import in_line, label_words, longest_phrase, split_words, vocabulary
+from dcap.language.offline.lexicon import Meaning, in_line, label_words, longest_phrase, split_words, vocabulary
 from dcap.language.protocol.questions import Question
 from dcap.language.protocol.replies import Region
 from dcap.language.protocol.requests import InstanceView, Vector
@@ -22,6 +23,8 @@ LONGEST_SENTENCE = 300
 """Characters [-]."""
 MOST_SAMPLES = 200
 """Of one scene [-]."""
+TELLS_APART = ("side", "count", "colour", "viewer", "id word")
+"""Kinds of words that may say which of several alike things is meant, by themselves."""
 Top = Literal["", "up", "down", "sideways"]
 RefusalReason = Literal["", "target_not_found", "too_large_for_target"]
 
@@ -117,6 +120,15 @@ def check_sample(one: SampleDraft, request: SamplesRequest) -> None:
     several = sum(label_words(i.label) == label_words(base.label) for i in request.instances) > 1
     if one.any_such and not several:
         raise ValueError(f"{said}: any_such, but {base.id} is the only {base.label}")
+    if (
+        several
+        and not one.any_such
+        and not says_which(one.prompt, base, [i for i in request.instances if not is_such(asset, i)])
+    ):
+        raise ValueError(
+            f"{said}: there are several of label {base.label!r}, and nothing in it says that {base.id} is meant; "
+            "say which, or that any_such will do"
+        )
     large = min(asset.size) > max(base.size[:2])
     if one.reason != "too_large_for_target" and large:
         raise ValueError(f"{said}: the {asset.noun} of {max(asset.size):.2f} m does not fit on the {base.label}")
@@ -126,16 +138,38 @@ def check_sample(one: SampleDraft, request: SamplesRequest) -> None:
 
 def speaks_of(prompt: str, base: InstanceView) -> bool:
     """Whether a sentence has a noun for an instance: its label's words, or a word for such a thing or a part of it."""
-    words, thing = split_words(prompt), thing_name(base)
-    parts = {part.name for part in base.parts}
+    thing, parts = thing_name(base), {part.name for part in base.parts}
+    for meaning in meanings(prompt):
+        if meaning.kind == "thing" and thing and in_line(meaning.value, thing):
+            return True
+        if meaning.kind == "part" and meaning.value in parts:
+            return True
+    return speaks_of_label(prompt, base)
+
+
+def says_which(prompt: str, base: InstanceView, instances: Sequence[InstanceView]) -> bool:
+    """Whether a sentence has words that could tell an instance from those of its label: a side, a colour, or another
+    thing of the scene. That they do is not known."""
+    if any(meaning.kind in TELLS_APART for meaning in meanings(prompt)):
+        return True
+    own = label_words(base.label)
+    return any(
+        speaks_of(prompt, one) for one in instances if label_words(one.label) != own and not same_noun(one, base)
+    )
+
+
+def same_noun(one: InstanceView, other: InstanceView) -> bool:
+    """Whether a word for the one may mean the other."""
+    thing, another = thing_name(one), thing_name(other)
+    return bool(thing and another) and (in_line(thing, another) or in_line(another, thing))
+
+
+def meanings(prompt: str) -> Iterator[Meaning]:
+    """Whatever any words of a sentence mean somewhere."""
+    words = split_words(prompt)
     for begin in range(len(words)):
         for end in range(begin + 1, min(len(words), begin + longest_phrase()) + 1):
-            for meaning in vocabulary().get(tuple(words[begin:end]), ()):
-                if meaning.kind == "thing" and thing and in_line(meaning.value, thing):
-                    return True
-                if meaning.kind == "part" and meaning.value in parts:
-                    return True
-    return speaks_of_label(prompt, base)
+            yield from vocabulary().get(tuple(words[begin:end]), ())
 
 
 def is_such(asset: PlacedAsset, instance: InstanceView) -> bool:

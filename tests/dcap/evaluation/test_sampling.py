@@ -113,6 +113,28 @@ def test_a_reply_is_compared_with_the_scene(changes: dict[str, object], words: s
     assert "\n" not in str(refused.value)
 
 
+@pytest.mark.parametrize(
+    ("prompt", "any_such", "told"),
+    [
+        ("Put the mug on the bed.", False, False),
+        ("Put the mug on the bed.", True, True),
+        ("Put the mug on the left bed.", False, True),
+        ("Put the mug on the bed next to the desk.", False, True),
+        ("Put the mug on the red bed.", False, True),
+    ],
+)
+def test_one_of_two_beds_is_told_from_the_other(prompt: str, any_such: bool, told: bool) -> None:
+    """A sentence for which either would do may not expect one of them: a method that takes the other would be wrong."""
+    bed = next(one.id for one in ROOM if one.label == "bed")
+    request = SamplesRequest("room", ROOM, (0.0, 0.0, 0.0), ASSETS, 1, 0, 0)
+    reply = SamplesReply(samples=(draft(prompt=prompt, base_id=bed, any_such=any_such),))
+    if told:
+        reply.check(request)
+    else:
+        with pytest.raises(ValueError, match=f"nothing in it says that {bed} is meant"):
+            reply.check(request)
+
+
 def test_a_reply_is_counted() -> None:
     """Neither fewer samples, nor two alike, nor more refusals than asked for are taken."""
     request = SamplesRequest("room", ROOM, (0.0, 0.0, 0.0), ASSETS, 2, 0, 0)
