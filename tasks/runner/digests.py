@@ -16,7 +16,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from threading import Lock
 
-from dcap.scene.settings import PROJECT_ROOT
+from dcap.scene import settings
 
 PACKAGES = frozenset({"dcap", "flows", "solver", "tasks"})
 MACHINERY = frozenset(
@@ -40,7 +40,7 @@ FACE = "dcap"
 """The package whose own `__init__` is the public face: what it offers to programs decides no result."""
 DATA_SUFFIXES = frozenset({".csv", ".yaml", ".yml", ".json", ".j2", ".txt", ".toml"})
 DATA_FOLDERS = frozenset({"prompts"})
-CARRIED = Path(FACE, "_resources")
+CARRIED = Path(FACE, settings.CARRIED)
 """Where an installed dcap has the data files that lie at the root of a clone."""
 DISTRIBUTIONS = {"PIL": "pillow", "igl": "libigl", "skimage": "scikit-image", "ruamel": "ruamel.yaml", "yaml": "PyYAML"}
 """Where the name to install differs from the name to import."""
@@ -91,7 +91,7 @@ def libraries(module_path: Path, root: Path) -> dict[str, str]:
     return reached_code(module_path, root).libraries
 
 
-def reached_code(module_path: Path, root: Path = PROJECT_ROOT) -> ReachedCode:
+def reached_code(module_path: Path, root: Path = settings.PROJECT_ROOT) -> ReachedCode:
     """What a module reaches, looked for again where a file has changed: following imports takes 50 ms each time."""
     known = _reached.get((module_path, root))
     if known is not None and known.unchanged:
@@ -104,7 +104,7 @@ def reached_code(module_path: Path, root: Path = PROJECT_ROOT) -> ReachedCode:
     return found
 
 
-def changed_sources(digests: Mapping[str, str], root: Path = PROJECT_ROOT) -> Iterator[str]:
+def changed_sources(digests: Mapping[str, str], root: Path = settings.PROJECT_ROOT) -> Iterator[str]:
     """Files, by their paths relative to `root`, that are no longer what they were."""
     for name, digest in digests.items():
         path = next((one for folder in (root, root / CARRIED) if (one := folder / name).is_file()), None)
