@@ -171,6 +171,7 @@ def test_a_ball_on_a_blanket_dents_layers_not_a_block(place: Place) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_heavy_pillow_and_a_mattress_give_each_by_its_own_stiffness(place: Place) -> None:
     """Soft on soft: the pillow is pressed together as a column under its own weight is, by p h / (2 E_t), and sinks as
     far as a mattress does under a pressure that is as even as that of something softer."""

@@ -154,6 +154,7 @@ def test_with_inertia_a_thin_plate_rebounds_no_faster_than_it_came(lab):
     assert 0.0 < max(speeds) < -min(speeds)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("inertia", [True, False])
 def test_a_ball_rebounds_from_an_elastic_slab_only_with_inertia(lab, inertia):
     """Without loss of material a heavy ball gets most of its speed back; the way to rest is critically damped."""

@@ -150,6 +150,7 @@ def test_a_soft_ball_on_a_plane_agrees_with_static_finite_elements(lab):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_ball_on_a_slab_agrees_with_tl_within_a_fifth_of_a_cell(lab):
     """Depth 12.17 mm (tl and static finite elements agree on it within 2 %)."""
     h = 0.4 / 30

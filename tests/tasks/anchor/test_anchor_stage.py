@@ -335,6 +335,7 @@ def test_a_steady_place_nearby_is_taken():
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_on_the_arm_is_the_middle_of_one_of_them_and_held_there():
     """Between two arms there is none; a slab as narrow as their rounded tops lies on the crest, not on its flank."""
 

@@ -156,6 +156,7 @@ def test_a_tiny_body_costs_no_more_memory_than_a_large_one(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_results_do_not_depend_on_the_number_of_threads(tmp_path):
     """A soft block under a ball, each in a process of its own: the same bytes but for the times."""
     path = tmp_path / "case.yaml"

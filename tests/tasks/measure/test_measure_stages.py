@@ -148,6 +148,7 @@ def test_a_dent_of_which_nothing_is_kept_is_not_simulated_on():
     assert (told.seconds, told.broken) == (0.0, False)
 
 
+@pytest.mark.slow
 def test_a_pose_of_which_no_bodies_can_be_made_is_no_failure():
     """More material points than are allowed: refused for a drop, told for a pose, which is measured without them."""
     given = SegmentedScene(room()), SegmentedObject(ball()), intent(), anchor(0.0, TOP), made_of(WOOD, FOAM)

@@ -60,6 +60,7 @@ def test_one_wording_for_each_object():
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_words_are_followed():
     """14 objects in 6 wordings: at least 85 % within 15 degrees of what a person would accept."""
     cases = [(name, wording) for name in TRUTH["objects"] for wording in TRUTH["wordings"]]

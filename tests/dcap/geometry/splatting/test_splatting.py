@@ -302,6 +302,7 @@ def test_sides_nearer_than_a_cell_go_back_to_the_level_set():
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_room_comes_back_from_its_splats():
     """Mesh to splats to mesh: within the offset of the level set and a fraction of a cell, and the same bytes twice."""
     mesh = inside_out(3.0)
