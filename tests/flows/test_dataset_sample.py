@@ -78,6 +78,7 @@ def test_a_data_set_of_a_folder(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert (tmp_path / "bad" / "samples.yaml").read_bytes() == first["samples.yaml"]
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_model_writes_the_sentences(tmp_path: Path, capsys: pytest.CaptureFixture[str], api: FakeApi) -> None:
     """A reply that does not hold of the scene goes back with the reason; a recording gives the same data set."""

@@ -105,6 +105,7 @@ def test_a_recorded_run_replays_to_the_same_bytes(dataset: Path, api: FakeApi, m
     assert not [path for path in files if KEY.encode() in path.read_bytes()]
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_spent_budget_stops_in_a_line(dataset: Path, api: FakeApi) -> None:
     """Nothing is asked that may exceed the budget; the samples say so, and a larger budget goes on from there."""
@@ -120,6 +121,7 @@ def test_a_spent_budget_stops_in_a_line(dataset: Path, api: FakeApi) -> None:
     assert len(json.loads((gone_on / "run.json").read_text())["samples"]) == 1
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_rerun_asks_again_and_keeps_what_it_hears(dataset: Path, api: FakeApi) -> None:
     """The stage's question goes out although a reply is kept; later runs and the recording have the new one alone."""

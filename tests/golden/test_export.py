@@ -22,7 +22,8 @@ def exported(folder: Path, capsys: pytest.CaptureFixture[str], kind: str) -> Pat
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("scene", "label", "thing", "name", "prompt"), [
-    (make.bare_bed(0.5, 0.2), "bed", {"body": make.ball(0.108)}, "bowling_ball", "put the bowling ball on the bed"),
+    pytest.param(make.bare_bed(0.5, 0.2), "bed", {"body": make.ball(0.108)}, "bowling_ball",
+                 "put the bowling ball on the bed", marks=pytest.mark.long),
     (make.table(0.75), "table", {"body": make.block((-0.03, 0.03), (-0.03, 0.03), (0.0, 0.06))}, "toy_block",
      "put the toy block on the table"),
 ])  # fmt: skip
