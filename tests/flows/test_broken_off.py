@@ -66,6 +66,7 @@ Stamp = tuple[int, int]
 def url(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     """A server for all programs of a test, whose database is not on their disk."""
     monkeypatch.setenv("DCAP_DATA", str(tmp_path / "server"))
+    monkeypatch.setenv("DCAP_RENDER__SIZE", "256")  # nothing here is seen in the pictures
     monkeypatch.setenv("PREFECT_HOME", str(tmp_path / "server"))
     monkeypatch.delenv("PREFECT_API_URL", raising=False)
     with prefect_server() as one:

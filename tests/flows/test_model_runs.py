@@ -41,6 +41,7 @@ def dataset(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, api: FakeApi) -> Pa
     trimesh.creation.box(extents=(0.06, 0.06, 0.06)).export(tmp_path / "cube.stl")
     (tmp_path / "set.yaml").write_text(DATASET)
     monkeypatch.delenv("PREFECT_API_URL", raising=False)
+    monkeypatch.setenv("DCAP_RENDER__SIZE", "256")  # nothing here is seen in the pictures
     return tmp_path / "set.yaml"
 
 

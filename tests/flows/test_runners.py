@@ -47,6 +47,7 @@ def data_folder(folder: Path) -> Iterator[None]:
     """An empty data folder."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("DCAP_DATA", str(folder))
+        patch.setenv("DCAP_RENDER__SIZE", "256")  # nothing here is seen in the pictures
         patch.setenv("PREFECT_HOME", str(folder))
         patch.delenv("PREFECT_API_URL", raising=False)
         yield

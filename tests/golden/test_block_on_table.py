@@ -33,6 +33,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     trimesh.creation.box((SIDE_M, SIDE_M, SIDE_M)).export(folder / "block.ply")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("DCAP_DATA", str(folder / "data"))
+        patch.setenv("DCAP_RENDER__SIZE", "256")  # nothing here is seen in the pictures
         patch.delenv("PREFECT_API_URL", raising=False)
         yield folder
 

@@ -26,6 +26,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     folder = tmp_path_factory.mktemp("chain")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("DCAP_DATA", str(folder / "data"))
+        patch.setenv("DCAP_RENDER__SIZE", "256")  # nothing here is seen in the pictures
         patch.delenv("PREFECT_API_URL", raising=False)
         assert main(["dataset", "make", "--rooms", "bedroom_01,dining_01"]) == 0
         yield folder

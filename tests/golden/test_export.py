@@ -34,6 +34,7 @@ def test_what_was_placed_stays(
     """A ball in the dent of its bed and a block on its table stay within 2 mm for two seconds; the object's frame is
     the pose of placement.json; every format is written beside, and one export twice is the same."""
     monkeypatch.setenv("DCAP_DATA", str(tmp_path / "data"))
+    monkeypatch.setenv("DCAP_RENDER__SIZE", "256")  # nothing here is seen in the pictures
     monkeypatch.delenv("PREFECT_API_URL", raising=False)
     files = [make.written(tmp_path / f"{label}.glb", scene), make.written(tmp_path / f"{name}.glb", thing)]
     out = tmp_path / "out"
@@ -59,6 +60,7 @@ def test_an_infeasible_placement_is_not_exported(
 ) -> None:
     """There is no rest state: exit 2, the reason in the line, and no folder."""
     monkeypatch.setenv("DCAP_DATA", str(tmp_path / "data"))
+    monkeypatch.setenv("DCAP_RENDER__SIZE", "256")  # nothing here is seen in the pictures
     monkeypatch.delenv("PREFECT_API_URL", raising=False)
     table, ball = make.written(tmp_path / "table.glb", make.table(0.75)), tmp_path / "ball.glb"
     make.written(ball, {"body": make.ball(0.1)})

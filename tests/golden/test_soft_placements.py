@@ -74,6 +74,7 @@ Place = Callable[..., Placed]
 def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Place:
     """Puts things in scenes, in a store of their own."""
     monkeypatch.setenv("DCAP_DATA", str(tmp_path / "data"))
+    monkeypatch.setenv("DCAP_RENDER__SIZE", "256")  # nothing here is seen in the pictures
     monkeypatch.delenv("PREFECT_API_URL", raising=False)
 
     def run(scene: Parts, label: str, item: Parts, name: str, prompt: str, *options: str) -> Placed:
