@@ -8,7 +8,7 @@ import typer
 from dcap.scene.errors import InputError
 from flows.cli.checks import note
 from flows.find_run import find_run
-from flows.own_requests import origin_of
+from flows.own_requests import LOOPBACK, origin_of
 
 study_app = typer.Typer(no_args_is_help=True, help="A study in which people compare the methods of a run.")
 Run = Annotated[str, typer.Argument(help="Name or folder of a run, or 'last'.")]
@@ -18,7 +18,7 @@ Run = Annotated[str, typer.Argument(help="Name or folder of a run, or 'last'.")]
 def study_serve(
     run: Run,
     port: Annotated[int, typer.Option(min=1, max=65535, help="Port to listen on.")] = 8090,
-    host: Annotated[str, typer.Option(help="Address to listen on; default: this machine alone.")] = "127.0.0.1",
+    host: Annotated[str, typer.Option(help="Address to listen on; default: this machine alone.")] = LOOPBACK,
     raters: Annotated[int | None, typer.Option(min=1, max=999, help="At least so many raters; default: 1.")] = None,
     pairs: Annotated[
         int | None, typer.Option(min=1, max=10_000, help="Comparisons per rater; default: 40, if there are so many.")

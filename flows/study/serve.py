@@ -30,7 +30,7 @@ from dcap.evaluation.study.study_folder import (
 from dcap.scene.errors import InputError
 from flows.find_run import find_run
 from flows.judge_run import changed_since, read_rows, states_of
-from flows.own_requests import EVERYWHERE, OwnRequests
+from flows.own_requests import EVERYWHERE, LOOPBACK, OwnRequests
 from flows.study.app import study_app
 from flows.study.check_views import check_pictures, views_config
 
@@ -44,7 +44,7 @@ WAITING = 128
 class StudyOptions:
     """How a study is served."""
 
-    host: str = "127.0.0.1"
+    host: str = LOOPBACK
     port: int = 8090
     raters: int | None = None
     """At least so many links; None: as many as there are, or one."""
