@@ -5,7 +5,6 @@ Comments, docstrings and layout do not count (the syntax tree is hashed); import
 reachable code names by a string (`materials.csv`, the folder `prompts`) counts with its bytes.
 """
 
-import ast
 import hashlib
 import os
 import sys
@@ -14,9 +13,9 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from threading import Lock
 
 from dcap.scene import settings
+from tasks.runner.parsed_sources import DATA_FOLDERS, DATA_SUFFIXES, ParsedModule, kept_sources, parsed
 
 PACKAGES = frozenset({"dcap", "flows", "solver", "tasks"})
 MACHINERY = frozenset(
@@ -38,26 +37,10 @@ MACHINERY = frozenset(
 """Modules and packages that carry results but do not decide them."""
 FACE = "dcap"
 """The package whose own `__init__` is the public face: what it offers to programs decides no result."""
-DATA_SUFFIXES = frozenset({".csv", ".yaml", ".yml", ".json", ".j2", ".txt", ".toml"})
-DATA_FOLDERS = frozenset({"prompts"})
 CARRIED = Path(FACE, settings.CARRIED)
 """Where an installed dcap has the data files that lie at the root of a clone."""
 DISTRIBUTIONS = {"PIL": "pillow", "igl": "libigl", "skimage": "scikit-image", "ruamel": "ruamel.yaml", "yaml": "PyYAML"}
 """Where the name to install differs from the name to import."""
-_PARSING = Lock()
-"""CPython keeps one recursion depth for the syntax trees of all threads; two that build trees at once fail now and then
-with "AST constructor recursion depth mismatch" (github.com/python/cpython/issues/106905)."""
-
-
-@dataclass(frozen=True, slots=True)
-class ParsedModule:
-    """What one source file contributes."""
-
-    digest: str
-    imports: tuple[str, ...]
-    """Dotted names that are imported, longest form: `solver.settle.settle` for `from solver.settle import settle`."""
-    texts: tuple[str, ...]
-    """String constants that could name a data file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,6 +83,7 @@ def reached_code(module_path: Path, root: Path = settings.PROJECT_ROOT) -> Reach
     modified = {str(one): one.stat().st_mtime_ns for path in paths for one in (path, path.parent)}  # before the digests
     digests = {name_of(path, root): digest_of_source(path) for path in paths}
     found = ReachedCode(digests, library_versions(paths), modified)
+    kept_sources(settings.cache_root()).write()
     _reached[module_path, root] = found
     return found
 
@@ -144,6 +128,7 @@ def installed_version(distribution: str) -> str:
 def reachable(module_path: Path, root: Path) -> set[Path]:
     """Files of ours that a module reaches by import, and data files that they name."""
     found: set[Path] = set()
+    looked_up: set[str] = set()
     waiting = [module_path.resolve()]
     while waiting:
         path = waiting.pop()
@@ -152,19 +137,26 @@ def reachable(module_path: Path, root: Path) -> set[Path]:
         found.add(path)
         if path.suffix == ".py":
             module = parsed(path, path.stat().st_mtime_ns)
-            waiting.extend(imported_files(module, root))
+            waiting.extend(imported_files(module, root, looked_up))
             waiting.extend(data_files(module, path, root))
     return found
 
 
-def imported_files(module: ParsedModule, root: Path) -> Iterator[Path]:
-    """Source files behind the imports of ours; importing a module also runs the packages above it."""
+def imported_files(module: ParsedModule, root: Path, looked_up: set[str]) -> Iterator[Path]:
+    """Source files behind the imports of ours, but for the modules that were `looked_up` before; importing a module
+    also runs the packages above it."""
     for name in module.imports:
         words = name.split(".")
-        if words[0] not in PACKAGES or any(".".join(words[:n]) in MACHINERY for n in range(1, len(words) + 1)):
+        if words[0] not in PACKAGES:
             continue
-        for count in range(2 if words[0] == FACE else 1, len(words) + 1):
-            stem = root.joinpath(*words[:count])
+        above = [".".join(words[:n]) for n in range(1, len(words) + 1)]
+        if not MACHINERY.isdisjoint(above):
+            continue
+        for one in above[words[0] == FACE :]:
+            if one in looked_up:
+                continue
+            looked_up.add(one)
+            stem = root.joinpath(*one.split("."))
             yield from (path for path in (stem / "__init__.py", stem.with_suffix(".py")) if path.is_file())
 
 
@@ -185,48 +177,3 @@ def digest_of_source(path: Path) -> str:
     if path.suffix == ".py":
         return parsed(path, path.stat().st_mtime_ns).digest
     return hashlib.sha256(path.read_bytes()).hexdigest()
-
-
-@cache
-def parsed(path: Path, modified_ns: int) -> ParsedModule:
-    """Parse a source file once per process and modification."""
-    source = path.read_bytes()
-    with _PARSING:
-        try:
-            tree = ast.parse(source, filename=str(path))
-        except SystemError:  # a thread of a library, which does not know the lock, built one meanwhile
-            tree = ast.parse(source, filename=str(path))
-    without_docstrings(tree)
-    digest = hashlib.sha256(ast.dump(tree, annotate_fields=False).encode()).hexdigest()
-    return ParsedModule(digest, tuple(sorted(set(imports_of(tree)))), tuple(sorted(set(texts_of(tree)))))
-
-
-def without_docstrings(tree: ast.AST) -> None:
-    """Drop every string that stands alone: docstrings of modules, classes, functions and fields."""
-    for node in ast.walk(tree):
-        body = getattr(node, "body", None)
-        if isinstance(body, list):
-            node.body = [one for one in body if not is_text_statement(one)]  # type: ignore[attr-defined]
-
-
-def is_text_statement(node: ast.AST) -> bool:
-    """Whether a statement is nothing but a string."""
-    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
-
-
-def imports_of(tree: ast.AST) -> Iterator[str]:
-    """Dotted names of all absolute imports (relative ones are not used in this project)."""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            yield from (one.name for one in node.names)
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            yield from (f"{node.module}.{one.name}" for one in node.names)
-
-
-def texts_of(tree: ast.AST) -> Iterator[str]:
-    """String constants that look like a file or folder name."""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Constant) and isinstance(node.value, str) and 0 < len(node.value) < 100:
-            text = node.value
-            if text in DATA_FOLDERS or (Path(text).suffix in DATA_SUFFIXES and "\n" not in text and "\0" not in text):
-                yield text

@@ -2,7 +2,7 @@
 
 The key comes from the environment only (the SDK reads ANTHROPIC_API_KEY, and ANTHROPIC_BASE_URL where another address
 is wanted); it reaches no log, no artifact and no cache key. Rate limits, overload, 5xx and lost connections are tried
-again by the SDK with growing pauses.
+again by the SDK with growing pauses. It is imported where somebody is asked: that takes a second.
 """
 
 import json
@@ -10,15 +10,16 @@ import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
-
-import anthropic
 
 from dcap.language.model.payload import CACHED, Payload
 from dcap.language.model.reply_folder import Message
 from dcap.scene.errors import LanguageError, RefusedError
 from dcap.scene.redaction import redacted
+
+if TYPE_CHECKING:
+    import anthropic
 
 USUAL = "api.anthropic.com"
 """Where the SDK asks unless told otherwise."""
@@ -61,8 +62,10 @@ def address_name(url: str) -> str:
     return address.replace(":", "-").replace("/", "-")
 
 
-def connection() -> anthropic.Anthropic:
+def connection() -> "anthropic.Anthropic":
     """The SDK's client for the present environment."""
+    import anthropic
+
     try:
         return _connection(*_access())
     except anthropic.AnthropicError as error:
@@ -71,6 +74,8 @@ def connection() -> anthropic.Anthropic:
 
 def call_of(model: str, payload: Payload) -> dict[str, Any]:
     """The arguments of one call: the answer is one JSON object of the reply's form."""
+    import anthropic
+
     return {
         "model": model,
         "max_tokens": MAX_TOKENS,
@@ -107,6 +112,8 @@ def well_formed(message: object) -> bool:
 @contextmanager
 def told_in_a_line(model: str) -> Iterator[None]:
     """Failures of the SDK as LanguageError in one line, without headers and key; RefusedError: nothing was done."""
+    import anthropic
+
     try:
         yield
     except anthropic.APIStatusError as error:
@@ -166,5 +173,7 @@ def _access() -> tuple[str, ...]:
 
 
 @cache
-def _connection(*_: str) -> anthropic.Anthropic:
+def _connection(*_: str) -> "anthropic.Anthropic":
+    import anthropic
+
     return anthropic.Anthropic(max_retries=RETRIES, timeout=TIMEOUT)

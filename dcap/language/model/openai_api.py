@@ -14,8 +14,6 @@ from contextlib import contextmanager
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-import anthropic
-
 from dcap.language.model.anthropic_api import (
     MAX_TOKENS,
     RETRIES,
@@ -104,6 +102,8 @@ def part_of(block: Mapping[str, Any]) -> dict[str, Any]:
 def strict_schema(schema: Mapping[str, Any]) -> dict[str, Any]:
     """The form of a reply as strict mode takes it: closed objects, every property required, no bare default, and
     nothing beside a reference; what its grammar does not know stands in descriptions, for both makers alike."""
+    import anthropic
+
     known = anthropic.transform_schema(dict(schema))
     found: dict[str, Any] = required(known, known.get("$defs", {}))
     return found
