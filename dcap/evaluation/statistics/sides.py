@@ -7,8 +7,6 @@ from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from scipy.stats import binomtest
-
 from dcap.evaluation.statistics.bootstrap import LEVEL, ConfidenceInterval
 from dcap.evaluation.statistics.comparisons import Comparison, Winner
 
@@ -44,6 +42,8 @@ class SideReport:
 
 def side_report(comparisons: Iterable[Comparison]) -> SideReport:
     """Ties, preference of a side and consistency of all comparisons that are given, whatever their axis."""
+    from scipy.stats import binomtest  # takes a second to import, and most commands count no sides
+
     there = list(comparisons)
     ties = sum(one.winner is Winner.TIE for one in there)
     left, decided = sum(one.winner is Winner.LEFT for one in there), len(there) - ties

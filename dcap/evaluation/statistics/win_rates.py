@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from dcap.evaluation.statistics.bootstrap import (
     LEVEL,
@@ -106,7 +106,7 @@ def resampled_rates(
 
 def wilson_interval(wins: float, trials: float, level: float = LEVEL) -> ConfidenceInterval:
     """Score interval of a share: the rates p for which |wins/n - p| <= z sqrt(p (1 - p) / n) [W27]."""
-    z2 = float(norm.ppf(0.5 * (1.0 + level))) ** 2
+    z2 = float(ndtri(0.5 * (1.0 + level))) ** 2
     center = (wins + 0.5 * z2) / (trials + z2)
     half = np.sqrt(z2 * (wins * (trials - wins) / trials + 0.25 * z2)) / (trials + z2)
     return ConfidenceInterval(float(max(0.0, center - half)), float(min(1.0, center + half)))
