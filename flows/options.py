@@ -257,7 +257,7 @@ def check_prompt(prompt: str) -> None:
     """Refuse a sentence that says nothing, is no text or is longer than any sentence."""
     if not prompt.strip():
         raise InputError('PROMPT is empty; say what to do, for example "put the ball at the centre of the bed"')
-    if why := unfit(prompt, LONGEST_PROMPT):
+    if why := unfit(prompt, LONGEST_PROMPT, lines=True):
         raise InputError(f"PROMPT {why}")
 
 

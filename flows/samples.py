@@ -156,7 +156,7 @@ class SampleReader:
             text = ""
         if not text.strip():
             self.wrong(f"{key} is {short(value)}, expected text", key)
-        elif why := unfit(text, LONGEST.get(key, LONGEST_WORDS)):
+        elif why := unfit(text, LONGEST.get(key, LONGEST_WORDS), lines=key == "prompt"):
             self.wrong(f"{key} {why}", key)
         return text
 

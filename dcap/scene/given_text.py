@@ -16,15 +16,17 @@ LONGEST_ID = 1000
 """Characters of a sample's id; its folder has a shorter name."""
 CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]")
 """What terminals obey and JSON or XML cannot hold, but for tabs and ends of lines."""
+CONTROL_OR_END = re.compile(r"[\x00-\x1f\x7f-\x9f]")
+"""The same with tabs and ends of lines, which names have not."""
 STEERING = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
 """What makes a terminal or a page show something else than the text, or what no UTF-8 file can hold."""
 
 
-def unfit(text: str, most: int) -> str:
-    """Why text that a person gave is not taken, to follow its name; empty if it is."""
+def unfit(text: str, most: int, *, lines: bool = False) -> str:
+    """Why text that a person gave is not taken, to follow its name; empty if it is. A sentence may have `lines`."""
     if len(text) > most:
         return f"has {len(text)} characters, at most {most} are taken; say it shorter"
-    found = CONTROL.search(text)
+    found = (CONTROL if lines else CONTROL_OR_END).search(text)
     if found:
         return f"has the control character {found.group()!r} at place {found.start() + 1}; remove it"
     try:

@@ -15,7 +15,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from dcap.scene import settings
-from tasks.runner.parsed_sources import DATA_FOLDERS, DATA_SUFFIXES, ParsedModule, kept_sources, parsed
+from tasks.runner.parsed_sources import DATA_FOLDERS, DATA_SUFFIXES, ParsedModule, forget_parsed, kept_sources, parsed
 
 PACKAGES = frozenset({"dcap", "flows", "solver", "tasks"})
 MACHINERY = frozenset(
@@ -86,6 +86,12 @@ def reached_code(module_path: Path, root: Path = settings.PROJECT_ROOT) -> Reach
     kept_sources(settings.cache_root()).write()
     _reached[module_path, root] = found
     return found
+
+
+def forget() -> None:
+    """Drop what this process has read of sources: who measures or tests looks as a new process does."""
+    _reached.clear()
+    forget_parsed()
 
 
 def changed_sources(digests: Mapping[str, str], root: Path = settings.PROJECT_ROOT) -> Iterator[str]:

@@ -94,6 +94,12 @@ def parsed(path: Path, modified_ns: int) -> ParsedModule:
     return _parsed(path, modified_ns, cache_root())
 
 
+def forget_parsed() -> None:
+    """Drop what this process knows, but for the file."""
+    kept_sources.cache_clear()
+    _parsed.cache_clear()
+
+
 @cache
 def _parsed(path: Path, modified_ns: int, folder: Path) -> ParsedModule:
     source = path.read_bytes()

@@ -55,6 +55,7 @@ def test_names_and_paths_are_found(tmp_path: Path, monkeypatch: pytest.MonkeyPat
             "'Mug' and 'mug' would share the folder mug where case does not count",
         ),
         (f"- {{id: {'a' * 1001}, room: r, object: o, prompt: x}}", "id has 1001 characters, at most 1000 are taken"),
+        ('- {id: "a\\nb", room: r, object: o, prompt: x}', "id has the control character .*n' at place 2"),
         ('- {id: "a\\0b", room: r, object: o, prompt: x}', "id has the control character .*x00' at place 2"),
         (f"- {{id: a, room: r, object: o, prompt: {'x' * 10001}}}", "prompt has 10001 characters"),
         ('- {id: a, room: r, object: o, prompt: "put \\e[2J"}', "prompt has the control character .*x1b'"),

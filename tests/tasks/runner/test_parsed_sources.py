@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from dcap.scene.settings import cache_root
+from tasks.runner.digests import forget
 from tasks.runner.parsed_sources import KEPT, MOST_KEPT, ParsedModule, kept_sources, parsed, rules, said_by
 
 SOURCE = '"""Doc."""\nfrom dcap.scene import box\nTABLE = "materials.csv"\n'
@@ -21,14 +22,6 @@ def source(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     path.write_text(SOURCE)
     yield path
     forget()
-
-
-def forget() -> None:
-    """As a new process would begin."""
-    from tasks.runner.parsed_sources import _parsed
-
-    kept_sources.cache_clear()
-    _parsed.cache_clear()
 
 
 def said(path: Path) -> ParsedModule:
