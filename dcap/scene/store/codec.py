@@ -10,6 +10,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from enum import Enum
+from functools import cache
 from math import isfinite, prod
 from types import UnionType
 from typing import Union, get_args, get_origin, get_type_hints
@@ -118,8 +119,6 @@ KINDS: dict[str, type] = {
 """Every type that may be stored, by the name that `value.json` gives it: files outlive moves between modules; a line
 for each initial."""
 
-type_hints: dict[type, dict[str, object]] = {}
-
 
 def encode(value: object) -> dict[str, bytes]:
     """The files of one value by name; `value.json` is always among them."""
@@ -213,8 +212,14 @@ def object_from_tree(tree: dict[str, object], hint: object, files: Mapping[str, 
 def dataclass_from_tree(tree: dict[str, object], files: Mapping[str, bytes]) -> object:
     """The dataclass that the tree names."""
     kind = KINDS[str(tree["$type"])]
-    hints = type_hints.setdefault(kind, get_type_hints(kind))
+    hints = type_hints_of(kind)
     return kind(**{key: from_tree(item, hints[key], files) for key, item in tree.items() if key != "$type"})
+
+
+@cache
+def type_hints_of(kind: type) -> dict[str, object]:
+    """The types of a dataclass's fields, which are resolved from their names once."""
+    return get_type_hints(kind)
 
 
 def sequence_from_tree(tree: list[object], hint: object, files: Mapping[str, bytes]) -> object:
