@@ -16,7 +16,7 @@ LONGEST_ID = 1000
 """Characters of a sample's id; its folder has a shorter name."""
 CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]")
 """What terminals obey and JSON or XML cannot hold, but for tabs and ends of lines."""
-CONTROL_OR_END = re.compile(r"[\x00-\x1f\x7f-\x9f]")
+CONTROL_OR_END = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")
 """The same with tabs and ends of lines, which names have not."""
 STEERING = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
 """What makes a terminal or a page show something else than the text, or what no UTF-8 file can hold."""

@@ -10,6 +10,7 @@ from dcap.scene.settings import cache_root
 from dcap.scene.store.artifacts import DRAFTS, Source, Store
 from dcap.scene.store.earlier_files import lost_notes
 from dcap.scene.store.ref import Ref
+from dcap.scene.whole_files import DRAFTS as DRAFTS_OF_FILES
 from tasks.runner.records import Record, key_in, record_in, records_root
 
 SOURCES, UNRECORDED, RECORDS, LITTER = "source files", "without a record", "records", "litter"
@@ -94,6 +95,7 @@ def litter_of(store: Store, older_than_s: float) -> list[Path]:
     [s]."""
     folders = (store.root / DRAFTS, cache_root() / DAMAGED_FOLDER)
     left = [path for folder in folders if folder.is_dir() for path in sorted(folder.iterdir())]
+    left += sorted(cache_root().glob(f"{DRAFTS_OF_FILES}*"))
     no_records = [one.path for one in record_files() if one.record is None]
     return [path for path in (*left, *no_records, *lost_notes()) if age(path) >= older_than_s]
 

@@ -79,8 +79,8 @@ def reached_code(module_path: Path, root: Path = settings.PROJECT_ROOT) -> Reach
     known = _reached.get((module_path, root))
     if known is not None and known.unchanged:
         return known
-    paths = sorted(reachable(module_path, root))
-    modified = {str(one): one.stat().st_mtime_ns for path in paths for one in (path, path.parent)}  # before the digests
+    modified: dict[str, int] = {}
+    paths = sorted(reachable(module_path, root, modified))
     digests = {name_of(path, root): digest_of_source(path) for path in paths}
     found = ReachedCode(digests, library_versions(paths), modified)
     kept_sources(settings.cache_root()).write()
@@ -131,8 +131,9 @@ def installed_version(distribution: str) -> str:
         return ""
 
 
-def reachable(module_path: Path, root: Path) -> set[Path]:
-    """Files of ours that a module reaches by import, and data files that they name."""
+def reachable(module_path: Path, root: Path, modified_ns: dict[str, int]) -> set[Path]:
+    """Files of ours that a module reaches by import, and data files that they name; when each file and its folder were
+    modified is noted before it is read."""
     found: set[Path] = set()
     looked_up: set[str] = set()
     waiting = [module_path.resolve()]
@@ -141,8 +142,10 @@ def reachable(module_path: Path, root: Path) -> set[Path]:
         if path in found:
             continue
         found.add(path)
+        for one in (path.parent, path):
+            modified_ns.setdefault(str(one), one.stat().st_mtime_ns)
         if path.suffix == ".py":
-            module = parsed(path, path.stat().st_mtime_ns)
+            module = parsed(path, modified_ns[str(path)])
             waiting.extend(imported_files(module, root, looked_up))
             waiting.extend(data_files(module, path, root))
     return found
@@ -158,7 +161,7 @@ def imported_files(module: ParsedModule, root: Path, looked_up: set[str]) -> Ite
         above = [".".join(words[:n]) for n in range(1, len(words) + 1)]
         if not MACHINERY.isdisjoint(above):
             continue
-        for one in above[words[0] == FACE :]:
+        for one in above[1:] if words[0] == FACE else above:
             if one in looked_up:
                 continue
             looked_up.add(one)

@@ -19,10 +19,10 @@ def error_line(error: BaseException) -> str:
 
 
 def ends(text: str) -> str:
-    """Of a text of lines, such as the last words of a process, the first and the last that is not indented: that of a
-    traceback names the error."""
+    """Of a text that ends in a traceback, the last words of a process, the first line and the one that names the error:
+    the last that is not indented."""
     lines = [line for line in text.splitlines() if line.strip() and not line[0].isspace()]
-    return " … ".join(lines[:1] + lines[1:][-1:]) or text
+    return " … ".join([lines[0], lines[-1]]) if any(line.startswith("Traceback") for line in lines[:-1]) else text
 
 
 def reason_line(found: Infeasible) -> str:

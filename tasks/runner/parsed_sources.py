@@ -24,6 +24,8 @@ KEPT = "sources.json"
 """File in the cache."""
 MOST_KEPT = 4000
 """Sources, some ten states of all of ours; beyond it only those that were asked for are kept."""
+RULES = f"{sys.version_info.major}.{sys.version_info.minor} {hashlib.sha256(Path(__file__).read_bytes()).hexdigest()}"
+"""What decides what a source says, besides its bytes: the version of Python, and this file as it was loaded."""
 _PARSING = Lock()
 """CPython keeps one recursion depth for the syntax trees of all threads; two that build trees at once fail now and then
 with "AST constructor recursion depth mismatch" (github.com/python/cpython/issues/106905)."""
@@ -48,45 +50,43 @@ class KeptSources:
         self.path = path
         self._found = _read(path)
         self._asked: dict[str, ParsedModule] = {}
+        self._lock = Lock()
         self._written = True
 
     def get(self, source: str) -> ParsedModule | None:
         """What the source with this digest of bytes says, if it is known."""
-        found = self._asked.get(source) or self._found.get(source)
-        if found is not None:
-            self._asked[source] = found
+        with self._lock:
+            found = self._asked.get(source) or self._found.get(source)
+            if found is not None:
+                self._asked[source] = found
         return found
 
     def add(self, source: str, module: ParsedModule) -> None:
         """Remember what a source says; `write` keeps it."""
-        self._asked[source] = module
-        self._written = False
+        with self._lock:
+            self._asked[source] = module
+            self._written = False
 
     def write(self) -> None:
         """Keep what is new. A disk that takes nothing costs the next program some seconds, and nothing else."""
-        if self._written:
-            return
-        known = _read(self.path) | self._found | self._asked  # another program may have written meanwhile
+        with self._lock:
+            if self._written:
+                return
+            self._written, asked = True, dict(self._asked)
+        known = _read(self.path) | self._found | asked  # another program may have written meanwhile
         sources = {name: [one.digest, one.imports, one.texts]
-                   for name, one in (known if len(known) <= MOST_KEPT else self._asked).items()}  # fmt: skip
+                   for name, one in (known if len(known) <= MOST_KEPT else asked).items()}  # fmt: skip
         text = json.dumps(sources, sort_keys=True)
         with suppress(OSError):
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            tree = {"rules": rules(), "check": _digest(text.encode()), "sources": text}
+            tree = {"rules": RULES, "check": _digest(text.encode()), "sources": text}
             write_whole(self.path, json.dumps(tree).encode())
-        self._written = True
 
 
 @cache
 def kept_sources(folder: Path) -> KeptSources:
     """Of a cache folder, read once per process."""
     return KeptSources(folder / KEPT)
-
-
-@cache
-def rules() -> str:
-    """What decides what a source says, besides its bytes: this file and the version of Python."""
-    return f"{sys.version_info.major}.{sys.version_info.minor} {_digest(Path(__file__).read_bytes())}"
 
 
 def parsed(path: Path, modified_ns: int) -> ParsedModule:
@@ -131,7 +131,7 @@ def _read(path: Path) -> dict[str, ParsedModule]:
     try:
         tree: JsonObject = json.loads(path.read_bytes())
         text = str(tree["sources"])
-        if tree["rules"] != rules() or tree["check"] != _digest(text.encode()):
+        if tree["rules"] != RULES or tree["check"] != _digest(text.encode()):
             return {}
         return {name: ParsedModule(digest, tuple(imports), tuple(texts))
                 for name, (digest, imports, texts) in json.loads(text).items()}  # fmt: skip

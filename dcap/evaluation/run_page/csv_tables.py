@@ -5,7 +5,7 @@ for what belongs together, with as many digits as the eye compares; what is the 
 """
 
 import csv
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from dcap.evaluation.run_page.tables import NOTHING, ShownTable
@@ -16,6 +16,8 @@ MOST_ROWS, MOST_COLUMNS = 60, 24
 """Of a table that are shown [-]; the whole is in the file."""
 LEAST_WHOLE = 100.0
 """A number that is not whole is shown without decimals from here on, with two below [-]."""
+LEAST_FIXED = 0.1
+"""Below it two digits are shown that are no zeros [-]."""
 YES_OR_NO = {"True": "yes", "False": "no"}
 SHOWN_WORDS = {
     "right_place": "Right Place",
@@ -35,15 +37,18 @@ def table_from_csv(run: Path, name: str, title: str) -> ShownTable | None:
         return None
     if len(rows) < 2 or any(len(row) != len(rows[0]) for row in rows):
         return None
-    head, shown = joined(rows[0], rows[1:])
-    head, shown, same = said_once(head, shown)
+    head, shown = joined(rows[0], rows[1:], eyed)
+    same = same_columns(joined(rows[0], rows[1:], str)[1])
+    head, shown, same_words = said_once(head, shown, same)
     cut = f"{len(shown)} rows, the first {MOST_ROWS} shown" if len(shown) > MOST_ROWS else ""
     files = tuple(f"{TABLES}/{name}{end}" for end in ENDS if (run / TABLES / f"{name}{end}").is_file())
     return ShownTable(title, tuple(head[:MOST_COLUMNS]), tuple(tuple(row[:MOST_COLUMNS]) for row in shown[:MOST_ROWS]),
-                      files, ". ".join(one for one in (same, cut) if one))  # fmt: skip
+                      files, ". ".join(one for one in (same_words, cut) if one))  # fmt: skip
 
 
-def joined(head: Sequence[str], rows: Sequence[Sequence[str]]) -> tuple[list[str], list[list[str]]]:
+def joined(
+    head: Sequence[str], rows: Sequence[Sequence[str]], show: Callable[[str], str]
+) -> tuple[list[str], list[list[str]]]:
     """Headings and cells where X, X_sd, X_low and X_high are one column, and a mark stands for X_significant.
 
     p-values stay in the file; of `method` and `name` the latter is shown.
@@ -54,23 +59,24 @@ def joined(head: Sequence[str], rows: Sequence[Sequence[str]]) -> tuple[list[str
     hidden = inner | set(marks) | {one for one in head if one.endswith("_p") or one == "p"}
     hidden |= {"method"} if {"method", "name"} <= known else set()
     shown = [one for one in head if one not in hidden]
-    cells = [[joined_cell(dict(zip(head, row, strict=True)), one, marks) for one in shown] for row in rows]
+    cells = [[joined_cell(dict(zip(head, row, strict=True)), one, marks, show) for one in shown] for row in rows]
     return [heading(one) for one in shown], cells
 
 
 def heading(column: str) -> str:
     """A column's name as people write it."""
     for name, words in SHOWN_WORDS.items():
-        column = column.replace(name, words)
+        if f"{column}_".startswith(f"{name}_"):
+            column = f"{words}{column.removeprefix(name)}"
     return column.replace("_", " ").strip()
 
 
-def joined_cell(row: Mapping[str, str], column: str, marks: Mapping[str, str]) -> str:
+def joined_cell(row: Mapping[str, str], column: str, marks: Mapping[str, str], show: Callable[[str], str]) -> str:
     """A cell with its mark, spread and interval."""
     about = column.removesuffix(WINS)
-    spread, low, high = (eyed(row.get(f"{about}{end}", "")) for end in (SPREAD, LOW, HIGH))
+    spread, low, high = (show(row.get(f"{about}{end}", "")) for end in (SPREAD, LOW, HIGH))
     starred = any(row[mark].lower() in ("true", "1") for mark, of in marks.items() if of == about)
-    return (f"{eyed(row[column]) or NOTHING}{DAGGER if starred else ''}{f' ± {spread}' if spread else ''}"
+    return (f"{show(row[column]) or NOTHING}{DAGGER if starred else ''}{f' ± {spread}' if spread else ''}"
             f"{f' [{low}, {high}]' if low and high else ''}")  # fmt: skip
 
 
@@ -82,12 +88,20 @@ def eyed(text: str) -> str:
         value = float(text)
     except ValueError:
         return text
+    if 0.0 < abs(value) < LEAST_FIXED:
+        return f"{value:.2g}"
     return f"{value:.0f}" if abs(value) >= LEAST_WHOLE else f"{value:.2f}"
 
 
-def said_once(head: Sequence[str], rows: Sequence[Sequence[str]]) -> tuple[list[str], list[list[str]], str]:
-    """The columns after the first that differ between rows, and the others as a sentence."""
-    same = [at for at in range(1, len(head)) if len(rows) > 1 and len({row[at] for row in rows}) == 1]
+def same_columns(rows: Sequence[Sequence[str]]) -> list[int]:
+    """The columns after the first in which no two rows differ."""
+    return [at for at in range(1, len(rows[0])) if len(rows) > 1 and len({row[at] for row in rows}) == 1]
+
+
+def said_once(
+    head: Sequence[str], rows: Sequence[Sequence[str]], same: Sequence[int]
+) -> tuple[list[str], list[list[str]], str]:
+    """The columns that differ between rows, and the others as a sentence."""
     kept = [at for at in range(len(head)) if at not in same]
     words = "; ".join(f"{head[at]} {rows[0][at]}" for at in same)
     return (

@@ -23,7 +23,7 @@ LONGEST_SENTENCE = 300
 """Characters [-]."""
 MOST_SAMPLES = 200
 """Of one scene [-]."""
-TELLS_APART = ("side", "count", "colour", "viewer", "id word")
+TELLS_APART = frozenset({"side", "count", "colour", "viewer", "id word", "region", "restrict", "now"})
 """Kinds of words that may say which of several alike things is meant, by themselves."""
 Top = Literal["", "up", "down", "sideways"]
 RefusalReason = Literal["", "target_not_found", "too_large_for_target"]
@@ -148,8 +148,8 @@ def speaks_of(prompt: str, base: InstanceView) -> bool:
 
 
 def says_which(prompt: str, base: InstanceView, instances: Sequence[InstanceView]) -> bool:
-    """Whether a sentence has words that could tell an instance from those of its label: a side, a colour, or another
-    thing of the scene. That they do is not known."""
+    """Whether a sentence has any words that could tell an instance from those of its label: a place, a colour,
+    a number, or another thing of the scene. That they do is not known: where it has none, they do not."""
     if any(meaning.kind in TELLS_APART for meaning in meanings(prompt)):
         return True
     own = label_words(base.label)

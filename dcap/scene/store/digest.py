@@ -9,7 +9,7 @@ from pathlib import Path
 
 
 def digest_of(digests: Mapping[str, str]) -> str:
-    """SHA-256 over sorted lines `DIGEST  NAME`, as `sha256sum` prints them."""
+    """SHA-256 over lines `DIGEST  NAME` in the order of the names, as `sha256sum` prints them."""
     lines = "".join(f"{digests[name]}  {name}\n" for name in sorted(digests))
     return hashlib.sha256(lines.encode(errors="surrogateescape")).hexdigest()  # a damaged name is no text
 

@@ -24,3 +24,6 @@ def test_a_known_error_is_told_whole() -> None:
     assert error_line(FormatError("a.ply: broken\n  at byte 7")) == "a.ply: broken at byte 7"
     assert error_line(KeyError("x")) == "KeyError: 'x'"
     assert error_line(ValueError("")) == "ValueError:"
+    assert error_line(ValueError("1 error for Config\n  size\n    too small\n")) == (
+        "ValueError: 1 error for Config size too small"
+    )

@@ -1,6 +1,7 @@
 """What a source says is kept under the digest of its bytes, and found again unless what was kept is damaged."""
 
 import ast
+import hashlib
 import json
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,7 +10,7 @@ import pytest
 
 from dcap.scene.settings import cache_root
 from tasks.runner.digests import forget
-from tasks.runner.parsed_sources import KEPT, MOST_KEPT, ParsedModule, kept_sources, parsed, rules, said_by
+from tasks.runner.parsed_sources import KEPT, MOST_KEPT, RULES, ParsedModule, kept_sources, parsed, said_by
 
 SOURCE = '"""Doc."""\nfrom dcap.scene import box\nTABLE = "materials.csv"\n'
 
@@ -65,7 +66,9 @@ def test_what_is_damaged_is_passed_over(source: Path, damage: str) -> None:
     elif damage == "folder":
         kept.mkdir()
     elif damage == "other rules":
-        kept.write_text(json.dumps(json.loads(data) | {"rules": "3.9 other", "check": ""}))
+        text = json.loads(data)["sources"].replace(first.digest, first.digest[::-1])
+        check = hashlib.sha256(text.encode()).hexdigest()
+        kept.write_text(json.dumps({"rules": "3.9 other", "check": check, "sources": text}))
     forget()
     assert said(source) == first
     if damage != "folder":
@@ -79,7 +82,7 @@ def test_it_does_not_grow_without_end(source: Path) -> None:
         keeper._found[f"{number:064d}"] = ParsedModule("0", (), ())
     first = said(source)
     tree = json.loads((cache_root() / KEPT).read_bytes())
-    assert tree["rules"] == rules()
+    assert tree["rules"] == RULES
     assert [one[0] for one in json.loads(tree["sources"]).values()] == [first.digest]
 
 
