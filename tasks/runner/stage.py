@@ -14,7 +14,7 @@ value is a type error in the flow.
 import inspect
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import nullcontext
 from dataclasses import replace
 from functools import cached_property, partial
@@ -97,6 +97,9 @@ class Stage(Generic[P, ValueT_co]):
         self.module_path = Path(inspect.getfile(function)).resolve()
         self._tasks: dict[Path, Task[..., dict[str, object]]] = {}
         """By the folder of the records: $DCAP_DATA may change while a program runs."""
+        self._code: tuple[Mapping[str, str], dict[str, str]] = ({}, {})
+        self._settings: tuple[BaseModel | None, object] = (None, None)
+        """What decided the last call: what thousands of samples share is held once."""
 
     @cached_property
     def hints(self) -> dict[str, Any]:
@@ -122,6 +125,7 @@ class Stage(Generic[P, ValueT_co]):
             _, record = usable_key(deciders.key, Store.default())
             if record is None:
                 return context.on_missing(deciders)
+            record = replace(record, deciders=deciders.to_json())  # equal, and shared by all samples
             context.on_event(StageEvent(self.name, Event.CACHED, 1.0, record=record))
             return record.ref
         from tasks.runner.task_runs import task_run  # Prefect is imported on the first run: planning needs none
@@ -146,11 +150,28 @@ class Stage(Generic[P, ValueT_co]):
         """Everything that decides the result."""
         return Deciders(
             stage=self.name,
-            code=source_digests(self.module_path, PROJECT_ROOT) | {"function": self.function.__name__},
-            config=None if config is None else deciding(config.model_dump(mode="json")),
+            code=self.code(),
+            config=self.deciding_settings(config),
             inputs={name: plain_input(name, value) for name, value in inputs.items()},
             libraries=libraries(self.module_path, PROJECT_ROOT),
         )
+
+    def code(self) -> dict[str, str]:
+        """Digest per source file, and the function's name; the same object until a source changes."""
+        digests = source_digests(self.module_path, PROJECT_ROOT)
+        known, code = self._code
+        if known is not digests:
+            code = digests | {"function": self.function.__name__}
+            self._code = digests, code
+        return code
+
+    def deciding_settings(self, config: BaseModel | None) -> object:
+        """The configuration as JSON; the same object for the same settings."""
+        known, settings = self._settings
+        if known is None or known != config:
+            settings = None if config is None else deciding(config.model_dump(mode="json"))
+            self._settings = config, settings
+        return settings
 
     @property
     def task(self) -> "Task[..., dict[str, object]]":

@@ -123,6 +123,28 @@ def test_infeasible_passes_through(fake: ModuleType) -> None:
     assert fake.double_task(ref) == ref
 
 
+def test_what_all_samples_share_is_held_once(fake: ModuleType, server: str) -> None:
+    """A record that was looked up has the digests of the code that the stage holds, not a copy for each sample."""
+    from prefect import Flow
+
+    told: list[dict[str, object]] = []
+
+    def note(event: StageEvent) -> None:
+        if event.record is not None:
+            told.append(event.record.deciders)
+
+    def make() -> None:
+        fake.make_task(77, SourceOptions())
+
+    with use_context(RunContext(on_event=note)):
+        Flow(make)()
+    with use_context(RunContext(on_event=note, lookup_only=True)):
+        make()
+    computed, looked_up = told
+    assert looked_up == computed
+    assert looked_up["code"] is fake.make_task.code()
+
+
 def test_looking_up_runs_nothing(fake: ModuleType) -> None:
     """With lookup_only, a stage without a record raises and says what it would be made from."""
     from dcap.scene.types.sample import SourceOptions
