@@ -22,7 +22,7 @@ from flows.output import ISO, iso_glb, load_values, write_placement
 from flows.place import PlaceConfig, place
 from flows.placement_json import AT_REST
 from flows.run_files import FinishedPlacement, write_asked
-from flows.sample_run import FinishedSample, heavy_modules, placed_in_flow_run, plan_sample, recorded
+from flows.sample_run import FinishedSample, heavy_modules, plan_sample, recorded, users_words
 from flows.server import prefect_server
 from tasks.arch import chosen_arch
 from tasks.runner.context import RunContext
@@ -54,7 +54,13 @@ def place_files(scene: str, thing: str, prompt: str, options: PlaceOptions, out:
         process_server(heavy_modules(plan.coming)) as server,
         recorded(sample, RunContext(session=session, server=server), partial(show, console, status)) as recorder,
     ):
-        placement = placed_in_flow_run(sample, partial(place, sample, config), recorder)
+        from flows.sample_flow import flow_runs_of  # imports Prefect, after the server's address is known
+
+        for flow_run in flow_runs_of(sample):
+            recorder.records.clear()  # of a flow run that was lost with its server
+            with flow_run, users_words(sample):
+                placement = place(sample, config)
+                flow_run.show(placement)
     if session.ledger and Path(session.ledger).is_file():
         console.print(in_words(spending_of(Path(session.ledger))))
     finished = FinishedSample(sample, placement, tuple(recorder.records))

@@ -1,11 +1,10 @@
 """Runs the stages of one sample: first a look at what is there, then a Prefect flow if anything is missing."""
 
 import traceback
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from functools import partial
 
 from dcap.scene.errors import DcapError
 from dcap.scene.secrets import redacted
@@ -233,24 +232,16 @@ def try_sample(
             if not in_own_run:
                 placement = place_by(sample, config)
             else:
-                placement = placed_in_flow_run(sample, partial(place_by, sample, config), recorder, run)
+                from flows.sample_flow import flow_runs_of  # imports Prefect, after the server's address is known
+
+                for flow_run in flow_runs_of(sample, run):
+                    recorder.records.clear()  # of a flow run that was lost with its server
+                    with flow_run, users_words(sample):
+                        placement = place_by(sample, config)
+                        flow_run.show(placement)
     except Exception as error:  # the border between samples: reported in full, never hidden
         return FailedSample(sample, error)
     return FinishedSample(sample, placement, tuple(recorder.records))
-
-
-def placed_in_flow_run(
-    sample: Sample, place: Callable[[], PlacementRefs], recorder: EventRecorder, run: WatchedRun | None = None
-) -> PlacementRefs:
-    """What `place` returns in a flow run of the sample, which shows it; in another one where the server was lost."""
-    from flows.sample_flow import flow_runs_of  # imports Prefect, after the server's address is known
-
-    for flow_run in flow_runs_of(sample, run):
-        recorder.records.clear()  # of a flow run that was lost with its server
-        with flow_run, users_words(sample):
-            placement = place()
-            flow_run.show(placement)
-    return placement
 
 
 def told_to_user(error: Exception, sample: Sample) -> Exception:

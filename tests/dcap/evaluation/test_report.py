@@ -86,7 +86,7 @@ def test_the_keys_of_summary_json_stay(run: tuple[Path, list[SampleOutcome]]) ->
         "input_tokens": 1000, "output_tokens": 200, "cache_write_tokens": 30, "cache_read_tokens": 4, "usd": None,
     }  # fmt: skip
     expected = {
-        "run": "runs/a", "samples": 4, "at_rest": 1, "infeasible": 2, "failed": 1, "region_missed": 0,
+        "run": "runs/a", "samples": 4, "at_rest": 1, "as_posed": 0, "infeasible": 2, "failed": 1, "region_missed": 0,
         "feasible_intended": 1, "feasible_as_intended": 1, "infeasible_intended": 2, "infeasible_with_right_reason": 1,
         "compute_s": 3 * (1.5 + 6.0), "wall_s": 3.0, "language": spent,
     }  # fmt: skip

@@ -134,7 +134,7 @@ def test_what_all_samples_share_is_held_once(fake: ModuleType, server: str) -> N
             told.append(event.record.deciders)
 
     def make() -> None:
-        fake.make_task(77, SourceOptions())
+        fake.make_task(771, SourceOptions())
 
     with use_context(RunContext(on_event=note)):
         Flow(make)()
