@@ -29,7 +29,7 @@ from dcap.language.protocol.session import Session
 from dcap.scene.errors import StoreError
 from dcap.scene.settings import PROJECT_ROOT
 from dcap.scene.store.artifacts import Store
-from dcap.scene.store.codec import from_tree, to_tree
+from dcap.scene.store.codec import canonical_json, from_tree, to_tree
 from dcap.scene.store.ref import Ref
 from dcap.scene.types.outcome import Infeasible
 from tasks.runner.cache_policy import verified_records
@@ -98,7 +98,7 @@ class Stage(Generic[P, ValueT_co]):
         self._tasks: dict[Path, Task[..., dict[str, object]]] = {}
         """By the folder of the records: $DCAP_DATA may change while a program runs."""
         self._code: tuple[Mapping[str, str], dict[str, str]] = ({}, {})
-        self._settings: tuple[BaseModel | None, object] = (None, None)
+        self._settings: tuple[bytes, object] = (b"", None)
         """What decided the last call: what thousands of samples share is held once."""
 
     @cached_property
@@ -167,10 +167,12 @@ class Stage(Generic[P, ValueT_co]):
 
     def deciding_settings(self, config: BaseModel | None) -> object:
         """The configuration as JSON; the same object for the same settings."""
+        found = None if config is None else deciding(config.model_dump(mode="json"))
+        text = canonical_json(found)
         known, settings = self._settings
-        if known is None or known != config:
-            settings = None if config is None else deciding(config.model_dump(mode="json"))
-            self._settings = config, settings
+        if known != text:  # as it decides the key: 1 and 1.0 are equal, and not the same there
+            settings = found
+            self._settings = text, settings
         return settings
 
     @property

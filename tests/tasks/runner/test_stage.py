@@ -168,6 +168,7 @@ def test_the_key_holds_what_decides(fake: ModuleType) -> None:
     assert base == key(0, SourceOptions(), threads=7)
     others = {key(1, SourceOptions()), key(0, SourceOptions(up="y")), key(0, SourceOptions(), size=2.0)}
     assert len(others - {base}) == 3
+    assert key(0, SourceOptions(), size=0.0) != key(0, SourceOptions(), size=-0.0)  # equal, and divided by not the same
 
 
 def test_an_input_of_another_kind_is_refused(fake: ModuleType) -> None:
