@@ -250,6 +250,8 @@ def write_rows(folder: Path, rows: Sequence[SampleOutcome]) -> None:
 def read_rows(folder: Path) -> tuple[SampleOutcome, ...]:
     """The rows of results.parquet; FormatError where it is none of this version."""
     path = folder / RESULTS
+    if not path.is_file():
+        raise FormatError(f"{folder.name}: the run did not finish, it has no {RESULTS}; run the benchmark again")
     try:
         rows: list[Mapping[str, object]] = pq.read_table(path).to_pylist()
         return tuple(SampleOutcome(**{one.name: row[one.name] for one in fields(SampleOutcome)}) for row in rows)  # type: ignore[arg-type]

@@ -317,6 +317,8 @@ def test_what_cannot_be_judged_is_one_line(
     assert "--batch is for --language anthropic, not offline" in complaint(capsys, run, "--batch")
     (bare / "results.parquet").write_bytes(b"none")
     assert "results.parquet: no results that can be judged" in complaint(capsys, bare)
+    (bare / "results.parquet").unlink()
+    assert "bare: the run did not finish, it has no results.parquet" in complaint(capsys, bare)
     assert not api.asked
     assert not any((folder / "judging").exists() for folder in (one, bare))
 
