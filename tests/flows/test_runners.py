@@ -15,6 +15,7 @@ import pytest
 from desk_room import desk_dataset
 from prefect_pages import PrefectPages
 from process_trees import descendants
+from s3_server import s3_server
 
 from dcap.packages import module_command
 from dcap.scene.errors import InputError
@@ -95,10 +96,13 @@ def test_a_cluster_gives_the_same(dataset: Path, at_home: object, tmp_path: Path
 
 
 @contextmanager
-def a_worker() -> Iterator["subprocess.Popen[bytes]"]:
+def a_worker(limit: int = 2, **environment: str) -> Iterator["subprocess.Popen[bytes]"]:
     """`dcap worker`, in a session of its own."""
     process = subprocess.Popen(
-        module_command("flows.cli", "worker", "--limit", "2"), stdout=subprocess.DEVNULL, start_new_session=True
+        module_command("flows.cli", "worker", "--limit", str(limit)),
+        stdout=subprocess.DEVNULL,
+        start_new_session=True,
+        env=os.environ | environment,
     )
     try:
         yield process
@@ -122,6 +126,34 @@ def test_workers_of_the_pool_give_the_same(dataset: Path, at_home: object, tmp_p
         placed = [run for run in pages.post("/flow_runs/filter") if run["deployment_id"]]
         assert len(placed) == len(SAMPLES)
         assert all(any(str(tag).startswith("worker:") for tag in run["tags"]) for run in placed)  # type: ignore[attr-defined]
+
+
+@pytest.mark.slow
+@pytest.mark.long
+@pytest.mark.timeout(900)
+def test_machines_share_nothing_but_a_store_and_a_server(
+    dataset: Path, at_home: object, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Two workers, each with a data folder of its own, place what a third machine asks for; a fourth, which was not
+    there, has the whole of it without computing."""
+    with (
+        s3_server() as s3,
+        data_folder(tmp_path / "asks"),
+        prefect_server() as url,
+        pytest.MonkeyPatch.context() as patch,
+    ):
+        patch.setenv("DCAP_STORE", s3.bucket())
+        patch.setenv("PREFECT_API_URL", url)
+        first, second = ({"DCAP_DATA": str(tmp_path / name), "PREFECT_HOME": str(tmp_path / name)} for name in "ab")
+        with a_worker(1, **first), a_worker(1, **second):
+            assert results(dataset, "--runner", "pool") == at_home
+        placed = [run for run in PrefectPages(url).post("/flow_runs/filter") if run["deployment_id"]]
+        assert len({str(tag) for run in placed for tag in run["tags"] if str(tag).startswith("worker:")}) == 2  # type: ignore[attr-defined]
+        patch.setenv("DCAP_DATA", str(tmp_path / "late"))
+        capsys.readouterr()
+        assert main(["plan", "--dataset", str(dataset)]) == 0
+        assert "3 of 3 samples are cached" in capsys.readouterr().err
+        assert results(dataset) == at_home
 
 
 @pytest.mark.slow

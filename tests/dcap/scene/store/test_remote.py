@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from s3_server import S3, s3_server
 
 from dcap.scene.errors import MissingArtifactError, StoreError
 from dcap.scene.redaction import redacted, without_secrets
@@ -34,31 +35,16 @@ def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
 
 
 @pytest.fixture(scope="module")
-def s3_server() -> Iterator[str]:
-    """A server of the S3 protocol on this machine, with credentials that it takes."""
-    pytest.importorskip("s3fs")
-    server_of = pytest.importorskip("moto.server").ThreadedMotoServer
-    server = server_of(ip_address="127.0.0.1", port=0, verbose=False)
-    server.start()
-    host, port = server.get_host_and_port()
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("AWS_ENDPOINT_URL", f"http://{host}:{port}")
-        patch.setenv("AWS_ACCESS_KEY_ID", "someone")
-        patch.setenv("AWS_SECRET_ACCESS_KEY", "in-the-environment")
-        patch.setenv("AWS_DEFAULT_REGION", "us-east-1")
-        patch.setenv("NO_PROXY", "127.0.0.1")
-        yield f"http://{host}:{port}"
-    server.stop()
+def s3() -> Iterator[S3]:
+    """A server of the S3 protocol."""
+    with s3_server() as server:
+        yield server
 
 
 @pytest.fixture
-def bucket(s3_server: str, tmp_path: Path) -> str:
+def bucket(s3: S3) -> str:
     """URL of an empty bucket with a prefix."""
-    import boto3
-
-    name = f"bucket-{abs(hash(tmp_path)) % 10**9}"
-    boto3.client("s3", endpoint_url=s3_server).create_bucket(Bucket=name)
-    return f"s3://{name}/team/dcap"
+    return s3.bucket()
 
 
 def machine(folder: Path, url: str) -> Store:
