@@ -21,15 +21,16 @@ help: ## this list
 
 setup: $(READY) ## create .venv from the lock file, with dcap and all development tools
 
-# The lock is whole, so pip resolves nothing: a resolver may fall over a release newer than the lock. Type checkers see
-# an editable installation only in the compatible mode, which puts the folder itself on the path.
+# The lock is whole, so pip resolves nothing: a resolver may fall over a release newer than the lock. Python compiles
+# what is imported when it is; all of it beforehand is a minute of one core. Type checkers see an editable installation
+# only in the compatible mode, which puts the folder itself on the path.
 $(READY): requirements.lock pyproject.toml
 	@$(MAKE) --no-print-directory system-libraries
 	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 13))' \
 		|| { echo "dcap needs Python 3.11 or 3.12, found $$($(PYTHON) --version 2>&1); run: make setup PYTHON=/path/to/python3.11"; exit 1; }
 	@test -x $(BIN)/python || $(PYTHON) -m venv .venv \
 		|| { rm -rf .venv; echo "cannot create .venv; on Debian: apt-get install python3-venv"; exit 1; }
-	$(BIN)/python -m pip install --quiet --no-deps --require-hashes -r requirements.lock
+	$(BIN)/python -m pip install --quiet --no-deps --no-compile --require-hashes -r requirements.lock
 	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --config-settings editable_mode=compat --editable .
 	$(BIN)/python -m pip --quiet check
 	@touch $(READY)
