@@ -2,11 +2,14 @@
 
 from dcap.scene.errors import InputError
 from solver.errors import ArchError
-from solver.runtime import available_arch
 
 
 def chosen_arch(wanted: str) -> str:
     """`cpu` or `cuda` for `auto`, `cpu` or `cuda`; raises InputError for a graphics card that is not there."""
+    if wanted == "cpu":
+        return wanted  # every machine has one
+    from solver.runtime import available_arch  # loads Taichi
+
     try:
         return available_arch(wanted)
     except ArchError as error:

@@ -24,7 +24,6 @@ from solver.config import SolverConfig
 from solver.errors import ArchError, ModelError, UnstableStep
 from solver.model.bodies import Model
 from solver.rest import Signals
-from solver.settle import settle
 from tasks.bodies.plan_contact import share_within
 from tasks.bodies.solver_model import solver_model
 from tasks.drop.poses import pose_checks, pose_warnings
@@ -62,6 +61,8 @@ class DropConfig(BaseModel, frozen=True, extra="forbid"):
 
 def drop(particles: Particles, anchor: Anchor, intent: Intent, seed: int, config: DropConfig) -> Settled | Infeasible:
     """Settle the object and judge the outcome against what was asked."""
+    from solver.settle import settle  # loads Taichi, seconds for whoever does not simulate
+
     model = solver_model(particles, (0.0, 0.0, -GRAVITY))
     solver, told = able(model, config.solver.model_copy(update={"threads": config.threads, "seed": seed}))
     try:
@@ -279,4 +280,4 @@ def _story(settled: Settled, particles: Particles) -> str:
     return f"no equilibrium after {settled.steps} steps ({settled.simulated_seconds:.2f} s): {why}"
 
 
-drop_task = stage(drop, process=True, simulates=True)
+drop_task = stage(drop, process=True, simulates=True, loads=("solver.settle",))

@@ -12,7 +12,6 @@ from dcap.scene.types.particles import Particles
 from dcap.scene.types.settled import Settled, SettledBody
 from solver.config import SolverConfig
 from solver.errors import ModelError, UnstableStep
-from solver.onward import PlacedBodies, onward
 from tasks.bodies.solver_model import solver_model
 from tasks.runner.stage import stage
 
@@ -38,6 +37,8 @@ class DriftConfig(BaseModel, frozen=True, extra="forbid"):
 
 def drift(particles: Particles, settled: Settled, config: DriftConfig) -> Drift:
     """Simulate a final state on, with the material, friction and neighbours of the drop."""
+    from solver.onward import PlacedBodies, onward  # loads Taichi, seconds for whoever does not simulate
+
     if not settled.nodes and (shapes := [one.name for one in settled.bodies if gave_way(one)]):
         return unknown(f"the method keeps no displacements inside of {', '.join(shapes)}, so no dent to go on from")
     model = solver_model(particles, (0.0, 0.0, -GRAVITY))
@@ -68,4 +69,4 @@ def gave_way(body: SettledBody) -> bool:
     return bool(np.abs(moved - body.surface.vertices).max(initial=0.0) > DEFORMED)
 
 
-drift_task = stage(drift, process=True, simulates=True)
+drift_task = stage(drift, process=True, simulates=True, loads=("solver.onward",))

@@ -25,7 +25,6 @@ from dcap.scene.types.given_labels import VertexLabels
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.scan import Scan
-from solver.runtime import available_cores, start
 from tasks.runner.stage import stage
 
 LOG = logging.getLogger(__name__)
@@ -81,6 +80,7 @@ def mesh(
 def surface(splats: Gaussians, config: MeshConfig) -> Mesh:
     """The surface of Gaussians in metres; starts Taichi."""
     from dcap.geometry.splatting.surface import mesh_of_splats  # loads Taichi and Open3D, which a mesh does not need
+    from solver.runtime import available_cores, start
 
     start(config.threads)
 

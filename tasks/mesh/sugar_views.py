@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from dcap.geometry.camera import Camera
 from dcap.scene.types.colmap import ColmapModel, Pinhole, posed
 from dcap.scene.types.gaussians import Gaussians
-from solver.runtime import start
 
 MOST_POINTS = 100_000
 """Centres of Gaussians that the model's points are taken from [-]."""
@@ -18,8 +17,10 @@ OPAQUE = 0.5
 
 def pictures(splats: Gaussians, cameras: Sequence[Camera], threads: int) -> Iterator[NDArray[np.uint8]]:
     """sRGB bytes (rows, columns, 3) over black, one after the other; starts Taichi in this process."""
-    start(threads)
     from dcap.geometry.splatting.render import Splatter  # loads Taichi
+    from solver.runtime import start
+
+    start(threads)
 
     splatter = Splatter(splats)
     for camera in cameras:

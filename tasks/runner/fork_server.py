@@ -24,6 +24,7 @@ from dataclasses import dataclass
 
 from tasks.runner import child
 from tasks.runner.process_group import kill_group, reap
+from tasks.runner.stage import Stage
 
 MOST_BYTES = 4096  # of a request, which holds the name of a module
 DESCRIPTORS = 4  # of a request for a child
@@ -136,11 +137,14 @@ class ForkServer:
 
 
 def load(module: str) -> None:
-    """Load a module for all children to come; one that cannot be loaded is left to the child, which says why."""
+    """Load a module for all children to come, and what its stages load only when they run; what cannot be loaded is
+    left to the child, which says why."""
     if module in sys.modules:
         return
     with suppress(Exception):
-        importlib.import_module(module)
+        for one in list(vars(importlib.import_module(module)).values()):
+            for name in one.loads if isinstance(one, Stage) else ():
+                importlib.import_module(name)
     gc.collect()
     gc.freeze()  # a collection in a child would write into each object, and so copy every page that is shared
 

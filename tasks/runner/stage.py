@@ -88,10 +88,12 @@ class Stage(Generic[P, ValueT_co]):
         process: bool | Callable[..., bool],
         name: str,
         simulates: bool,
+        loads: tuple[str, ...],
     ) -> None:
         self.function = function
         self.process = process
         self.simulates = simulates
+        self.loads = loads
         self.name = name
         self.signature = inspect.signature(function)
         self.module_path = Path(inspect.getfile(function)).resolve()
@@ -310,10 +312,12 @@ def stage(
     process: bool | Callable[..., bool] = False,
     name: str | None = None,
     simulates: bool = False,
+    loads: tuple[str, ...] = (),
 ) -> Stage[..., ValueT]:
     """The task of a pure function; `process` gives each run a process of its own, or those that it says of by
-    their inputs; what `simulates` falls under the limit of simulations, and its process does the next one, too."""
-    return Stage(function, process=process, name=name or function.__name__, simulates=simulates)
+    their inputs; what `simulates` falls under the limit of simulations, and its process does the next one, too. `loads`
+    names modules that the function imports only when it runs, for its process to have beforehand."""
+    return Stage(function, process=process, name=name or function.__name__, simulates=simulates, loads=loads)
 
 
 def kinds_of(declared: Any) -> tuple[type, ...]:

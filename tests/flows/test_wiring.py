@@ -1,6 +1,8 @@
 """The wiring of flows/place.py: what mypy refuses, and that its list of stages is the path that it takes."""
 
 import shutil
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -147,3 +149,9 @@ def upright() -> Anchor:
     """An anchor that leaves the object where it is."""
     square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])
     return Anchor("bed", "mattress", 1, "center", np.zeros(2), np.zeros(3), np.eye(4), 0.0, square, "test")
+
+
+def test_whoever_plans_and_writes_does_not_load_the_solver() -> None:
+    """Taichi takes seconds."""
+    code = "import sys, flows.benchmark, flows.place_one, flows.plan; sys.exit('taichi' in sys.modules)"
+    assert subprocess.run([sys.executable, "-P", "-c", code], check=False).returncode == 0

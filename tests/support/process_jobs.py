@@ -15,6 +15,7 @@ import json, os, re, signal, subprocess, sys, threading, time
 from pathlib import Path
 import numpy as np
 from dcap.scene.types.outcome import Infeasible, Reason
+from tasks.runner.stage import stage
 
 DONE = Infeasible(Reason.NO_SUPPORT_HIT, "done", None)
 
@@ -41,6 +42,12 @@ def multiply(path: str) -> Infeasible:
     names = [one.read_text().strip() for one in Path("/proc/self/task").glob("*/comm")]
     Path(path).write_text(json.dumps([digests, len(names) - names.count("jemalloc_bg_thd")]))  # comes and goes
     return DONE
+
+def loaded(path: str) -> Infeasible:
+    Path(path).write_text(json.dumps("wave" in sys.modules))
+    return DONE
+
+loaded_task = stage(loaded, loads=("wave",))
 
 def crash(path: str) -> Infeasible:
     print("last words", file=sys.stderr, flush=True)

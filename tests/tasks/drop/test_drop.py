@@ -290,7 +290,7 @@ def test_bodies_that_the_solver_cannot_take_are_told_in_a_line(monkeypatch: pyte
     """Not as a mistake of ours: a part may be thinner than the cells that were asked for."""
     monkeypatch.setattr("tasks.drop.stage.solver_model", lambda *_: None)
     monkeypatch.setattr("tasks.drop.stage.able", lambda model, config: (config, ()))
-    monkeypatch.setattr("tasks.drop.stage.settle", broken_model)
+    monkeypatch.setattr("solver.settle.settle", broken_model)
     nothing: Any = SimpleNamespace()
     with pytest.raises(GeometryError, match="no particle fits"):
         drop(nothing, nothing, nothing, 0, DropConfig())

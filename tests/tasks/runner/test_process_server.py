@@ -17,6 +17,7 @@ from process_jobs import JOBS, ROOT, alive, job, quiet, serving, told, wait_unti
 
 from dcap.scene.errors import InputError
 from flows.place import STAGES
+from tasks.measure.drift import drift_task
 from tasks.runner import process
 from tasks.runner import process_server as process_server_module
 from tasks.runner.process import StageProcessError, run_in_process
@@ -49,12 +50,19 @@ def test_native_libraries_compute_alike(folder: Path) -> None:
         assert told("multiply", folder / "forked", server) == told("multiply", folder / "spawned", None)
 
 
+def test_what_a_stage_loads_when_it_runs_is_there_beforehand(folder: Path) -> None:
+    """Not once in each of its processes."""
+    with serving() as server:
+        assert told("loaded", folder / "told", server) is True
+
+
 @pytest.mark.slow
 def test_a_stage_starts_no_threads_that_a_fork_would_lose() -> None:
     """Loading a stage that runs in a process of its own does not start Taichi, nor threads other than those of OpenBLAS
     and of Arrow's allocator, which prepare for forks."""
-    modules = sorted({one.function.__module__ for one in STAGES if one.process is not False})
-    assert "tasks.drop.stage" in modules
+    apart = [one for one in (*STAGES, drift_task) if one.process is not False]
+    modules = sorted({name for one in apart for name in (one.function.__module__, *one.loads)})
+    assert {"solver.settle", "solver.onward"} < set(modules)
     program = f"""
         import importlib, json, os, sys
         for module in {modules}: importlib.import_module(module)
