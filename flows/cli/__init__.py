@@ -1,10 +1,8 @@
 """The command line of DCAP: `dcap ...`, or `python -m flows.cli ...`."""
 
 import os
-import sys
 
-from flows.cli import app
-from flows.cli.border import INTERRUPTED
+from flows.cli.interrupts import INTERRUPTED, flush_output, interruptible, say_interrupted
 
 __all__ = ["main"]
 
@@ -14,16 +12,19 @@ def main(arguments: list[str] | None = None) -> int:
 
     A process whose own command was interrupted ends here, at once: it would wait for threads whose stages compute.
     """
-    if arguments is not None:
-        return app.main(arguments)
-    try:
-        code = app.main()
-    except SystemExit as ended:
-        if ended.code != INTERRUPTED:
-            raise
-        code = INTERRUPTED
-    if code == INTERRUPTED:
-        sys.stdout.flush()
-        sys.stderr.flush()
+    with interruptible(own=arguments is None):
+        try:
+            from flows.cli import app  # a second on a slow machine, in which a person may think better of it
+
+            code = app.main(arguments)
+        except KeyboardInterrupt:  # before the command itself began
+            say_interrupted()
+            code = INTERRUPTED
+        except SystemExit as ended:
+            if ended.code != INTERRUPTED or arguments is not None:
+                raise
+            code = INTERRUPTED
+    if code == INTERRUPTED and arguments is None:
+        flush_output()
         os._exit(code)
     return code

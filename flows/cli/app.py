@@ -6,7 +6,6 @@ understood but infeasible, 4 some samples of a benchmark failed. An error that a
 """
 
 import json
-import signal
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -16,12 +15,13 @@ import typer
 
 from dcap.language.protocol.client import DEFAULT_MODEL
 from dcap.scene.settings import runs_root, shared_store_url, version
-from flows.cli.border import INTERRUPTED, check_words, complain, end_output, let_go, told
+from flows.cli.border import check_words, end_output, let_go, told
 from flows.cli.checks import Json, given
 from flows.cli.config_command import config_app
 from flows.cli.data import cache_app, dataset_app
 from flows.cli.diff_command import diff
 from flows.cli.export_command import export
+from flows.cli.interrupts import INTERRUPTED, end_processes, say_interrupted
 from flows.cli.judge_command import judge
 from flows.cli.maps_command import maps
 from flows.cli.provenance_command import provenance
@@ -348,9 +348,6 @@ def ui(
 
 def main(arguments: list[str] | None = None) -> int:
     """Run a command line, default that of the process, and return the contract's exit code."""
-    from tasks.runner.process import kill_all
-
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(INTERRUPTED))
     words = sys.argv[1:] if arguments is None else list(arguments)
     try:
         check_words(words)
@@ -362,10 +359,10 @@ def main(arguments: list[str] | None = None) -> int:
         end_output()
         return code
     except (KeyboardInterrupt, typer.Abort) as error:
-        complain("interrupted")
+        say_interrupted()
         let_go(error)
         return INTERRUPTED
     except Exception as error:
         return told(error)
     finally:
-        kill_all()
+        end_processes()

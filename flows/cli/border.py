@@ -32,7 +32,6 @@ LACKING = {
 SHOWN = 100
 """Characters of a value that are shown."""
 USAGE = 2
-INTERRUPTED = 130
 UNREAD = 141
 """As a shell shows a program that ended because nobody read its output: 128 and SIGPIPE."""
 
