@@ -47,16 +47,24 @@ def test_check_rest_and_long_run_each_test_once(marks: tuple[str, ...]) -> None:
 
 
 @pytest.mark.parametrize("beside", [True, False])
-def test_ci_runs_check_and_rest_on_the_data_beside_the_project(tmp_path: Path, beside: bool) -> None:
-    """`.ci/run` makes check and rest, once each, and names ../shared/data as sample data only where that is."""
+def test_ci_runs_check_with_the_tests_of_rest_on_the_data_beside_the_project(tmp_path: Path, beside: bool) -> None:
+    """`.ci/run` makes check with all tests of check and rest, and names ../shared/data as sample data only where that
+    is; a machine without npm goes on."""
     scripts, tools = tmp_path / "project" / ".ci", tmp_path / "tools"
     data = tmp_path / "shared" / "data"
     for folder in (scripts, tools, *([data] if beside else [])):
         folder.mkdir(parents=True)
     shutil.copy(ROOT / ".ci" / "run", scripts / "run")
-    (tools / "make").write_text('#!/bin/sh\necho "$1 ${DCAP_SAMPLE_DATA:-}"\n')
+    (tools / "make").write_text('#!/bin/sh\necho "$1 $2 ${DCAP_SAMPLE_DATA:-}"\n[ "$1" != node-tools ]\n')
     (tools / "make").chmod(0o755)
     environment = {"PATH": f"{tools}:{os.environ['PATH']}"}
     done = subprocess.run([scripts / "run"], env=environment, capture_output=True, text=True, check=True)
     named = str(data) if beside else ""
-    assert done.stdout.splitlines() == [f"check {named}", f"rest {named}"]
+    tools_asked, skipped, check = done.stdout.splitlines()
+    assert tools_asked == f"node-tools  {named}"
+    assert "skipped" in skipped
+    wanted = "not long and not sweep"
+    assert check == f"check FAST={wanted} {named}"
+    for marks in (c for n in range(6) for c in itertools.combinations(MARKERS, n)):
+        either = selects("check", marks) or selects("rest", marks)
+        assert either == bool(eval(wanted, {mark: mark in marks for mark in MARKERS}))

@@ -85,6 +85,7 @@ def clean(**more: str) -> dict[str, str]:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_the_wheel_works_elsewhere(installed: Path, tmp_path: Path) -> None:
     """From a folder with a foreign tasks.py, solver.py and flows/, the command line and Python drop a case; data lies
     in the user's own folder, and a stage has the same digests as in a clone."""

@@ -42,6 +42,7 @@ def refused(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_data_set_of_a_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Samples, truth, splits and figure 3 are written; a second run writes the same bytes; fewer scenes give the same
     samples for each; a scene that cannot be read is refused, and left out with `--skip`."""

@@ -73,6 +73,7 @@ def contents(folder: Path) -> dict[str, object]:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_recorded_run_replays_to_the_same_bytes(dataset: Path, api: FakeApi, monkeypatch: pytest.MonkeyPatch) -> None:
     """Asked at once, in batches, or replayed with no server and no key: the same files. The key is nowhere."""
     recording = dataset.parent / "recording"

@@ -21,9 +21,9 @@ def exported(folder: Path, capsys: pytest.CaptureFixture[str], kind: str) -> Pat
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(("scene", "label", "thing", "name", "prompt"), [
-    pytest.param(make.bare_bed(0.5, 0.2), "bed", {"body": make.ball(0.108)}, "bowling_ball",
-                 "put the bowling ball on the bed", marks=pytest.mark.long),
+    (make.bare_bed(0.5, 0.2), "bed", {"body": make.ball(0.108)}, "bowling_ball", "put the bowling ball on the bed"),
     (make.table(0.75), "table", {"body": make.block((-0.03, 0.03), (-0.03, 0.03), (0.0, 0.06))}, "toy_block",
      "put the toy block on the table"),
 ])  # fmt: skip
@@ -55,6 +55,7 @@ def test_what_was_placed_stays(
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_an_infeasible_placement_is_not_exported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -53,7 +53,7 @@ CASES: dict[str, tuple[JsonObject, float, float, float]] = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "name", [pytest.param(one, marks=[pytest.mark.long] * (one == "a ball on a bonded cover")) for one in CASES]
+    "name", [pytest.param(one, marks=[pytest.mark.long] * (one != "a flat cylinder")) for one in CASES]
 )
 def test_it_sinks_as_deep_as_in_finite_elements(name: str, tmp_path: Path) -> None:
     """The cells follow the shape's own patch: none of these is within 3 % with those of a sphere's contact."""

@@ -121,6 +121,7 @@ def mean_friction(one: Material, other: Material) -> tuple[float, float]:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_ball_on_a_blanket_dents_layers_not_a_block(place: Place) -> None:
     """Under a blanket 3 cm thick lies the mattress at every depth, and the dent is as deep as in those layers."""
     top, thick, blanket, radius = 0.5, 0.2, 0.03, 0.108
@@ -231,6 +232,7 @@ def test_a_folded_towel_on_a_table_is_pressed_together_by_its_own_weight(place: 
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_stool_with_a_cushion_stands_on_its_legs_in_a_rug(place: Place) -> None:
     """Mixed: the legs move as one, the cushion on them keeps its stiffness and friction, and each leg sinks as far as a
     stiff one does into a rug, but for what the grid takes: a leg of seven cells presses like one up to a cell wider.

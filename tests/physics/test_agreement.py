@@ -46,6 +46,7 @@ def test_a_soft_ball_on_a_plane(lab):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_ball_on_a_slab(lab):
     """Depth of a rigid ball in a bonded slab, and where the slab's top lies a ball's radius away from it."""
     slab = lab.soft("slab", lab.Box(np.array([0.3, 0.3, 0.1])), [0, 0, 0.05], E=2e4, cell=H, fixed=True,

@@ -191,6 +191,7 @@ def test_two_runs_give_the_same_bytes(lab):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_the_result_does_not_depend_on_the_number_of_threads():
     """1, 2 and 4 threads, each in a process of its own, give identical bytes."""
     program = (

@@ -20,6 +20,7 @@ def stepping(*bodies, gravity=(0.0, 0.0, -9.81), **config):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("cpic", [True, False])
 def test_a_thin_plate_keeps_two_soft_blocks_apart_with_cpic_only(lab, cpic):
     """A block glides without friction over a plate of a quarter cell; one under the plate must not feel it."""

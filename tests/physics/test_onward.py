@@ -97,6 +97,7 @@ def test_what_floats_falls(lab):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_what_leans_on_nothing_tips_with_the_steps_of_the_measure(lab):
     """A pole on its edge, three degrees past its balance: over in a second, as seconds of a fall over are few."""
     slab = lab.soft("slab", lab.Box(np.array([0.3, 0.3, 0.05])), [0, 0, 0.025], E=1e6, nu=0.3, cell=0.0125,

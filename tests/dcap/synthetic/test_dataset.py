@@ -136,6 +136,7 @@ def test_only_the_rooms_that_are_asked_for(splat_room: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_intended_supports_are_in_the_rooms() -> None:
     """Every id in truth.yaml is that of an instance with that label in its sample's room, and the only such one."""
     rows = load_yaml(EMBEDDED)

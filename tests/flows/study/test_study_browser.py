@@ -136,6 +136,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return many_methods_run(tmp_path_factory.mktemp("study") / "run")
 
 
+@pytest.mark.long
 def test_a_whole_session_survives_a_killed_server(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Two raters at once, one by keyboard and one by mouse. Between two answers, and while an answer is being given,
     the server is killed; after a restart both go on where they were, and every vote is there once."""
@@ -201,6 +202,7 @@ def check_votes(run: Path, design: StudyDesign) -> None:
         assert given["r02", number] == ["right", "left", "right"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("size", [(1400, 900), (390, 844)], ids=["desktop", "narrow"])
 def test_pictures_enlarge_and_models_turn(run: Path, tmp_path: Path, size: tuple[int, int]) -> None:
     """A click enlarges the view that is shown; in 3D both sides are drawn, and turn together when one is dragged;

@@ -75,6 +75,7 @@ def test_the_page_shows_textures(server: viser.ViserServer, tmp_path: Path) -> N
         assert hues == [True] * 4
 
 
+@pytest.mark.long
 def test_the_page_shows_the_scene_and_the_result(server: viser.ViserServer, tmp_path: Path) -> None:
     """The canvas has many colours, the ball is red and sinks with the slider; the panel says how it ended."""
     nodes, panel = shown(server)

@@ -315,6 +315,7 @@ def test_stages_are_deterministic():
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_steady_place_nearby_is_taken():
     """A ball meant for the crest of a fold, 5 cm high and 40 cm wide, goes beside it; on a bed that slopes all over, or
     is so narrow that the crest is all there is, it stays at the middle, unless nobody asked for the middle."""

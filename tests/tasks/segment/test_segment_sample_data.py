@@ -70,6 +70,7 @@ def test_real_files_that_are_refused(name: str) -> None:
         mesh_scene(Source(FOLDER / name), SourceOptions(), MeshConfig())
 
 
+@pytest.mark.long
 def test_a_real_thing_of_splats_becomes_a_mesh() -> None:
     """A guitar, 4 units long: half of its opaque splats lie within a cell of the surface that is made of them."""
     path = FOLDER / "gs_guitar_compressed" / "guitar.compressed.ply"

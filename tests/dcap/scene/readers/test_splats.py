@@ -202,6 +202,7 @@ def test_broken_files_end_in_one_line(data: st.DataObject, tmp_path_factory: pyt
     assert not said or "a.ply" in said
 
 
+@pytest.mark.long
 @pytest.mark.third_party
 @pytest.mark.skipif(not SAMPLE_DATA.is_dir(), reason="DCAP_SAMPLE_DATA is not set")
 def test_playcanvas_decodes_the_same() -> None:
