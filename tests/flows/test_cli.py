@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ import dcap
 from flows.cli.app import main
 from flows.configure import configured
 from flows.options import PlaceOptions
+from flows.server import prefect_server
 from tasks.runner.stage import deciding
 
 
@@ -85,9 +87,16 @@ TRUNCATED = b"ply\nformat binary_little_endian 1.0\nelement vertex 1000000000\np
 
 
 @pytest.fixture(scope="module")
-def data_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """One for several runs: a new database of Prefect's takes longer to start than an old one."""
-    return tmp_path_factory.mktemp("data")
+def data_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """One for several programs, with a server that they find and share: to make its database takes long."""
+    folder = tmp_path_factory.mktemp("data")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("DCAP_DATA", str(folder))
+        patch.delenv("PREFECT_API_URL", raising=False)
+        with prefect_server():
+            patch.undo()
+            patch.delenv("PREFECT_API_URL", raising=False)
+            yield folder
 
 
 @pytest.mark.slow

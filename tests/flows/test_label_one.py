@@ -43,6 +43,7 @@ def dcap(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_labels_are_written_corrected_and_used(tmp_path: Path) -> None:
     """labels.json is that of `--json`; corrected, it names things of the next run; the page loads nothing."""
     scene, out = tmp_path / "room.glb", tmp_path / "labels"

@@ -247,6 +247,7 @@ def test_a_server_for_others_asks_who_they_are(monkeypatch: pytest.MonkeyPatch) 
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_server_for_others_is_told_who_asks(data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its own program says so by itself; who does not is refused."""
     monkeypatch.setenv("PREFECT_SERVER_API_HOST", "0.0.0.0")

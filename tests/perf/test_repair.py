@@ -40,6 +40,7 @@ def test_missing_sample_data_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.third_party
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(900)
 @pytest.mark.skipif("DCAP_SAMPLE_DATA" not in os.environ, reason="needs $DCAP_SAMPLE_DATA")
 def test_sample_meshes_are_closed() -> None:
