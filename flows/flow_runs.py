@@ -5,6 +5,7 @@ number the children of threads by a counter that the threads race for, and two s
 are created here, each with a key of its own.
 """
 
+import signal
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -21,6 +22,7 @@ from prefect.flow_engine import FlowRunEngine
 from prefect.states import Completed, Crashed, Failed, Pending
 
 from dcap.scene.errors import DcapError
+from flows.interrupts import put_off
 from flows.programs import Program
 from tasks.runner.outcomes import error_line
 
@@ -77,7 +79,7 @@ def flow_run(names: FlowRunNames, parent: UUID | None = None) -> Iterator[ShownF
         if parent is None:
             end_left_runs(context.client)
         engine = ShownFlowRun(flow=flow, flow_run=created(context.client, flow, names, parent))
-        with engine.start():
+        with engine.start(), put_off(signal.SIGTERM):  # Prefect's own handler raises in the middle of imports
             if not engine.is_running():
                 raise DcapError(f"the flow run {names.name!r} was ended before it began: {engine.state.name}")
             with engine.run_context():

@@ -2,7 +2,7 @@
 
 import os
 
-from flows.cli.interrupts import INTERRUPTED, flush_output, interruptible, say_interrupted
+from flows.interrupts import INTERRUPTED, flush_output, interruptible, say_interrupted
 
 __all__ = ["main"]
 
@@ -23,6 +23,7 @@ def main(arguments: list[str] | None = None) -> int:
         except SystemExit as ended:
             if ended.code != INTERRUPTED or arguments is not None:
                 raise
+            say_interrupted()
             code = INTERRUPTED
     if code == INTERRUPTED and arguments is None:
         flush_output()

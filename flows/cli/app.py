@@ -21,7 +21,6 @@ from flows.cli.config_command import config_app
 from flows.cli.data import cache_app, dataset_app
 from flows.cli.diff_command import diff
 from flows.cli.export_command import export
-from flows.cli.interrupts import INTERRUPTED, end_processes, say_interrupted
 from flows.cli.judge_command import judge
 from flows.cli.maps_command import maps
 from flows.cli.provenance_command import provenance
@@ -29,6 +28,7 @@ from flows.cli.study_command import study_app
 from flows.cli.view_command import view
 from flows.cli.worker_command import worker
 from flows.find_run import find_run
+from flows.interrupts import INTERRUPTED, end_processes, say_interrupted
 from flows.options import DropOptions, PlaceOptions, check_case, check_out, check_prompt
 from flows.settings.own import effective_options, exported_paths, run_settings, server_settings
 

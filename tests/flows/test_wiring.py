@@ -151,6 +151,7 @@ def upright() -> Anchor:
     return Anchor("bed", "mattress", 1, "center", np.zeros(2), np.zeros(3), np.eye(4), 0.0, square, "test")
 
 
+@pytest.mark.slow
 def test_whoever_plans_and_writes_does_not_load_the_solver() -> None:
     """Taichi takes seconds."""
     code = "import sys, flows.benchmark, flows.place_one, flows.plan; sys.exit('taichi' in sys.modules)"

@@ -1,10 +1,14 @@
 """A server of the S3 protocol on this machine, as a team's store."""
 
+import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager
-from itertools import count
+from uuid import uuid4
 
+import boto3
 import pytest
+from moto.server import ThreadedMotoServer
+from s3fs import S3FileSystem
 
 
 class S3:
@@ -15,24 +19,22 @@ class S3:
 
     def __init__(self, url: str) -> None:
         self.url = url
-        self._numbers = count()
 
     def bucket(self) -> str:
         """URL of a new bucket with a prefix."""
-        import boto3
-
-        name = f"bucket-{next(self._numbers)}"
+        name = f"bucket-{uuid4().hex}"
         boto3.client("s3", endpoint_url=self.url).create_bucket(Bucket=name)
         return f"s3://{name}/team/dcap"
 
 
 @contextmanager
 def s3_server() -> Iterator[S3]:
-    """A server with credentials that it takes in the environment; skips the test where its library is not installed."""
-    pytest.importorskip("s3fs")
-    server = pytest.importorskip("moto.server").ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
+    """A server with nothing in it, and in the environment where it is and credentials that it takes. What moto keeps is
+    the process', and so are the connections that s3fs keeps by their arguments, among which no address is."""
+    server = ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
     server.start()
     host, port = server.get_host_and_port()
+    forget(f"http://{host}:{port}")
     try:
         with pytest.MonkeyPatch.context() as patch:
             patch.setenv("AWS_ENDPOINT_URL", f"http://{host}:{port}")
@@ -42,4 +44,11 @@ def s3_server() -> Iterator[S3]:
             patch.setenv("NO_PROXY", "127.0.0.1")
             yield S3(f"http://{host}:{port}")
     finally:
+        forget(f"http://{host}:{port}")
         server.stop()
+
+
+def forget(url: str) -> None:
+    """Let go of all buckets and connections."""
+    urllib.request.urlopen(urllib.request.Request(f"{url}/moto-api/reset", method="POST")).close()
+    S3FileSystem.clear_instance_cache()
