@@ -152,7 +152,9 @@ class Vandal:
         os.rename(draft, other)
 
     def add_to_folder(self) -> None:
-        (self.random.choice(self.folders()) / self.random.choice(("more.txt", "value.json~", "\udcff"))).write_text("x")
+        path = self.random.choice(self.folders()) / self.random.choice(("more.txt", "value.json~", "\udcff"))
+        path.unlink(missing_ok=True)  # an earlier one may be a pipe by now, which nobody reads
+        path.write_text("x")
 
     def link_into_folder(self) -> None:
         (self.random.choice(self.folders()) / "linked").symlink_to(self.random.choice(self.folders()))
