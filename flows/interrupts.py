@@ -66,8 +66,9 @@ def importing(frame: FrameType | None) -> bool:
 
 def leave() -> NoReturn:
     """End the process where nothing can be raised. Nothing is unwound: what would stay behind after `kill -9` does."""
-    if sys.stderr is not None and sys.stderr.isatty():
-        sys.stderr.write(SHOW_CURSOR)
+    with suppress(OSError, AttributeError, ValueError):
+        if sys.stderr.isatty():
+            sys.stderr.write(SHOW_CURSOR)
     say_interrupted()
     with suppress(Exception):
         end_processes()
@@ -77,7 +78,7 @@ def leave() -> NoReturn:
 
 def say_interrupted() -> None:
     """One line on standard error."""
-    with suppress(OSError, AttributeError):
+    with suppress(OSError, AttributeError, ValueError):  # closed, or none at all
         sys.stderr.write("dcap: interrupted\n")
 
 

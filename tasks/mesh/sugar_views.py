@@ -21,7 +21,6 @@ def pictures(splats: Gaussians, cameras: Sequence[Camera], threads: int) -> Iter
     from solver.runtime import start
 
     start(threads)
-
     splatter = Splatter(splats)
     for camera in cameras:
         yield np.rint(255.0 * np.clip(splatter.view(camera).image, 0.0, 1.0)).astype(np.uint8)

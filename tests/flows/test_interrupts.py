@@ -48,8 +48,6 @@ sys.modules["flows.cli.app"] = flows.cli.app = app
 IMPORT = """
 def work():
     import carefree
-
-sys.exit(flows.cli.main())
 """
 UNDER_PREFECT = """
 def work():
@@ -58,15 +56,11 @@ def work():
     signal.signal(signal.SIGTERM, raising)
     with interrupts.put_off(signal.SIGTERM):
         import carefree
-
-sys.exit(flows.cli.main())
 """
 BENCHMARK = """
 def work():
     print("begun", flush=True)
     import flows.benchmark, solver.settle
-
-sys.exit(flows.cli.main())
 """
 Said = tuple[int, str, str]
 INTERRUPTED: Said = (130, "cleared up\n", "dcap: interrupted\n")
@@ -79,7 +73,9 @@ def start(
     (folder / "carefree.py").write_text(CAREFREE)
     (folder / "optional.py").write_text(OPTIONAL)
     disposition = "SIG_IGN" if ignored else "default_int_handler" if kind == signal.SIGINT else "SIG_DFL"
-    code = f"import signal; signal.signal({int(kind)}, signal.{disposition})\n{PROGRAM}{work}"
+    code = (
+        f"import signal; signal.signal({int(kind)}, signal.{disposition})\n{PROGRAM}{work}\nsys.exit(flows.cli.main())"
+    )
     words = [sys.executable, "-P", "-c", code, str(seconds), str(folder), str(longest)]
     program = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert program.stdout is not None

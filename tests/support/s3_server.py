@@ -34,8 +34,8 @@ def s3_server() -> Iterator[S3]:
     server = ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
     server.start()
     host, port = server.get_host_and_port()
-    forget(f"http://{host}:{port}")
     try:
+        forget(f"http://{host}:{port}")
         with pytest.MonkeyPatch.context() as patch:
             patch.setenv("AWS_ENDPOINT_URL", f"http://{host}:{port}")
             patch.setenv("AWS_ACCESS_KEY_ID", "someone")
@@ -44,7 +44,6 @@ def s3_server() -> Iterator[S3]:
             patch.setenv("NO_PROXY", "127.0.0.1")
             yield S3(f"http://{host}:{port}")
     finally:
-        forget(f"http://{host}:{port}")
         server.stop()
 
 
