@@ -22,8 +22,8 @@ from process_trees import descendants
 from dcap.packages import module_command
 from dcap.scene.errors import InputError
 from dcap.scene.settings import PROJECT_ROOT
-from flows.programs import Program
 from flows.interrupts import PutOff
+from flows.programs import Program
 from flows.server import free_port, is_healthy, is_server, known, known_pid, prefect_server, server_folder, server_host
 
 PATIENCE = 240.0
