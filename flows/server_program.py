@@ -34,6 +34,7 @@ def main() -> None:
     folder, host, port = Path(sys.argv[1]), sys.argv[2], sys.argv[3]
     threading.Thread(target=end_when_unused, args=(folder / USERS,), daemon=True).start()
     answer_own_requests(host)
+    lock_before_reading()
     sys.argv = ["prefect", "server", "start", "--host", host, "--port", port]
     runpy.run_module("prefect", run_name="__main__", alter_sys=True)
 
@@ -48,6 +49,21 @@ def answer_own_requests(host: str) -> None:
         run(OwnRequestsOnly(app, OwnRequests.to(host, before), ORIGINS), **how)
 
     uvicorn.run = run_guarded  # type: ignore[assignment]  # Prefect calls it with the whole application
+
+
+def lock_before_reading() -> None:
+    """Let a transaction that will write lock its SQLite database when it begins, as Prefect does for some of them.
+
+    One that reads first and locks later fails at once if another has written in between: "database is locked", with no
+    waiting. The server then answers 503, and its client asks again after two seconds."""
+    from prefect.server.database.configurations import AioSqliteConfiguration
+
+    begin = AioSqliteConfiguration.begin_transaction
+
+    def begin_locked(configuration: Any, session: Any, with_for_update: bool = True) -> Any:
+        return begin(configuration, session, with_for_update=True)
+
+    AioSqliteConfiguration.begin_transaction = begin_locked  # type: ignore[method-assign, assignment]
 
 
 def end_when_unused(users: Path) -> None:

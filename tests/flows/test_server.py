@@ -1,4 +1,4 @@
-"""Programs that run at the same time share one server, and the last one stops it."""
+"""Programs that run at the same time share one server, the last one stops it, and it lets nobody wait."""
 
 import json
 import os
@@ -6,12 +6,15 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
+import httpx
 import pytest
 from foreign_names import LIBRARIES, OURS, foreign_folder, marks
 
 from dcap.scene.settings import PROJECT_ROOT
 from flows.server import is_healthy, is_server, prefect_server
+from perf.workflow import chain
 
 OTHER = """
 import sys
@@ -23,6 +26,7 @@ with prefect_server() as url:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_the_last_user_stops_the_server(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A second program uses the server of the first, keeps it when the first leaves, and stops it in the end."""
     monkeypatch.setenv("DCAP_DATA", str(tmp_path))
@@ -59,3 +63,29 @@ def test_a_server_takes_nothing_from_the_working_directory(tmp_path: Path, monke
     with prefect_server() as url:
         assert is_healthy(url)
     assert marks(tmp_path) == ""
+
+
+@pytest.mark.slow
+def test_a_flow_run_is_never_told_to_ask_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """While the events of earlier ones are being kept: a database that is locked would cost two seconds each time."""
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path))
+    monkeypatch.setenv("PREFECT_HOME", str(tmp_path))
+    monkeypatch.delenv("PREFECT_API_URL", raising=False)
+    answers, send = list[int](), httpx.Client.send
+
+    def noted(client: httpx.Client, request: httpx.Request, **how: Any) -> httpx.Response:
+        response = send(client, request, **how)
+        answers.append(response.status_code)
+        return response
+
+    monkeypatch.setattr(httpx.Client, "send", noted)
+    with prefect_server():
+        from flows.flow_runs import FlowRunNames, flow_run
+
+        with flow_run(FlowRunNames("all", "all", (), {})) as whole:
+            assert whole.flow_run is not None
+            for number in range(5):
+                with flow_run(FlowRunNames("one", f"{number}", (), {}), whole.flow_run.id):
+                    chain(number, 2)
+    assert 201 in answers
+    assert 503 not in answers
