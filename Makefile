@@ -8,7 +8,7 @@ DATA := $(or $(DCAP_DATA),data)
 OUT ?= $(DATA)/runs/demo
 # Two tests at a time, those of one file one after the other; a third would only fight with the kernels' own threads.
 PARALLEL := -n 2 --dist loadfile
-# What `make check` runs, what it leaves out, and what takes a quarter of a minute or more each: no test is in two of
+# What `make check` runs, what it leaves out, and what takes ten seconds or more each: no test is in two of
 # them, and together they are what `make test` runs.
 FAST := not slow and not long and not sweep and not third_party and not gpu
 REST := (slow or third_party or gpu) and not sweep and not long
@@ -48,7 +48,7 @@ rest: $(READY) ## the tests that `make check` leaves out, slow or on third-party
 	@if command -v npm >/dev/null; then $(MAKE) --no-print-directory node-tools || echo "no npm registry: tests marked node are skipped"; fi
 	$(BIN)/pytest $(PARALLEL) -m "$(REST)"
 
-long: $(READY) ## the tests that take a quarter of a minute or more each: killed programs, endless damage, fine grids
+long: $(READY) ## the tests that take ten seconds or more each: killed programs, endless damage, fine grids
 	$(BIN)/pytest $(PARALLEL) -m "long and not sweep"
 
 sweep: $(READY) ## the long physics tests: whole ranges of mass, stiffness and resolution; hours

@@ -69,6 +69,7 @@ def placed(sample: Sample, folder: Path) -> tuple[SampleOutcome, JsonObject, Fin
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_the_pose_before_the_drop_is_measured_as_it_stands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """It is the anchor's: over the middle of the table's top, a centimetre above it. So the gap and the fall are that
     centimetre, nothing touches, and the place is right."""
@@ -98,6 +99,7 @@ def test_the_pose_before_the_drop_is_measured_as_it_stands(tmp_path: Path, monke
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_meshes_of_a_placement_are_written_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """A second run copies what the first has written, unless somebody has edited it there; another method's placement
     of the same sample has its own."""

@@ -67,12 +67,17 @@ def server_over(database: int, folder: Path) -> Iterator[str]:
         "PREFECT_SERVER_ANALYTICS_ENABLED": "false",
     }
     words = ("server", "start", "--host", "127.0.0.1", "--port", str(port), "--no-ui")
-    process = subprocess.Popen(module_command("prefect", *words), env=os.environ | own, start_new_session=True)
+    folder.mkdir()
+    said = folder / "said.txt"
+    with said.open("wb") as told:
+        process = subprocess.Popen(
+            module_command("prefect", *words), env=os.environ | own, stdout=told, stderr=told, start_new_session=True
+        )
     try:
         url, deadline = f"http://127.0.0.1:{port}/api", time.monotonic() + PATIENCE
         while not is_healthy(url):
-            assert process.poll() is None
-            assert time.monotonic() < deadline
+            assert process.poll() is None, said.read_text()
+            assert time.monotonic() < deadline, said.read_text()
             time.sleep(0.2)
         yield url
     finally:

@@ -53,6 +53,7 @@ def force_between(tree: dict[str, Any], a: str, b: str) -> float:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(MOST_SECONDS)
 def test_a_ball_a_book_beside_it_and_a_cup_on_the_book(data: Path) -> None:
     """Each comes to rest, the earlier ones with it: the bed carries book and cup together, and the ball alone."""

@@ -90,7 +90,7 @@ def lie(rest: NDArray[np.float64], now: NDArray[np.float64], faces: NDArray[np.i
     "sample",
     [
         "bathroom_01-towel-stool",
-        "bedroom_02-towel-chair",
+        pytest.param("bedroom_02-towel-chair", marks=pytest.mark.long),
         pytest.param("bedroom_01-blanket-stool", marks=pytest.mark.sweep),
         pytest.param("living_03-blanket-sofa", marks=pytest.mark.sweep),
     ],

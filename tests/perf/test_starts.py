@@ -7,6 +7,7 @@ from tasks.runner.process_server import START_METHOD
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(("method", "columns"), [("spawn", 3), ("forkserver", 6)])
 def test_starts_are_measured_as_they_are_made(method: str, columns: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """The table shows forked starts where there is a server to fork them, and spawned ones everywhere."""

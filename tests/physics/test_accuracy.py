@@ -78,7 +78,7 @@ def test_the_energy_of_layers_is_that_of_their_tensor(lab):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("cell", [0.016, 0.008])
+@pytest.mark.parametrize("cell", [pytest.param(0.016, marks=pytest.mark.long), 0.008])
 def test_the_estimate_bounds_the_error_of_the_reference_drop(lab, tmp_path, cell):
     """Depth too small by no more than the estimate, which is within four times of it where the grid is coarse."""
     result, depth = lab.reference_drop(tmp_path, 1.0, 2e4, cell)

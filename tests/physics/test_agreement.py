@@ -34,6 +34,7 @@ def test_a_soft_cube_on_a_plane(lab):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_soft_ball_on_a_plane(lab):
     """Height of a soft ball under its own weight; rolling resistance, since without it a ball on a plane never rests
     where the plane's grid is not symmetric about it."""

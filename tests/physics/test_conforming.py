@@ -44,6 +44,7 @@ def sag_of_pillow(folder, material):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_pillow_sags_into_the_gap_between_two_cushions(tmp_path):
     """Its layers slip by about rho g L^2 / (8 G), three times the sag of an isotropic block; it lies on either cushion
     with all that is over it."""

@@ -83,6 +83,7 @@ def test_a_flat_punch_obeys_boussinesq(lab):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_lying_capsule_sinks_evenly_and_less_than_a_ball(lab):
     """The same weight on a line instead of a point: shallower than the ball, deeper than the capsule's plane-strain
     bound, and level.
@@ -149,8 +150,8 @@ def test_stacked_soft_cubes_share_the_load(lab):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("mass", "side"), [(0.001, 0.1), (0.1, 0.1), (50.0, 0.5)])
-@pytest.mark.parametrize("E", [1e4, 1e6, 9e8])
+@pytest.mark.parametrize(("mass", "side"), [(0.001, 0.1), (0.1, 0.1), pytest.param(50.0, 0.5, marks=pytest.mark.long)])
+@pytest.mark.parametrize("E", [1e4, pytest.param(1e6, marks=pytest.mark.long), 9e8])
 def test_nothing_is_thrown_off_and_nothing_falls_through(lab, mass, side, E):
     """From 1 g to 50 kg on 1e4 to 9e8 Pa: the block ends level, near where it fell, carried by the slab."""
     slab = lab.soft("slab", lab.Box(np.array([0.6, 0.6, 0.1])), [0, 0, 0.05], E=E, rho=100.0, cell=0.025,
@@ -189,6 +190,7 @@ def test_springs_that_become_stiffer_throw_nothing_up(lab):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_what_presses_hard_stays_on_its_side(lab):
     """A sheet 6 mm thick presses with E: with the first guess of the stiffness points sink through half of it, and from
     there the way out leads to the other side. Contacts become stiffer before it lies still."""

@@ -135,6 +135,7 @@ def test_with_inertia_a_bar_swings_with_its_first_period_and_keeps_swinging(lab)
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.slow
 def test_with_inertia_a_thin_plate_rebounds_no_faster_than_it_came(lab):
     """It sinks in by a good part of its thickness on the way; springs that became stiffer then would throw it up."""
@@ -155,6 +156,7 @@ def test_with_inertia_a_thin_plate_rebounds_no_faster_than_it_came(lab):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("inertia", [True, False])
 def test_a_ball_rebounds_from_an_elastic_slab_only_with_inertia(lab, inertia):
     """Without loss of material a heavy ball gets most of its speed back; the way to rest is critically damped."""

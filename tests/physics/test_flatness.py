@@ -69,6 +69,7 @@ def test_what_is_smaller_than_a_cell_keeps_its_points(lab):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_large_ball_needs_no_point_at_its_bottom(lab):
     """It is flat over more than a cell; before cells as large as itself it is not."""
     body = lab.rigid("ball", lab.Capsule(0.1, 0.0), [0, 0, 0], edge=0.004)

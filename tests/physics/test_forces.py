@@ -73,6 +73,7 @@ def test_two_blocks_on_foam_add_up(lab):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_plate_ten_thousand_times_as_heavy_rests_on_a_gram_of_foam(lab):
     """10 kg on 1 g: each of the foam's contacts carries the plate, and it shortens by N H / (E A) with E A in between
     that of free and of held faces."""

@@ -30,7 +30,7 @@ def incline(lab, angle):
     return lab.gravity * np.array([np.sin(angle), 0.0, -np.cos(angle)])
 
 
-KINDS = [("soft", "rigid"), ("rigid", "soft"), ("soft", "soft")]
+KINDS = [("soft", "rigid"), pytest.param(("rigid", "soft"), marks=pytest.mark.long), ("soft", "soft")]
 
 
 @pytest.mark.slow
@@ -79,7 +79,7 @@ def test_a_block_slides_iff_the_slope_beats_static_friction(lab, kinds, share, s
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("E", [1e5, 1e6])
+@pytest.mark.parametrize("E", [1e5, pytest.param(1e6, marks=pytest.mark.long)])
 def test_a_foam_block_slides_on_foam_as_fast_as_a_rigid_one(lab, E):
     """a = g (sin a - mu_d cos a) does not depend on stiffness: internal damping is no brake."""
     size, mu = np.array([0.12, 0.12, 0.06]), (MU_S, MU_D)

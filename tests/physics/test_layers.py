@@ -78,7 +78,7 @@ def sandwich_way(load, stiffness, shear, faces):
     return found.y[0, -1]
 
 
-@pytest.mark.parametrize("between", [2e4, pytest.param(1e4, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("between", [2e4, pytest.param(1e4, marks=pytest.mark.long)])
 def test_a_sandwich_sags_as_its_soft_core_shears(lab, between):
     """Stiff isotropic faces on a core of layers that slip: half and two thirds of the sag are slip."""
     E, depth, height = 1e7, CORE + FACE, CORE + 2 * FACE

@@ -117,7 +117,7 @@ def sagging(lab, nu, cells, **config):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("cells", [2, 3])
+@pytest.mark.parametrize("cells", [2, pytest.param(3, marks=pytest.mark.long)])
 @pytest.mark.parametrize("nu", [0.0, 0.3, 0.45, 0.49])
 def test_a_beam_bends_alike_at_any_poisson_ratio(lab, nu, cells):
     """Bending does not depend on nu; two or three cells through the thickness neither lock in shear nor in volume."""

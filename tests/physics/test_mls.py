@@ -230,6 +230,7 @@ def test_a_soft_body_rests_on_a_soft_body_through_the_grid(lab):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_soft_ball_on_a_soft_slab_stops_bouncing(lab):
     """Nothing but the dashpot between the two takes the energy of its hops; it rests within half a second."""
     h = 0.0125

@@ -44,7 +44,8 @@ def test_a_thin_plate_keeps_two_soft_blocks_apart_with_cpic_only(lab, cpic):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("height", [pytest.param(0.0, marks=pytest.mark.long), 0.004])
+@pytest.mark.long
+@pytest.mark.parametrize("height", [0.0, 0.004])
 def test_a_thin_plate_with_cpic_lets_no_material_through(lab, height):
     """A block dropped on a plate of a quarter cell stays above it to the last particle and rests, wherever the plate
     lies between the nodes."""

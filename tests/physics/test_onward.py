@@ -46,6 +46,7 @@ def test_a_rest_state_stays(lab):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_the_same_pose_over_a_slab_without_its_dent_is_pushed_out_and_sinks_in(lab):
     """The dent is 1 cm: without it the ball is that deep inside, and comes back to where it was."""
     model = bodies(lab)

@@ -54,7 +54,7 @@ def test_the_default_resolution_is_fine_enough(lab, tmp_path, mass, E):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("E", [2e4, 5e5])
+@pytest.mark.parametrize("E", [2e4, pytest.param(5e5, marks=pytest.mark.long)])
 def test_the_surfaces_in_a_picture_neither_gape_nor_overlap(lab, tmp_path, E):
     """Between the ball and the deformed surface as written to the PLY file: at most 0.3 mm anywhere in the contact."""
     result, depth = lab.reference_drop(tmp_path, 1.0, E)

@@ -82,6 +82,7 @@ def test_points_that_start_far_above_a_soft_body_touch_it_when_they_come_down(la
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_soft_ball_rolls_down_like_a_rigid_one(lab):
     """a = 5/7 g sin(a) without rolling resistance: material damping brakes strain, never rotation."""
     angle = np.radians(8.0)

@@ -56,6 +56,7 @@ def test_a_wide_low_block_slides_at_friction_and_so_is_more_stable_than_a_tall_o
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_block_near_an_edge_is_least_stable_towards_it(lab):
     """Its centre, 0.05 m high, is 0.01 m from the floor's edge: F / W = 0.2 that way, friction's 0.5 the other ways."""
     rows = pushed(lab, [0.1, 0.1, 0.1], 0.5, at=0.29, count=4).bodies["box"].directions

@@ -57,6 +57,7 @@ def check(folder, shape, mass, E):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_cube_of_a_gram_rests_on_soft_foam(tmp_path):
     """The light and soft corner of the range."""
     check(tmp_path, "cube", 1e-3, 1e4)

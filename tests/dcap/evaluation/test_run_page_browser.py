@@ -79,6 +79,7 @@ def test_filters_and_views(run: Path, page: Page) -> None:
     expect(folded.locator(".all-views img")).to_have_count(len(PLACED) * len(METHODS))
 
 
+@pytest.mark.long
 def test_placements_turn_together(run: Path, page: Page) -> None:
     """All methods of the sample are drawn, each its own; a drag over one turns all; a method can be left out."""
     page.goto((run / "report.html").as_uri())

@@ -50,6 +50,7 @@ def test_a_body_that_rolled_is_dropped_again() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_the_second_drop_has_fine_cells_where_the_first_one_ended() -> None:
     """And where the ball comes down, as the first one had."""
     case = rolled()

@@ -29,6 +29,7 @@ for name in sys.argv[2]:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_drop_is_the_same_in_a_process_that_has_done_others(tmp_path: Path) -> None:
     """The files of a steel ball on foam, dropped in a new process and after a cube of foam, have the same bytes."""
     program = tmp_path / "program.py"

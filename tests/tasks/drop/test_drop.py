@@ -244,6 +244,7 @@ def test_a_leaning_board_stays_and_says_how_it_leans() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_board_that_leans_too_far_slides_down() -> None:
     """Friction 0.6 holds up to the angle whose tangent is 2 mu / (1 - mu^2) = 1.9; tan 65 = 2.1."""
     particles, start = leaning_board(65.0)

@@ -68,6 +68,7 @@ def dropped(*, cpic: bool | None = None) -> tuple[float, int, tuple[str, ...]]:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_thin_plate_rests_on_the_foam_it_falls_on() -> None:
     """All foam stays under it, and it sinks as far as a block of the same base and mass by tl, whose contact is between
     surfaces, to the fifth of a cell to which mls knows a surface; the result says why."""
@@ -80,6 +81,7 @@ def test_a_thin_plate_rests_on_the_foam_it_falls_on() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_without_sides_the_plate_goes_into_the_foam() -> None:
     """What the default is good for: with cpic off the foam leaks through the plate, which ends in it, and that is
     said."""

@@ -66,6 +66,7 @@ def depth(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Depth:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_command_reaches_the_start_of_a_process_in_few_calls(
     depth: Depth, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

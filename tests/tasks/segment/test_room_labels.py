@@ -92,7 +92,7 @@ def test_a_bathroom_without_annotations() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["living_02", "guest_01"])
+@pytest.mark.parametrize("name", [pytest.param("living_02", marks=pytest.mark.long), "guest_01"])
 def test_rooms_without_annotations(name: str) -> None:
     """Nine of ten things of rooms of other kinds are found under their names."""
     check_room(name, labels=0.9)

@@ -138,6 +138,7 @@ def test_a_room_without_a_bed_is_refused():
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_pictures_differ_where_placements_do(room: RoomWithBall):
     """The room and the view from above stay with the bed, the others follow the ball."""
     empty = {view: room.seen(None, BED, view) for view in VIEWS}

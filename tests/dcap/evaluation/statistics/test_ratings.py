@@ -148,7 +148,7 @@ def test_an_unknown_anchor_is_named():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("samples", "judges"), [(60, 500), (20, 150)])
+@pytest.mark.parametrize(("samples", "judges"), [pytest.param(60, 500, marks=pytest.mark.long), (20, 150)])
 def test_intervals_cover_known_strengths(samples: int, judges: int):
     """Of 95 % intervals about 95 % hold the truth, for ratings and win rates, and fewer with few samples; the Hessian's
     errors do where comparisons are independent.

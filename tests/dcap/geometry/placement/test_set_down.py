@@ -158,6 +158,7 @@ def depth(points: np.ndarray, solids: list[Mesh]) -> float:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @settings(max_examples=15)
 @example("bottle", 190, 2.0**-7)  # its side, steeper than 1, is nearest to a slope
 @given(

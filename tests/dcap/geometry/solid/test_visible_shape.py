@@ -69,6 +69,7 @@ def test_scraps_go_and_patches_are_turned() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_soup_is_meshed_anew() -> None:
     """Faces that share no vertex, 0.3 mm off their neighbours: the volume is that of the ball."""
     noise = np.random.default_rng(0).normal(0.0, 1e-4, (len(BALL.faces), 3, 3))
