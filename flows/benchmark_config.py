@@ -1,8 +1,8 @@
 """What a benchmark is asked to do, from flags, environment and `dcap.yaml`: its stages' settings, and who places."""
 
-import os
 from collections.abc import Mapping
 
+from dcap.cores import available_cores
 from dcap.scene.errors import InputError
 from dcap.scene.spelling import not_one_of
 from flows.configure import configured, many_options
@@ -16,8 +16,9 @@ from tasks.runner.limits import MODEL_CALLS, SIMULATIONS
 
 def benchmark_config(flags: Mapping[str, object], asked: RunSettings) -> tuple[PlaceConfig, LanguageOptions]:
     """The settings of the stages, and who is asked; workers beside each other share the cores of a machine."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    threads = asked.threads or max(1, cores // asked.workers)  # drops side by side must not fight for the cores
+    threads = asked.threads or max(
+        1, available_cores() // asked.workers
+    )  # drops side by side must not fight for the cores
     asking = language_of(asked)
     arch = chosen_arch(asked.arch)
     return configured(many_options(flags, threads), language=asking.config(), arch=arch), asking
@@ -30,4 +31,5 @@ def runner_of(asked: RunSettings) -> SampleRunner:
     name = RunnerName(asked.runner)
     check_runner(name, asked.cluster, batch=asked.batch)
     limits = {SIMULATIONS: asked.simulations, MODEL_CALLS: asked.model_calls}
-    return SampleRunner(name, asked.cluster, {key: most for key, most in limits.items() if most})
+    given = {key: most for key, most in limits.items() if most}
+    return SampleRunner(name, asked.cluster, given, threads_given=asked.threads > 0)

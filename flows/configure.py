@@ -49,6 +49,14 @@ def configured(options: PlaceOptions, *, language: LanguageConfig | None = None,
     return changed(default, stages)
 
 
+def with_threads(config: PlaceConfig, threads: int) -> PlaceConfig:
+    """The settings with so many threads for every stage that has some: they change no result."""
+    stages = {name: getattr(config, name) for name in PlaceConfig.model_fields}
+    return changed(
+        config, {name: changed(one, {"threads": threads}) for name, one in stages.items() if hasattr(one, "threads")}
+    )
+
+
 def many_options(flags: Mapping[str, object], threads: int = 0) -> PlaceOptions:
     """The options of a benchmark, whose samples have no person who could be asked what was meant."""
     mine = {name: value for name, value in flags.items() if name in PlaceOptions.model_fields}

@@ -5,33 +5,61 @@ store and server from its own environment and `dcap.yaml`.
 """
 
 import os
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from uuid import UUID
 
 from prefect import flow
 from prefect.client.orchestration import get_client
 from prefect.client.schemas.objects import State
+from prefect.exceptions import ObjectNotFound
 from prefect.runtime import flow_run
-from prefect.states import Completed, Failed
+from prefect.states import Completed, Crashed, Failed
 
 from dcap.evaluation.methods import methods_of
 from dcap.scene.errors import DcapError
 from flows.benchmark import LOCAL, rerun_sample, run_benchmark
 from flows.benchmark_config import benchmark_config, runner_of
+from flows.configure import with_threads
 from flows.display import summary_line
-from flows.elsewhere import place_job
+from flows.elsewhere import SampleJob, placed
+from flows.flow_runs import PROGRAM
 from flows.output import result_line
+from flows.programs import Program
+from flows.sample_flow import ending_of
+from flows.sample_pictures import show_pictures
+from flows.sample_run import FailedSample
 from flows.settings.own import run_settings
-from flows.work_pool import WORKER, worker_tag
+from flows.work_pool import THREADS, WORKER, worker_tag
 
 
 @flow(name="place", persist_result=False, validate_parameters=False)
 def place_sample(job: dict[str, Any]) -> State[Any]:
     """Place the sample of a job (flows/elsewhere.py) and leave its results in the store."""
     told_where()
-    told = place_job(job, in_own_run=False)
-    return Failed(message=str(told["error"])) if told["error"] else Completed()
+    mine = SampleJob.from_json(job)
+    if mine.run.id is not None and is_left(mine.run.id):
+        return Crashed(message="the benchmark that asked for it is gone")
+    if not mine.threads_given and os.environ.get(THREADS):
+        mine = replace(mine, config=with_threads(mine.config, int(os.environ[THREADS])))
+    result = placed(mine, in_own_run=False)
+    if isinstance(result, FailedSample):
+        return Failed(message=result.message)
+    assert flow_run.id
+    show_pictures(result.placement, UUID(flow_run.id))
+    name, why = ending_of(result.placement)
+    return Completed(name=name, message=why or None)
+
+
+def is_left(benchmark: UUID) -> bool:
+    """Whether the program of a benchmark has surely ended."""
+    with get_client(sync_client=True) as client, suppress(ObjectNotFound):
+        asked = client.read_flow_run(benchmark)
+        program = Program.from_json(asked.context.get(PROGRAM))
+        return program is not None and program.is_gone
+    return True  # somebody has deleted it
 
 
 def told_where() -> None:

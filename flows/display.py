@@ -111,7 +111,10 @@ class Display:
         self.console.print(text)
 
     def finished(self, sample: Sample) -> None:
-        """A sample is done."""
+        """A sample is done; one that was placed elsewhere has told nothing of its stages."""
+        with self.lock:
+            if sample.id in self.stages and not self.stages_done[sample.id]:
+                self.stages_done[sample.id] = self.stages[sample.id]
         self.count(sample)
 
     def failed(self, sample: Sample, message: str) -> None:

@@ -15,7 +15,7 @@ from dcap.scene.errors import StoreError
 from dcap.scene.json_tree import JsonObject, object_to_json
 from dcap.scene.types.sample import Sample
 from flows.place import PlaceConfig
-from flows.run_files import sample_from_json
+from flows.run_files import located, sample_from_json
 from flows.run_names import WatchedRun
 from flows.sample_run import (
     STAGE_NAMES,
@@ -45,18 +45,21 @@ class SampleJob:
     """The run that it belongs to."""
     limits: frozenset[str] = frozenset()
     """Limits that the run keeps."""
+    threads_given: bool = True
+    """Whether the settings' threads hold on any machine."""
 
     def to_json(self) -> JsonObject:
         """Plain form."""
         return object_to_json(
             {
-                "sample": asdict(self.sample),
+                "sample": asdict(located(self.sample)),  # workers have other working directories
                 "config": self.config.model_dump(mode="json"),
                 "session": self.session.to_json(),
                 "run": self.run.name,
                 "run_id": str(self.run.id) if self.run.id else None,
                 "repeated": sorted(self.run.repeated),
                 "limits": sorted(self.limits),
+                "threads_given": self.threads_given,
             }
         )
 
@@ -75,16 +78,20 @@ class SampleJob:
             session=Session(**session),
             run=WatchedRun(str(tree["run"]), UUID(str(run_id)) if run_id else None, frozenset(map(str, repeated))),
             limits=frozenset(map(str, limits)),
+            threads_given=bool(tree["threads_given"]),
         )
 
 
-def place_job(tree: JsonObject, *, in_own_run: bool = True) -> JsonObject:
-    """Place a sample here, in a flow run of its own or in the one that this is called in; what went wrong, empty if
-    nothing."""
-    job = SampleJob.from_json(tree)
-    context = RunContext(session=job.session, server=server_of_process(), limits=job.limits)
-    result = try_sample(job.sample, job.config, context=context, run=job.run, in_own_run=in_own_run)
+def place_job(tree: JsonObject) -> JsonObject:
+    """Place a sample here, in a flow run of its own; what went wrong, empty if nothing."""
+    result = placed(SampleJob.from_json(tree))
     return told_of(result.message, result.details) if isinstance(result, FailedSample) else told_of("")
+
+
+def placed(job: SampleJob, *, in_own_run: bool = True) -> FinishedSample | FailedSample:
+    """The sample of a job, placed here in a flow run of its own or in the one that this is called in."""
+    context = RunContext(session=job.session, server=server_of_process(), limits=job.limits)
+    return try_sample(job.sample, job.config, context=context, run=job.run, in_own_run=in_own_run)
 
 
 def told_of(error: str, details: str = "") -> JsonObject:

@@ -124,6 +124,18 @@ def end_left_runs(client: SyncPrefectClient) -> None:
         if program is not None and program.is_gone:
             with suppress(PrefectHTTPStatusError, ObjectNotFound):  # not ours to end, or deleted meanwhile
                 end_as_crashed(client, [one.id], f"its program, process {program.pid} of {program.host}, is gone")
+                end_as_crashed(client, waiting_children(client, one.id), "the benchmark that asked for it is gone")
+
+
+def waiting_children(client: SyncPrefectClient, parent: UUID) -> list[UUID]:
+    """Flow runs that wait in the pool for a worker."""
+    wanted = FlowRunFilter.model_validate(
+        {"parent_flow_run_id": {"any_": [parent]}, "state": {"type": {"any_": ["SCHEDULED"]}}}
+    )
+    found: list[UUID] = []
+    while page := client.read_flow_runs(flow_run_filter=wanted, offset=len(found)):  # as many as the server gives
+        found += [one.id for one in page]
+    return found
 
 
 def end_as_crashed(client: SyncPrefectClient, runs: Iterable[UUID], why: str) -> None:

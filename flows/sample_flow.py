@@ -16,7 +16,7 @@ from dcap.scene.errors import DcapError
 from dcap.scene.store.artifacts import Store
 from dcap.scene.types.outcome import Infeasible
 from dcap.scene.types.sample import Sample
-from flows.flow_runs import FlowRunNames, ShownFlowRun, end_as_crashed, flow_run
+from flows.flow_runs import COMPLETED, FlowRunNames, ShownFlowRun, ShownState, end_as_crashed, flow_run
 from flows.place import PlacementRefs
 from flows.run_names import WatchedRun, sample_tags, title_of
 from flows.sample_pictures import show_pictures
@@ -52,10 +52,16 @@ class SampleFlowRun:
         """Show what came of the sample: its pictures, or why there is no way."""
         assert self._engine.flow_run is not None
         show_pictures(placement, self._engine.flow_run.id)
-        if placement.renders.infeasible:
-            found = Store.default().load(placement.renders)
-            assert isinstance(found, Infeasible)
-            self._engine.ending = INFEASIBLE, reason_line(found)
+        self._engine.ending = ending_of(placement)
+
+
+def ending_of(placement: PlacementRefs) -> ShownState:
+    """How the flow run of a sample ends that has got through."""
+    if not placement.renders.infeasible:
+        return COMPLETED, ""
+    found = Store.default().load(placement.renders)
+    assert isinstance(found, Infeasible)
+    return INFEASIBLE, reason_line(found)
 
 
 def flow_runs_of(sample: Sample, run: WatchedRun | None = None) -> Iterator[SampleFlowRun]:

@@ -12,12 +12,16 @@ import signal
 import sys
 import threading
 import time
+from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flows.own_requests import OwnRequests, OwnRequestsOnly
 
 if TYPE_CHECKING:
+    from collections.abc import AsyncGenerator
+
+    from sqlalchemy.ext.asyncio import AsyncSession, AsyncSessionTransaction
     from starlette.types import ASGIApp
 
 ORIGINS = "PREFECT_SERVER_CORS_ALLOWED_ORIGINS"
@@ -55,13 +59,21 @@ def lock_before_reading() -> None:
     """Let a transaction that will write lock its SQLite database when it begins, as Prefect does for some of them.
 
     One that reads first and locks later fails at once if another has written in between: "database is locked", with no
-    waiting. The server then answers 503, and its client asks again after two seconds."""
-    from prefect.server.database.configurations import AioSqliteConfiguration
+    waiting. The server then answers 503, and its client asks again after two seconds. The lock is for this transaction:
+    what is read within it over another connection begins as it would have."""
+    from prefect.server.database.configurations import SQLITE_BEGIN_MODE, AioSqliteConfiguration
 
-    begin = AioSqliteConfiguration.begin_transaction
-
-    def begin_locked(configuration: Any, session: Any, with_for_update: bool = True) -> Any:
-        return begin(configuration, session, with_for_update=True)
+    @asynccontextmanager
+    async def begin_locked(
+        configuration: AioSqliteConfiguration, session: "AsyncSession", with_for_update: bool = False
+    ) -> "AsyncGenerator[AsyncSessionTransaction]":
+        async with session.begin() as transaction:
+            before = SQLITE_BEGIN_MODE.set("IMMEDIATE")
+            try:
+                await session.connection()
+            finally:
+                SQLITE_BEGIN_MODE.reset(before)
+            yield transaction
 
     AioSqliteConfiguration.begin_transaction = begin_locked  # type: ignore[method-assign, assignment]
 

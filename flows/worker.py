@@ -11,10 +11,15 @@ import subprocess
 import tempfile
 from collections.abc import Callable
 from contextlib import suppress
+from pathlib import Path
+from secrets import token_hex
 
+from dcap.cores import available_cores
 from dcap.packages import module_command
 from dcap.scene.errors import DcapError
+from dcap.scene.settings import data_root, shared_store_url
 from flows.server import prefect_server
+from flows.settings.given import FILE_VARIABLE, settings_file
 
 HEARTBEAT_SECONDS = 10
 """Three that are missed make a worker lost."""
@@ -24,15 +29,20 @@ STOP_SECONDS = 15.0
 def serve_pool(at_a_time: int, announce: Callable[[str], None]) -> None:
     """Serve the pool until interrupted; `announce` is given a line when the worker starts."""
     with prefect_server() as url, tempfile.TemporaryDirectory(prefix="dcap-worker-") as folder:
-        from flows.work_pool import POOL, WORKER, register
+        from flows.work_pool import POOL, THREADS, WORKER, register
 
         register()
-        name = f"{platform.node()}-{os.getpid()}"
-        environment = os.environ | {
-            WORKER: name,
-            "PYTHONSAFEPATH": "1",  # its processes take nothing from the working directory
-            "PREFECT_WORKER_HEARTBEAT_SECONDS": str(HEARTBEAT_SECONDS),
-        }
+        name = f"{platform.node()}-{os.getpid()}-{token_hex(3)}"  # a container that starts again has both again
+        environment = (
+            os.environ
+            | whole_places()
+            | {
+                WORKER: name,
+                THREADS: str(max(1, available_cores() // at_a_time)),
+                "PYTHONSAFEPATH": "1",  # its processes take nothing from the working directory
+                "PREFECT_WORKER_HEARTBEAT_SECONDS": str(HEARTBEAT_SECONDS),
+            }
+        )
         words = ("worker", "start", "--pool", POOL, "--type", "process", "--name", name, "--limit", str(at_a_time))
         process = subprocess.Popen(
             module_command("prefect", *words), env=environment, cwd=folder, start_new_session=True
@@ -44,6 +54,16 @@ def serve_pool(at_a_time: int, announce: Callable[[str], None]) -> None:
             stop(process)
     if ended:
         raise DcapError(f"the worker ended with status {ended}; what it said stands above")
+
+
+def whole_places() -> dict[str, str]:
+    """What says where data, store and settings are, with whole paths: flow runs have other working directories."""
+    found = {"DCAP_DATA": str(data_root())}
+    if (store := shared_store_url()) and "://" not in store:
+        found["DCAP_STORE"] = str(Path(store).resolve())
+    if (settings := settings_file()) is not None:
+        found[FILE_VARIABLE] = str(settings.resolve())
+    return found
 
 
 def stop(process: "subprocess.Popen[bytes]") -> None:

@@ -3,6 +3,7 @@
 import json
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
+from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -125,9 +126,10 @@ def tell_collection(kept: "KeptRuns", what: Unneeded, young: int, older_than_day
 def cache_verification(*, repair: bool, as_json: bool) -> int:
     """Read everything; exit code 4 if damage was found and left."""
     store = Store.default()
-    found = damages(store)
+    with used_alone(cache_root()) if repair else nullcontext():  # what another program has mended meanwhile is sound
+        found = damages(store)
+        moved = moved_away(found) if repair and found else None
     damaged = [one for one in found if one.what is not DamagedThing.LITTER]
-    moved = moved_away(found) if repair and found else None
     counts = {"artifacts": sum(1 for _ in store.refs()), "records": sum(1 for _ in record_files())}
     if as_json:
         Console().print_json(json.dumps(verification_tree(found, counts, moved)))

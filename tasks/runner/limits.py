@@ -1,7 +1,7 @@
 """How many stages of a kind compute at a time on all machines of one Prefect server.
 
 A limit is one of Prefect's global concurrency limits, held inside the body of a stage: a cached stage waits for
-nothing. A process that is killed gives its slot back when its lease ends, after five minutes.
+nothing. A process that is killed gives its slot back when its lease ends, after a minute or two.
 """
 
 from collections.abc import Iterator, Mapping
@@ -11,6 +11,8 @@ from tasks.runner.context import current_context
 
 SIMULATIONS, MODEL_CALLS = "dcap-simulations", "dcap-model-calls"
 """Stages that simulate; stages that ask a model."""
+LEASE_SECONDS = 60.0
+"""Who lives renews it in time; Prefect allows no less."""
 
 
 def set_limits(limits: Mapping[str, int]) -> None:
@@ -31,5 +33,5 @@ def slot_of(name: str) -> Iterator[None]:
         return
     from prefect.concurrency.sync import concurrency
 
-    with concurrency(name, strict=True):
+    with concurrency(name, strict=True, lease_duration=LEASE_SECONDS):
         yield

@@ -222,6 +222,7 @@ def test_a_rerun_that_breaks_is_not_bad_input(
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_what_a_run_needs_is_kept(dataset: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """After everything that no run needs is deleted, the runs are still cached to the last stage; without their folders
     nothing is kept."""

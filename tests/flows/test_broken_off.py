@@ -74,11 +74,13 @@ def url(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
 
 
 def started(folder: Path, data: Path, url: str, wanted: str, act: str, *words: str) -> "subprocess.Popen[str]":
-    """`dcap` in a process of its own, which notes the stages with processes and does something as one begins."""
+    """`dcap` in a process of its own, which notes the stages with processes and does something as one begins; with a
+    server of its own where `url` names none."""
     environment = {name: value for name, value in os.environ.items() if not name.startswith("PREFECT_")}
+    server = {"PREFECT_API_URL": url} if url else {}
     return subprocess.Popen(
         [sys.executable, "-c", WATCHED.replace("WANTED", act), str(folder), wanted, *words],
-        env=environment | {"DCAP_DATA": str(data), "PREFECT_API_URL": url, "PYTHONPATH": str(PROJECT_ROOT)},
+        env=environment | {"DCAP_DATA": str(data), "PYTHONPATH": str(PROJECT_ROOT)} | server,
         cwd=folder,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
@@ -154,6 +156,22 @@ def test_a_run_that_is_killed_in_any_stage_goes_on(tmp_path: Path, url: str) -> 
     assert records(broken).items() >= done.items()
     assert records(broken).keys() == records(whole).keys()
     assert results(broken) == results(whole)
+
+
+@pytest.mark.slow
+@pytest.mark.long
+@pytest.mark.timeout(1800)
+def test_a_slot_of_a_killed_run_comes_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of the only simulation that may run: its server is gone with the run, and the next one does not wait for ever."""
+    dataset = desk_dataset(tmp_path, {"mug": "put the mug on the desk"})
+    monkeypatch.setenv("DCAP_RUN__SIMULATIONS", "1")
+    words = ("benchmark", "--dataset", str(dataset), "--workers", "1")
+    run = started(tmp_path, tmp_path / "data", "", "drop", TELL, *words)
+    wait_until(lambda: (tmp_path / "begun").exists() or run.poll() is not None)
+    run.send_signal(signal.SIGKILL)
+    run.communicate()
+    assert run.returncode == -signal.SIGKILL
+    finished(started(tmp_path, tmp_path / "data", "", "", TELL, *words))
 
 
 def lives(pid: int) -> bool:

@@ -104,9 +104,9 @@ def data_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     ("name", "content", "words"),
     [
         ("nan.obj", obj_of("v 0 0 nan\nv 1 0 0\nv 0 1 0\n", "f 1 2 3\n"), "not finite"),
-        ("empty.obj", b"", "an empty file"),
+        pytest.param("empty.obj", b"", "an empty file", marks=pytest.mark.long),
         ("short.ply", TRUNCATED + b"property float z\nend_header\n", "1000000000"),
-        ("gone.glb", None, "no such file"),
+        pytest.param("gone.glb", None, "no such file", marks=pytest.mark.long),
     ],
 )
 def test_meshes_that_cannot_be_used(

@@ -47,6 +47,19 @@ def test_every_sample_moves_the_bar_once() -> None:
     assert "2/2" in shown(display)
 
 
+def test_samples_placed_elsewhere_count_as_they_end() -> None:
+    """Nobody tells of their stages: half of the samples is half of the work."""
+    display = Display([ONE, TWO])
+    for sample in (ONE, TWO):
+        display.planned(Plan(sample, (), "mesh", "new"))
+    display.serving("http://127.0.0.1:1/api")
+    assert display.share() == 0.0
+    display.finished(ONE)
+    assert display.share() == 0.5
+    display.failed(TWO, "its worker was lost")
+    assert display.share() == 1.0
+
+
 def test_an_infeasible_sample_has_the_stages_it_got_to() -> None:
     """A sample that ends in an overview counts its own stages, not those of a feasible one."""
     plan = Plan(ONE, STAGE_NAMES[:INTENT], "overview", "new")

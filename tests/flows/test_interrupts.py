@@ -135,7 +135,9 @@ def test_what_is_to_be_ignored_stays_ignored(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seconds", [0.0, 0.5, 1.5])
+@pytest.mark.parametrize(
+    "seconds", [pytest.param(0.0, marks=pytest.mark.long), pytest.param(0.5, marks=pytest.mark.long), 1.5]
+)
 def test_whatever_a_benchmark_loads_ends(tmp_path: Path, seconds: float) -> None:
     """Taichi's decorators, too, which look at what is around them within an `except` for everything."""
     program = start(tmp_path, BENCHMARK, signal.SIGINT, 0.0, PATIENCE)

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import time
@@ -13,6 +14,7 @@ from typing import Any
 
 import pytest
 from desk_room import desk_dataset
+from foreign_names import LIBRARIES, OURS, foreign_folder, marks
 from prefect_pages import PrefectPages
 from process_trees import descendants
 from s3_server import s3_server
@@ -117,15 +119,55 @@ def a_worker(limit: int = 2, **environment: str) -> Iterator["subprocess.Popen[b
 
 @pytest.mark.slow
 @pytest.mark.long
-def test_workers_of_the_pool_give_the_same(dataset: Path, at_home: object, tmp_path: Path) -> None:
-    """A worker takes the samples of a benchmark, and says in each of their flow runs who it is."""
-    with data_folder(tmp_path), prefect_server() as url:
-        with a_worker():
-            assert results(dataset, "--runner", "pool") == at_home
+def test_workers_of_the_pool_give_the_same(
+    dataset: Path, at_home: object, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A worker takes the samples of a benchmark, says in each of their flow runs who it is, and shows there what came
+    of it. Both are started beside the data, from where its paths are short, and where foreign modules lie."""
+    data = tmp_path / "data"
+    monkeypatch.chdir(foreign_folder(tmp_path, OURS + LIBRARIES))
+    for path in dataset.parent.iterdir():
+        shutil.copy(path, ".")
+    with data_folder(data), prefect_server() as url:
+        with a_worker(DCAP_DATA=os.path.relpath(data)):
+            assert results(Path(dataset.name), "--runner", "pool") == at_home
         pages = PrefectPages(url)
         placed = [run for run in pages.post("/flow_runs/filter") if run["deployment_id"]]
         assert len(placed) == len(SAMPLES)
         assert all(any(str(tag).startswith("worker:") for tag in run["tags"]) for run in placed)  # type: ignore[attr-defined]
+        assert sorted(str(run["state_name"]) for run in placed) == ["Completed", "Completed", "Infeasible"]
+        assert all("pictures" in pages.artifacts(run["id"]) for run in placed)
+    assert marks(tmp_path) == ""
+
+
+@pytest.mark.slow
+@pytest.mark.long
+@pytest.mark.parametrize("who", ["a worker", "the next benchmark"])
+def test_nobody_places_what_a_killed_benchmark_has_left(dataset: Path, tmp_path: Path, who: str) -> None:
+    """Its samples wait in the pool; the first who sees them says that nobody waits for them."""
+    with data_folder(tmp_path), prefect_server() as url:
+        pages = PrefectPages(url)
+        command = module_command("flows.cli", "benchmark", "--dataset", str(dataset), "--runner", "pool")
+        with subprocess.Popen(command, stdout=subprocess.DEVNULL) as benchmark:
+            wait_until(lambda: len(waiting(pages)) == len(SAMPLES))
+            benchmark.kill()
+        if who == "a worker":
+            with a_worker():
+                wait_until(lambda: not waiting(pages) and ended(pages) == {"CRASHED"})
+        else:
+            assert main(["benchmark", "--dataset", str(dataset), "--limit", "1"]) == 0
+            assert not waiting(pages)
+            assert ended(pages) == {"CRASHED"}
+
+
+def waiting(pages: PrefectPages) -> list[object]:
+    """Flow runs that wait in the pool."""
+    return [run["id"] for run in pages.post("/flow_runs/filter") if run["state_type"] == "SCHEDULED"]
+
+
+def ended(pages: PrefectPages) -> set[object]:
+    """How those of the pool stand."""
+    return {run["state_type"] for run in pages.post("/flow_runs/filter") if run["deployment_id"]}
 
 
 @pytest.mark.slow

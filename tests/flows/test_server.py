@@ -66,8 +66,9 @@ def test_a_server_takes_nothing_from_the_working_directory(tmp_path: Path, monke
 
 
 @pytest.mark.slow
-def test_a_flow_run_is_never_told_to_ask_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """While the events of earlier ones are being kept: a database that is locked would cost two seconds each time."""
+def test_nobody_is_told_to_ask_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A database that is locked would cost two seconds each time: while the events of earlier flow runs are being kept,
+    and where a request reads something within what it writes, as of one that pauses a work queue."""
     monkeypatch.setenv("DCAP_DATA", str(tmp_path))
     monkeypatch.setenv("PREFECT_HOME", str(tmp_path))
     monkeypatch.delenv("PREFECT_API_URL", raising=False)
@@ -79,7 +80,7 @@ def test_a_flow_run_is_never_told_to_ask_again(tmp_path: Path, monkeypatch: pyte
         return response
 
     monkeypatch.setattr(httpx.Client, "send", noted)
-    with prefect_server():
+    with prefect_server() as url:
         from flows.flow_runs import FlowRunNames, flow_run
 
         with flow_run(FlowRunNames("all", "all", (), {})) as whole:
@@ -87,5 +88,10 @@ def test_a_flow_run_is_never_told_to_ask_again(tmp_path: Path, monkeypatch: pyte
             for number in range(5):
                 with flow_run(FlowRunNames("one", f"{number}", (), {}), whole.flow_run.id):
                     chain(number, 2)
+        with httpx.Client(base_url=url, timeout=200.0) as client:
+            client.post("/work_pools/", json={"name": "some", "type": "process"})
+            queue = "/work_pools/some/queues/default"
+            assert client.patch(queue, json={"is_paused": True}).status_code == 204
+            assert client.get(queue).json()["status"] == "PAUSED"
     assert 201 in answers
     assert 503 not in answers

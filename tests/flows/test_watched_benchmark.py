@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 from fake_pipeline_code import DATASET, PIPELINE
+from headless_page import chromium, headless_page
 from prefect_pages import PrefectPages, edges
 
 from flows.cli.app import main
@@ -118,6 +119,20 @@ def test_a_benchmark_as_its_pages_show_it(
     assert main(["rerun", "last", "good", "--stage", "drop"]) == 0
     again = next(run for run in pages.flow_runs() if "scene:fine" in str(run["tags"]))
     in_time(lambda: check_rerun(pages, again))
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(chromium() is None, reason="no Chromium")
+def test_a_person_sees_the_samples_of_a_benchmark(dataset: Path, pages: PrefectPages, tmp_path: Path) -> None:
+    """The pages list them under their run, with how each has ended."""
+    assert main(["benchmark", "--dataset", str(dataset)]) == 4
+    parent, children = newest(pages)
+    with headless_page(f"{pages.url.removesuffix('/api')}/runs", tmp_path) as page:
+        for words in (*children, parent["name"], f"run:{parent['name']}"):
+            page.wait_for(f"document.body.innerText.includes({json.dumps(words)})")
+        rows = page.text().split("\nplace\n")[1:]
+    (row,) = (one for one in rows if one.startswith("dcap / broken / fine\n") and f"run:{parent['name']}" in one)
+    assert "Failed" in row
 
 
 def check_tasks(pages: PrefectPages, good: dict[str, Any], none: dict[str, Any], bad: dict[str, Any]) -> None:

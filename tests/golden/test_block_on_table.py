@@ -96,6 +96,7 @@ def test_a_block_rests_on_the_table(files: Path, capsys: pytest.CaptureFixture[s
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_threads_do_not_decide_what_is_cached(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Another number of threads is not another placement: nothing is computed again."""
     _, computed = placed(files, capsys, "--threads", "1")

@@ -3,9 +3,10 @@
 Where a band ends depends on the number of pixels alone, so results do not depend on the number of cores.
 """
 
-import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+
+from dcap.cores import available_cores
 
 BAND = 16384
 """Pixels in a band: an array of vectors takes 200 KB, so that half a dozen fit into the second-level cache."""
@@ -22,8 +23,3 @@ def in_bands(action: Callable[[slice], None], count: int, band: int = BAND) -> N
     with ThreadPoolExecutor(workers) as pool:
         for _ in pool.map(action, cuts):  # raises what a band raised
             pass
-
-
-def available_cores() -> int:
-    """How many cores this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

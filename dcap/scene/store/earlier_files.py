@@ -8,6 +8,7 @@ damaged costs time alone.
 import hashlib
 import json
 import shutil
+import stat
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -22,7 +23,12 @@ def copy_earlier(key: str, folder: Path) -> dict[str, str]:
     """Copy the files of a key into a folder; their names there by what they are, nothing where they are not all there
     and whole."""
     try:
-        note = json.loads(note_of(key).read_bytes())
+        path = note_of(key)
+        if not stat.S_ISREG(path.lstat().st_mode):
+            return {}
+        note = json.loads(path.read_bytes())
+        if note["key"] != path.stem:  # another's, moved or copied here
+            return {}
         files = {str(what): str(name) for what, name in note["files"].items()}
         if any(Path(name).is_absolute() or ".." in Path(name).parts for name in files.values()):
             return {}
@@ -39,8 +45,8 @@ def copy_earlier(key: str, folder: Path) -> dict[str, str]:
 def note_files(key: str, folder: Path, files: Mapping[str, str]) -> None:
     """Note where the files of a key have been written: their names in the folder by what they are."""
     digests = {name: digest_of_file(folder / name) for name in files.values()}
-    tree = {"folder": str(folder.resolve()), "files": dict(files), "sha256": digests}
     path = note_of(key)
+    tree = {"key": path.stem, "folder": str(folder.resolve()), "files": dict(files), "sha256": digests}
     path.parent.mkdir(parents=True, exist_ok=True)
     write_whole(path, json.dumps(tree).encode())
 
@@ -59,6 +65,6 @@ def lost_notes() -> list[Path]:
 def is_there(note: Path) -> bool:
     """Whether the folder that a note names is still there."""
     try:
-        return Path(json.loads(note.read_bytes())["folder"]).is_dir()
+        return stat.S_ISREG(note.lstat().st_mode) and Path(json.loads(note.read_bytes())["folder"]).is_dir()
     except (OSError, ValueError, KeyError, TypeError):
         return False

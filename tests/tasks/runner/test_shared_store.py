@@ -75,6 +75,7 @@ CACHED = {"shared_make": Event.CACHED, "shared_double": Event.CACHED}
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_stage_runs_once_for_all_machines(
     server: str, fake: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

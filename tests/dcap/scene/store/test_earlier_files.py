@@ -1,6 +1,7 @@
 """Files that were made before are copied only where they are all there and whole."""
 
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -30,7 +31,7 @@ def test_whole_files_are_copied(made: Path, tmp_path: Path) -> None:
     assert copy_earlier("other", tmp_path / "newer") == {}
 
 
-@pytest.mark.parametrize("damage", ["edited", "deleted", "note", "key", "outside", "absolute"])
+@pytest.mark.parametrize("damage", ["edited", "deleted", "note", "key", "outside", "absolute", "swapped", "pipe"])
 def test_nothing_is_told_of_what_is_not_whole(made: Path, tmp_path: Path, damage: str) -> None:
     """Edited by a person, deleted, or noted wrongly: they are made anew, and nothing is written elsewhere."""
     note = note_of("key")
@@ -44,6 +45,17 @@ def test_nothing_is_told_of_what_is_not_whole(made: Path, tmp_path: Path, damage
             note.write_bytes(note.read_bytes()[:-9])
         case "key":
             note.write_text("[1, 2]")
+        case "swapped":
+            other = made.parent / "other"
+            (other / "deep").mkdir(parents=True)
+            for name in FILES.values():
+                (other / name).write_bytes(b"of another")
+            note_files("another", other, FILES)
+            note.write_bytes(note_of("another").read_bytes())
+        case "pipe":
+            note.unlink()
+            os.mkfifo(note)
+            assert lost_notes() == [note]
         case "outside":
             tree["files"]["scene"] = "../scene.glb"
             note.write_text(json.dumps(tree))
