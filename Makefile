@@ -4,6 +4,8 @@ SHELL := /bin/bash
 PYTHON ?= $(shell command -v python3.11 || command -v python3.12 || command -v python3)
 BIN := .venv/bin
 READY := .venv/.ready
+CLUSTERS := build/clusters/bin
+PACKAGES := import sysconfig; print(sysconfig.get_path('purelib'))
 DATA := $(or $(DCAP_DATA),data)
 OUT ?= $(DATA)/runs/demo
 # Two tests at a time, those of one file one after the other; a third would only fight with the kernels' own threads.
@@ -14,7 +16,7 @@ FAST := not slow and not long and not sweep and not third_party and not gpu
 REST := (slow or third_party or gpu) and not sweep and not long
 
 .DEFAULT_GOAL := help
-.PHONY: setup node-tools test rest long sweep check benchmark demo ui worker perf perf-peers docs docs-serve docs-pictures clean help lock system-libraries
+.PHONY: setup node-tools test rest long clusters sweep check benchmark demo ui worker perf perf-peers docs docs-serve docs-pictures clean help lock system-libraries
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-18s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -50,6 +52,12 @@ rest: $(READY) ## the tests that `make check` leaves out, slow or on third-party
 
 long: $(READY) ## the tests that take ten seconds or more each: killed programs, endless damage, fine grids
 	$(BIN)/pytest $(PARALLEL) -m "long and not sweep"
+
+clusters: $(READY) ## the tests with clusters of Dask and Ray, which it installs into build/clusters, beside what .venv has
+	test -x $(CLUSTERS)/python || $(BIN)/python -m venv build/clusters
+	echo "import site; site.addsitedir('$$($(BIN)/python -c "$(PACKAGES)")')" > "$$($(CLUSTERS)/python -c "$(PACKAGES)")/dcap.pth"
+	$(CLUSTERS)/python -m pip install --quiet prefect-dask prefect-ray
+	$(CLUSTERS)/python -m pytest tests/flows/test_runners.py -k test_a_cluster
 
 sweep: $(READY) ## the long physics tests: whole ranges of mass, stiffness and resolution; hours
 	$(BIN)/pytest -m sweep

@@ -18,6 +18,7 @@ from prefect.exceptions import ObjectNotFound
 from prefect.runtime import flow_run
 from prefect.states import Completed, Crashed, Failed
 
+from dcap.cores import available_cores
 from dcap.evaluation.methods import methods_of
 from dcap.scene.errors import DcapError
 from flows.benchmark import LOCAL, rerun_sample, run_benchmark
@@ -25,14 +26,14 @@ from flows.benchmark_config import benchmark_config, runner_of
 from flows.configure import with_threads
 from flows.display import summary_line
 from flows.elsewhere import SampleJob, placed
-from flows.flow_runs import PROGRAM
+from flows.flow_runs import NOBODY_WAITS, PROGRAM
 from flows.output import result_line
 from flows.programs import Program
 from flows.sample_flow import ending_of
 from flows.sample_pictures import show_pictures
 from flows.sample_run import FailedSample
 from flows.settings.own import run_settings
-from flows.work_pool import THREADS, WORKER, worker_tag
+from flows.work_pool import WORKER, worker_tag
 
 
 @flow(name="place", persist_result=False, validate_parameters=False)
@@ -41,9 +42,9 @@ def place_sample(job: dict[str, Any]) -> State[Any]:
     told_where()
     mine = SampleJob.from_json(job)
     if mine.run.id is not None and is_left(mine.run.id):
-        return Crashed(message="the benchmark that asked for it is gone")
-    if not mine.threads_given and os.environ.get(THREADS):
-        mine = replace(mine, config=with_threads(mine.config, int(os.environ[THREADS])))
+        return Crashed(message=NOBODY_WAITS)
+    if not mine.threads_given:
+        mine = replace(mine, config=with_threads(mine.config, available_cores()))
     result = placed(mine, in_own_run=False)
     if isinstance(result, FailedSample):
         return Failed(message=result.message)
@@ -54,9 +55,11 @@ def place_sample(job: dict[str, Any]) -> State[Any]:
 
 
 def is_left(benchmark: UUID) -> bool:
-    """Whether the program of a benchmark has surely ended."""
+    """Whether a benchmark has surely ended, by what its flow run says or because its program is gone."""
     with get_client(sync_client=True) as client, suppress(ObjectNotFound):
         asked = client.read_flow_run(benchmark)
+        if asked.state is not None and asked.state.is_final():
+            return True
         program = Program.from_json(asked.context.get(PROGRAM))
         return program is not None and program.is_gone
     return True  # somebody has deleted it

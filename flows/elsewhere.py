@@ -111,13 +111,22 @@ def fetched(plan: Plan, config: PlaceConfig, told: JsonObject) -> FinishedSample
     """How a sample has ended that was placed elsewhere, by what was told of it and what lies in the store now. `plan`
     says which of its stages were there before."""
     if told["error"]:
-        return FailedSample(plan.sample, ElsewhereError(str(told["error"]), str(told["details"])))
+        error = as_given(str(told["error"]), plan.sample)
+        return FailedSample(plan.sample, ElsewhereError(error, str(told["details"])))
     now = plan_sample(plan.sample, config)
     if now.finished is None:
         return now.failed or FailedSample(plan.sample, not_shared(now))
     before = len(plan.cached)
     records = tuple((stage, one, k >= before) for k, (stage, one, _) in enumerate(now.finished.records))
     return replace(now.finished, records=records)
+
+
+def as_given(message: str, sample: Sample) -> str:
+    """A message with the user's paths instead of the whole ones that the job had."""
+    whole = located(sample)
+    for path, given in ((whole.scene, sample.scene), (whole.object, sample.object), (whole.labels, sample.labels)):
+        message = message.replace(path, given) if path else message
+    return message
 
 
 def not_shared(plan: Plan) -> StoreError:

@@ -28,6 +28,7 @@ from tasks.runner.outcomes import error_line
 
 PROGRAM = "program"
 """Key in the context of a flow run, where its program stands."""
+NOBODY_WAITS = "the benchmark that asked for it is gone"
 ShownState = tuple[str, str]
 """Name of a final state, Completed, Infeasible or Failed, and the line that says why."""
 COMPLETED, FAILED = "Completed", "Failed"
@@ -122,9 +123,11 @@ def end_left_runs(client: SyncPrefectClient) -> None:
     for one in runs:
         program = Program.from_json(one.context.get(PROGRAM))
         if program is not None and program.is_gone:
-            with suppress(PrefectHTTPStatusError, ObjectNotFound):  # not ours to end, or deleted meanwhile
-                end_as_crashed(client, [one.id], f"its program, process {program.pid} of {program.host}, is gone")
-                end_as_crashed(client, waiting_children(client, one.id), "the benchmark that asked for it is gone")
+            gone = f"its program, process {program.pid} of {program.host}, is gone"
+            # the parent last: who is interrupted here leaves it for the next to find
+            for run, why in (*((child, NOBODY_WAITS) for child in waiting_children(client, one.id)), (one.id, gone)):
+                with suppress(PrefectHTTPStatusError, ObjectNotFound):  # not ours to end, or deleted meanwhile
+                    end_as_crashed(client, [run], why)
 
 
 def waiting_children(client: SyncPrefectClient, parent: UUID) -> list[UUID]:
@@ -133,8 +136,9 @@ def waiting_children(client: SyncPrefectClient, parent: UUID) -> list[UUID]:
         {"parent_flow_run_id": {"any_": [parent]}, "state": {"type": {"any_": ["SCHEDULED"]}}}
     )
     found: list[UUID] = []
-    while page := client.read_flow_runs(flow_run_filter=wanted, offset=len(found)):  # as many as the server gives
-        found += [one.id for one in page]
+    with suppress(PrefectHTTPStatusError):
+        while page := client.read_flow_runs(flow_run_filter=wanted, offset=len(found)):  # as many as the server gives
+            found += [one.id for one in page]
     return found
 
 

@@ -162,10 +162,11 @@ def write_asked(folder: Path, sample: Sample, config: PlaceConfig, language: Lan
 
 
 def located(sample: Sample) -> Sample:
-    """The sample with whole paths: a run is repeated from any working directory."""
+    """The sample with whole paths: a run is repeated from any working directory. Links stay what they are called: the
+    name of a file of labels is part of what is read."""
 
     def whole(path: str) -> str:
-        return str(Path(path).resolve()) if path and Path(path).exists() else path
+        return str(Path(path).absolute()) if path and Path(path).exists() else path
 
     return replace(
         sample, scene=whole(sample.scene), object=whole(sample.object), labels=whole(sample.labels),

@@ -312,10 +312,12 @@ def launch(folder: Path, host: str, port: int) -> "subprocess.Popen[bytes]":
     environment = os.environ | {
         "PREFECT_API_DATABASE_CONNECTION_URL": f"sqlite+aiosqlite:///{folder / 'prefect.db'}",
         "PREFECT_SERVER_API_PORT": str(port),
+        "PREFECT_HOME": str(folder),  # leases of limits belong to this database
         "PREFECT_UI_API_URL": "/api",  # of whichever address the pages came from
         "PYTHONSAFEPATH": "1",  # what the server starts takes nothing from the working directory either
     }
     environment.pop("PREFECT_API_URL", None)
+    (folder / "concurrency_leases" / "expirations.lock").unlink(missing_ok=True)  # of a server that was killed
     with (folder / "server.log").open("ab") as log:
         return subprocess.Popen(
             module_command(PROGRAM, str(folder), host, str(port)),

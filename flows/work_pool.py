@@ -31,8 +31,6 @@ SAMPLE = "place/sample"
 """The deployment that places one sample."""
 WORKER = "DCAP_WORKER"
 """Environment variable with the name of the worker whose process this is."""
-THREADS = "DCAP_WORKER_THREADS"
-"""Another, with the threads that each flow run of this worker has, so that all together have the cores."""
 TIMES = 4
 """How often a sample may begin again because its worker was lost."""
 LAST_BEAT_SECONDS = 15.0

@@ -14,7 +14,7 @@ from contextlib import suppress
 from pathlib import Path
 from secrets import token_hex
 
-from dcap.cores import available_cores
+from dcap.cores import SHARE, available_cores
 from dcap.packages import module_command
 from dcap.scene.errors import DcapError
 from dcap.scene.settings import data_root, shared_store_url
@@ -29,7 +29,7 @@ STOP_SECONDS = 15.0
 def serve_pool(at_a_time: int, announce: Callable[[str], None]) -> None:
     """Serve the pool until interrupted; `announce` is given a line when the worker starts."""
     with prefect_server() as url, tempfile.TemporaryDirectory(prefix="dcap-worker-") as folder:
-        from flows.work_pool import POOL, THREADS, WORKER, register
+        from flows.work_pool import POOL, WORKER, register
 
         register()
         name = f"{platform.node()}-{os.getpid()}-{token_hex(3)}"  # a container that starts again has both again
@@ -38,7 +38,7 @@ def serve_pool(at_a_time: int, announce: Callable[[str], None]) -> None:
             | whole_places()
             | {
                 WORKER: name,
-                THREADS: str(max(1, available_cores() // at_a_time)),
+                SHARE: str(max(1, available_cores() // at_a_time)),
                 "PYTHONSAFEPATH": "1",  # its processes take nothing from the working directory
                 "PREFECT_WORKER_HEARTBEAT_SECONDS": str(HEARTBEAT_SECONDS),
             }
@@ -62,7 +62,7 @@ def whole_places() -> dict[str, str]:
     if (store := shared_store_url()) and "://" not in store:
         found["DCAP_STORE"] = str(Path(store).resolve())
     if (settings := settings_file()) is not None:
-        found[FILE_VARIABLE] = str(settings.resolve())
+        found[FILE_VARIABLE] = str(settings.absolute())  # what its paths are relative to is the folder of a link
     return found
 
 
