@@ -59,6 +59,7 @@ def prefect_server(port: int | None = None) -> Iterator[str]:
     if given:
         if not is_healthy(given):
             raise DcapError(f"PREFECT_API_URL={given}: no server answers there; start it or unset the variable")
+        notice_settings()
         yield given
         return
     host, folder = server_host(), server_folder()

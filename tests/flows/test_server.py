@@ -66,6 +66,25 @@ def test_a_server_takes_nothing_from_the_working_directory(tmp_path: Path, monke
 
 
 @pytest.mark.slow
+def test_a_program_turns_to_the_server_that_is_named_now(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As in a notebook whose first placement had a server of its own, and whose next one is to be on a team's."""
+    monkeypatch.setenv("PREFECT_HOME", str(tmp_path))
+    monkeypatch.delenv("PREFECT_API_URL", raising=False)
+    with monkeypatch.context() as patch:
+        patch.setenv("DCAP_DATA", str(tmp_path / "team"))
+        with prefect_server() as named:
+            from prefect.client.orchestration import get_client
+
+            patch.delenv("PREFECT_API_URL")
+            patch.setenv("DCAP_DATA", str(tmp_path / "own"))
+            with prefect_server() as own, get_client(sync_client=True) as client:
+                assert str(client.api_url).rstrip("/") == own != named
+            patch.setenv("PREFECT_API_URL", named)
+            with prefect_server() as url, get_client(sync_client=True) as client:
+                assert str(client.api_url).rstrip("/") == url == named
+
+
+@pytest.mark.slow
 def test_nobody_is_told_to_ask_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A database that is locked would cost two seconds each time: while the events of earlier flow runs are being kept,
     and where a request reads something within what it writes, as of one that pauses a work queue."""
