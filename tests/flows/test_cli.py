@@ -105,7 +105,7 @@ def data_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     [
         ("nan.obj", obj_of("v 0 0 nan\nv 1 0 0\nv 0 1 0\n", "f 1 2 3\n"), "not finite"),
         pytest.param("empty.obj", b"", "an empty file", marks=pytest.mark.long),
-        ("short.ply", TRUNCATED + b"property float z\nend_header\n", "1000000000"),
+        pytest.param("short.ply", TRUNCATED + b"property float z\nend_header\n", "1000000000", marks=pytest.mark.long),
         pytest.param("gone.glb", None, "no such file", marks=pytest.mark.long),
     ],
 )

@@ -128,6 +128,7 @@ def test_meshes_of_a_placement_are_written_once(tmp_path: Path, monkeypatch: pyt
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_baseline_is_measured_as_it_proposes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """LayoutGPT answers in pixels: within half of one (8 mm in a room of 4 m) of the table's top, in the asked middle.
     It is shown the room that can be read, and what cannot be is told and no failure."""

@@ -33,6 +33,7 @@ def pushed(lab, size, mu, *, at=0.0, count=2, **config):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_tall_box_tips_where_its_weight_leaves_the_edge(lab):
     """F / W = half width / height of the centre of mass = 0.25, below friction."""
     found = pushed(lab, [0.05, 0.05, 0.2], 1.0)
@@ -112,6 +113,7 @@ def test_a_ball_rolls_where_its_resistance_ends(lab):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_soft_cube_slides_at_friction_too(lab):
     """F / W = mu = 0.3, whatever its stiffness; lying on foam or being foam changes only how far it leans."""
     cube = lab.soft("cube", lab.Box(np.array([0.1, 0.1, 0.1])), [0, 0, 0.0501], E=1e5, cell=0.025, mu=(0.3, 0.3))

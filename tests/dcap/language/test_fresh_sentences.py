@@ -36,8 +36,8 @@ def check_places(rows: list[Any]) -> None:
 
 @pytest.mark.slow
 def test_places_are_those_that_a_person_expects() -> None:
-    """In three rooms."""
-    check_places([row for row in ROWS if row["room"] in QUICK])
+    """In one room."""
+    check_places([row for row in ROWS if row["room"] == QUICK[0]])
 
 
 @pytest.mark.slow

@@ -109,6 +109,7 @@ def test_a_case_writes_result_bodies_and_history(case_file, tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_an_earlier_result_is_replaced_and_other_files_stay(case_file, tmp_path, monkeypatch):
     """`--out` may be a folder with other things in it, and a drop that breaks leaves no earlier verdict behind."""
     out = tmp_path / "out"

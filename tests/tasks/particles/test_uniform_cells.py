@@ -55,6 +55,7 @@ def sizes(body: SoftSimulationBody) -> np.ndarray:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_cells_are_of_one_size_everywhere():
     """Along each axis within rounding, and alike along all but that a whole number of them fills the box; otherwise
     they are graded: finer under the ball and through the edge than at the rim."""
