@@ -57,6 +57,13 @@ FILL = """
                 except OSError:
                     pass
 """
+KILL_SERVER = """
+        import json, os, signal
+        known = Path(os.environ["DCAP_DATA"], "cache", "prefect", "server.json")
+        if not (folder / "killed").exists():
+            (folder / "killed").touch()
+            os.kill(json.loads(known.read_text())["pid"], signal.SIGKILL)
+"""
 DISK_BYTES = 48 << 20
 """What a run of one sample writes is 5 MB; the ballast takes the rest."""
 Stamp = tuple[int, int]
@@ -172,6 +179,24 @@ def test_a_slot_of_a_killed_run_comes_back(tmp_path: Path, monkeypatch: pytest.M
     run.communicate()
     assert run.returncode == -signal.SIGKILL
     finished(started(tmp_path, tmp_path / "data", "", "", TELL, *words))
+
+
+@pytest.mark.slow
+@pytest.mark.long
+@pytest.mark.timeout(1800)
+@pytest.mark.parametrize("stage", ["particles", "drop"])
+def test_a_run_whose_server_is_killed_in_a_stage_ends_as_any_other(tmp_path: Path, url: str, stage: str) -> None:
+    """The server is started again and the sample begins again; the results are those of a run that nobody has
+    disturbed, digest by digest."""
+    dataset = desk_dataset(tmp_path, {"mug": "put the mug on the desk"})
+    words = ("benchmark", "--dataset", str(dataset), "--workers", "1")
+    finished(started(tmp_path, tmp_path / "whole", url, "", TELL, *words))
+    (tmp_path / "stages").unlink()
+    finished(started(tmp_path, tmp_path / "broken", "", stage, KILL_SERVER, *words))
+    assert (tmp_path / "stages").read_text().split().count(stage) <= 2
+    log = (tmp_path / "broken" / "cache" / "prefect" / "server.log").read_text()
+    assert log.count("Configure Prefect") == 2  # that one's, and that of the next
+    assert results(tmp_path / "broken") == results(tmp_path / "whole")
 
 
 def lives(pid: int) -> bool:
