@@ -10,8 +10,8 @@ DATA := $(or $(DCAP_DATA),data)
 OUT ?= $(DATA)/runs/demo
 # Two tests at a time, those of one file one after the other; a third would only fight with the kernels' own threads.
 PARALLEL := -n 2 --dist loadfile
-# What `make check` runs, what it leaves out, and what takes ten seconds or more each: no test is in two of
-# them, and together they are what `make test` runs.
+# What `make check` runs, what it leaves out, and what takes ten seconds or more each: no test is in two of them, and
+# together they are what `make test` runs.
 FAST := not slow and not long and not sweep and not third_party and not gpu
 REST := (slow or third_party or gpu) and not sweep and not long
 

@@ -16,9 +16,9 @@ from tasks.runner.limits import MODEL_CALLS, SIMULATIONS
 
 def benchmark_config(flags: Mapping[str, object], asked: RunSettings) -> tuple[PlaceConfig, LanguageOptions]:
     """The settings of the stages, and who is asked; workers beside each other share the cores of a machine."""
-    threads = asked.threads or max(
-        1, available_cores() // asked.workers
-    )  # drops side by side must not fight for the cores
+    # drops side by side must not fight for the cores; a worker of the pool has others, and divides them itself
+    share = 0 if asked.runner == RunnerName.POOL.value else max(1, available_cores() // asked.workers)
+    threads = asked.threads or share
     asking = language_of(asked)
     arch = chosen_arch(asked.arch)
     return configured(many_options(flags, threads), language=asking.config(), arch=arch), asking
@@ -31,5 +31,4 @@ def runner_of(asked: RunSettings) -> SampleRunner:
     name = RunnerName(asked.runner)
     check_runner(name, asked.cluster, batch=asked.batch)
     limits = {SIMULATIONS: asked.simulations, MODEL_CALLS: asked.model_calls}
-    given = {key: most for key, most in limits.items() if most}
-    return SampleRunner(name, asked.cluster, given, threads_given=asked.threads > 0)
+    return SampleRunner(name, asked.cluster, {key: most for key, most in limits.items() if most})

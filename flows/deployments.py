@@ -21,7 +21,7 @@ from prefect.states import Completed, Crashed, Failed
 from dcap.cores import available_cores
 from dcap.evaluation.methods import methods_of
 from dcap.scene.errors import DcapError
-from flows.benchmark import LOCAL, rerun_sample, run_benchmark
+from flows.benchmark import rerun_sample, run_benchmark
 from flows.benchmark_config import benchmark_config, runner_of
 from flows.configure import with_threads
 from flows.display import summary_line
@@ -43,7 +43,7 @@ def place_sample(job: dict[str, Any]) -> State[Any]:
     mine = SampleJob.from_json(job)
     if mine.run.id is not None and is_left(mine.run.id):
         return Crashed(message=NOBODY_WAITS)
-    if not mine.threads_given:
+    if not mine.config.drop.threads:
         mine = replace(mine, config=with_threads(mine.config, available_cores()))
     result = placed(mine, in_own_run=False)
     if isinstance(result, FailedSample):
@@ -84,7 +84,8 @@ def benchmark(
 ) -> State[Any]:
     """Place the samples of a data set (a path of the worker's machine; empty: the embedded rooms) and write the run's
     folder there."""
-    asked = run_settings({"workers": workers, "methods": methods})
+    given = run_settings({"workers": workers, "methods": methods})
+    asked = given.model_copy(update={"runner": "local", "cluster": ""})  # on this worker, whatever its file says
     try:
         config, language = benchmark_config({}, asked)
         run = run_benchmark(
@@ -96,7 +97,7 @@ def benchmark(
             only_failed=only_failed,
             methods=methods_of(methods),
             scenes=scenes,
-            runner=replace(LOCAL, limits=runner_of(asked).limits),  # on this worker, whatever its file says
+            runner=runner_of(asked),
         )
     except DcapError as error:
         return Failed(message=str(error))

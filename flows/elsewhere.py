@@ -45,8 +45,6 @@ class SampleJob:
     """The run that it belongs to."""
     limits: frozenset[str] = frozenset()
     """Limits that the run keeps."""
-    threads_given: bool = True
-    """Whether the settings' threads hold on any machine."""
 
     def to_json(self) -> JsonObject:
         """Plain form."""
@@ -59,7 +57,6 @@ class SampleJob:
                 "run_id": str(self.run.id) if self.run.id else None,
                 "repeated": sorted(self.run.repeated),
                 "limits": sorted(self.limits),
-                "threads_given": self.threads_given,
             }
         )
 
@@ -78,7 +75,6 @@ class SampleJob:
             session=Session(**session),
             run=WatchedRun(str(tree["run"]), UUID(str(run_id)) if run_id else None, frozenset(map(str, repeated))),
             limits=frozenset(map(str, limits)),
-            threads_given=bool(tree["threads_given"]),
         )
 
 

@@ -116,8 +116,7 @@ def placed_elsewhere(
     """Samples as they end, placed by other processes that share the store."""
     assert watch.run is not None
     by_sample = {plan.sample: plan for plan in plans}
-    limits, given = frozenset(runner.limits), runner.threads_given
-    jobs = [SampleJob(one, config, session, watch.run, limits, given) for one in by_sample]
+    jobs = [SampleJob(one, config, session, watch.run, frozenset(runner.limits)) for one in by_sample]
     try:
         for told in runner.place(jobs, workers, display.say):
             yield [fetched(by_sample[sample], config, tree) for sample, tree in told]

@@ -45,8 +45,6 @@ class SampleRunner:
     """Address of a cluster of Dask or Ray that is there; empty: one of this machine for the time of the run."""
     limits: Mapping[str, int] = field(default_factory=dict)
     """Most stages at a time on all machines of the server, by name of the limit."""
-    threads_given: bool = False
-    """Whether a person has said how many threads a stage has; else a worker of the pool divides its own cores."""
 
     def place(self, jobs: Sequence[SampleJob], workers: int, say: Callable[[str], None]) -> Iterator[Sequence[Told]]:
         """Samples as they end, placed by others than this program."""

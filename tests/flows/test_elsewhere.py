@@ -10,11 +10,13 @@ from dcap.language.protocol.session import Session
 from dcap.scene.json_tree import JsonObject
 from dcap.scene.settings import data_root
 from dcap.scene.types.sample import Sample
+from flows.benchmark_config import benchmark_config
 from flows.configure import with_threads
 from flows.elsewhere import SampleJob, fetched
 from flows.place import PlaceConfig
 from flows.run_names import WatchedRun
 from flows.sample_run import FailedSample, Plan
+from flows.settings.own import run_settings
 from flows.worker import whole_places
 
 RUN = WatchedRun("run", None, frozenset())
@@ -32,14 +34,14 @@ def sample(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Sample:
 
 def test_a_job_can_be_read_in_any_folder(sample: Sample, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Paths are whole, and name what they named: a file of labels is read by its name."""
-    job = SampleJob(sample, PlaceConfig(), Session(), RUN, frozenset({"a"}), threads_given=False)
+    job = SampleJob(sample, PlaceConfig(), Session(), RUN, frozenset({"a"}))
     text = json.dumps(job.to_json())
     (elsewhere := tmp_path / "elsewhere").mkdir()
     monkeypatch.chdir(elsewhere)
     read = SampleJob.from_json(json.loads(text))
     assert (read.sample.scene, read.sample.object) == (str(tmp_path / "room.glb"), str(tmp_path / "mug.glb"))
     assert read.sample.labels == str(tmp_path / "labels.json")
-    assert (read.run, read.limits, read.threads_given) == (RUN, frozenset({"a"}), False)
+    assert (read.run, read.limits) == (RUN, frozenset({"a"}))
     assert read.config == job.config
 
 
@@ -56,6 +58,19 @@ def test_threads_are_those_of_every_stage_that_has_some() -> None:
     changed = with_threads(PlaceConfig(), 3)
     assert {changed.drop.threads, changed.scene_mesh.threads, changed.object_mesh.threads, changed.drift.threads} == {3}
     assert with_threads(changed, 0) == with_threads(PlaceConfig(), 0)
+
+
+def test_who_places_divides_the_cores(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Threads of this program share its cores; a worker of the pool has its own, unless a person gave a number."""
+    monkeypatch.setattr("flows.benchmark_config.available_cores", lambda: 8)
+
+    def threads(**asked: object) -> int:
+        return benchmark_config({}, run_settings({"workers": 4, **asked}))[0].drop.threads
+
+    assert threads() == 2
+    assert threads(runner="dask") == 2
+    assert threads(runner="pool") == 0
+    assert threads(runner="pool", threads=3) == 3
 
 
 def test_a_share_of_the_cores(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,12 +8,12 @@ damaged costs time alone.
 import hashlib
 import json
 import shutil
-import stat
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from dcap.scene.settings import cache_root
-from dcap.scene.store.digest import digest_of_file
+from dcap.scene.store.digest import digest_of_file, is_plain_file
 from dcap.scene.whole_files import write_whole
 
 FOLDER = "earlier"
@@ -24,9 +24,7 @@ def copy_earlier(key: str, folder: Path) -> dict[str, str]:
     and whole."""
     try:
         path = note_of(key)
-        if not stat.S_ISREG(path.lstat().st_mode):
-            return {}
-        note = json.loads(path.read_bytes())
+        note = read_note(path)
         if note["key"] != path.stem:  # another's, moved or copied here
             return {}
         files = {str(what): str(name) for what, name in note["files"].items()}
@@ -56,6 +54,13 @@ def note_of(key: str) -> Path:
     return cache_root() / FOLDER / f"{hashlib.sha256(key.encode()).hexdigest()}.json"
 
 
+def read_note(path: Path) -> Any:
+    """What a note says; ValueError for what is no file: of a pipe, reading would not end."""
+    if not is_plain_file(path):
+        raise ValueError(f"{path} is no plain file")
+    return json.loads(path.read_bytes())
+
+
 def lost_notes() -> list[Path]:
     """Notes that cannot be read, or whose folder is gone."""
     folder = cache_root() / FOLDER
@@ -65,6 +70,6 @@ def lost_notes() -> list[Path]:
 def is_there(note: Path) -> bool:
     """Whether the folder that a note names is still there."""
     try:
-        return stat.S_ISREG(note.lstat().st_mode) and Path(json.loads(note.read_bytes())["folder"]).is_dir()
+        return Path(read_note(note)["folder"]).is_dir()
     except (OSError, ValueError, KeyError, TypeError):
         return False
