@@ -117,7 +117,7 @@ def run_benchmark(
             rows = scored_rows(folder, results, truths_of(path, list(results)))
             run = finish(folder, rows, time.monotonic() - begin)
             watch.finished(run.failed == 0, summary_line(run.summary))
-    print_table(run.rows, run.summary, folder)
+    print_table(run.rows, run.summary, folder, {plan.sample.id for plan in plans if plan.finished})
     if run.table:
         print_lines(shown_lines(run.table))
     return run

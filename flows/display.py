@@ -1,12 +1,12 @@
-"""What a benchmark shows while it runs, and the tables it ends with; all on standard error."""
+"""What a benchmark shows while it runs, and the tables it ends with, on standard error; and what a plan shows."""
 
 import sys
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Self, TextIO
 
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
@@ -14,6 +14,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn
 from rich.table import Table
 from rich.text import Text
 
+from dcap.evaluation.methods import joined_id
 from dcap.evaluation.outcome_table import SampleOutcome
 from dcap.evaluation.run_summary import RunSummary
 from dcap.language.model.ledger import in_words
@@ -25,10 +26,15 @@ SHOWN_WIDTH = 46
 WIDTH = 160
 
 
-def console_on_stderr() -> Console:
+def console_on(stream: TextIO) -> Console:
     """A console that shows words as they are and does not break lines where nobody looks at a terminal."""
-    width = None if sys.stderr.isatty() else WIDTH
-    return Console(file=sys.stderr, highlight=False, markup=False, emoji=False, width=width)
+    width = None if stream.isatty() else WIDTH
+    return Console(file=stream, highlight=False, markup=False, emoji=False, width=width)
+
+
+def console_on_stderr() -> Console:
+    """For all but what a command was asked for."""
+    return console_on(sys.stderr)
 
 
 class Display:
@@ -63,6 +69,8 @@ class Display:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.live.stop()
+        if not self.console.is_terminal:  # where its last line has no end
+            self.console.line()
 
     def rendered(self) -> RenderableType:
         """The bar and one line per sample at work."""
@@ -140,9 +148,10 @@ def work_line(sample: str, stage: str, text: str, since: float) -> str:
     return f"  {sample[:SHOWN_WIDTH]:<{SHOWN_WIDTH}} {stage:<14} {seconds:5.0f} s  {text[:40]}"
 
 
-def print_plan(plans: Sequence[Plan], *, stages: bool = False) -> None:
-    """What would run, per sample and perhaps per stage, and a line of totals."""
-    console = console_on_stderr()
+def print_plan(plans: Sequence[Plan], *, stages: bool = False, beside: bool = False) -> None:
+    """What would run, per sample and perhaps per stage, and a line of totals: on standard output, or `beside` what is
+    printed there."""
+    console = console_on(sys.stderr if beside else sys.stdout)
     table = Table("sample", "cached", "would run", "why", box=None)
     for plan in plans:
         count = "all" if plan.finished else ("-" if plan.failed else f"{len(plan.cached)} of {plan.stage_count}")
@@ -153,8 +162,8 @@ def print_plan(plans: Sequence[Plan], *, stages: bool = False) -> None:
     console.print(f"{sum(plan.finished is not None for plan in plans)} of {len(plans)} samples are cached")
 
 
-def print_table(rows: Sequence[SampleOutcome], summary: RunSummary, folder: Path) -> None:
-    """The results of a run."""
+def print_table(rows: Sequence[SampleOutcome], summary: RunSummary, folder: Path, cached: Collection[str] = ()) -> None:
+    """The results of a run; of samples that were `cached`, by their ids, no time is told, since they took none."""
     console = console_on_stderr()
     several = len({row.method for row in rows}) > 1
     table = Table(*(("method",) if several else ()), "sample", "verdict", "on", "expected", "", "s", box=None)
@@ -163,7 +172,8 @@ def print_table(rows: Sequence[SampleOutcome], summary: RunSummary, folder: Path
         mark = "" if row.as_expected is None else ("yes" if row.as_expected else "NO")
         on = f"{row.base} {row.part}".strip() + (" (region missed)" if row.region_missed else "")
         style = "red" if row.error else ("yellow" if row.as_expected is False else "")
-        cells = (row.sample, row.error[:60] or verdict, on, row.expected, mark, f"{row.seconds:.1f}")
+        took = "cached" if joined_id(row.method, row.sample) in cached else f"{row.seconds:.1f}"
+        cells = (row.sample, row.error[:60] or verdict, on, row.expected, mark, took)
         table.add_row(*((row.method,) if several else ()), *cells, style=style)
     console.print(table)
     console.print(summary_line(summary))

@@ -6,7 +6,7 @@ are created here, each with a key of its own.
 """
 
 import signal
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any
@@ -14,7 +14,7 @@ from uuid import UUID, uuid4
 
 from prefect import Flow, Task
 from prefect.client.orchestration import SyncPrefectClient
-from prefect.client.schemas.filters import FlowRunFilter
+from prefect.client.schemas.filters import FlowRunFilter, TaskRunFilter
 from prefect.client.schemas.objects import FlowRun, State
 from prefect.context import SyncClientContext
 from prefect.exceptions import ObjectNotFound, PrefectHTTPStatusError
@@ -24,10 +24,12 @@ from prefect.states import Completed, Crashed, Failed, Pending
 from dcap.scene.errors import DcapError
 from flows.interrupts import put_off
 from flows.programs import Program
-from tasks.runner.outcomes import error_line
+from tasks.runner.task_runs import broken
 
 PROGRAM = "program"
 """Key in the context of a flow run, where its program stands."""
+IN_A_REQUEST = 100
+"""Flow runs that are asked about at once."""
 NOBODY_WAITS = "the benchmark that asked for it is gone"
 ShownState = tuple[str, str]
 """Name of a final state, Completed, Infeasible or Failed, and the line that says why."""
@@ -66,9 +68,8 @@ class ShownFlowRun(FlowRunEngine[..., Any]):
 
     def handle_exception(self, exc: Exception, msg: str | None = None, result_store: object = None) -> State[Any]:
         """The flow has broken."""
-        self.logger.error("%s", error_line(exc), exc_info=None if isinstance(exc, DcapError) else exc)
         self._raised = exc
-        return self.set_state(Failed(message=error_line(exc)))
+        return self.set_state(broken(exc, self.logger))
 
 
 @contextmanager
@@ -143,6 +144,20 @@ def waiting_children(client: SyncPrefectClient, parent: UUID) -> list[UUID]:
 
 
 def end_as_crashed(client: SyncPrefectClient, runs: Iterable[UUID], why: str) -> None:
-    """Say of flow runs that they will not go on."""
-    for one in runs:
+    """Say of flow runs, and of what is at work in them, that they will not go on."""
+    ended = list(runs)
+    for one in ended:
         client.set_flow_run_state(one, Crashed(message=why), force=True)
+    for begin in range(0, len(ended), IN_A_REQUEST):
+        for task_run in unended_task_runs(client, ended[begin : begin + IN_A_REQUEST]):
+            client.set_task_run_state(task_run, Crashed(message=why), force=True)
+
+
+def unended_task_runs(client: SyncPrefectClient, runs: Sequence[UUID]) -> list[UUID]:
+    """Task runs of flow runs that the server takes to be at work."""
+    within = FlowRunFilter.model_validate({"id": {"any_": list(runs)}})
+    unended = TaskRunFilter.model_validate({"state": {"type": {"any_": ["PENDING", "RUNNING"]}}})
+    found: list[UUID] = []
+    while page := client.read_task_runs(flow_run_filter=within, task_run_filter=unended, offset=len(found)):
+        found += [one.id for one in page]  # as many as the server gives
+    return found

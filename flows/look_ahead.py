@@ -13,7 +13,6 @@ from dcap.scene.types.sample import Sample
 from flows.methods import PENDING
 from flows.place import PlaceConfig
 from flows.sample_run import (
-    STAGE_NAMES,
     EventRecorder,
     FailedSample,
     FinishedSample,
@@ -24,6 +23,7 @@ from flows.sample_run import (
     through_stages,
     told_to_user,
     told_why,
+    whole_placement,
 )
 from tasks.runner.context import RunContext, StageEvent
 from tasks.runner.records import Deciders
@@ -55,10 +55,10 @@ class Lookahead(EventRecorder):
         """Stages whose results are not there."""
         return [one for one in self.stages if one.state is not StageState.CACHED]
 
-    def add_the_rest(self) -> None:
+    def add_the_rest(self, config: PlaceConfig) -> None:
         """The stages after one whose result decides how it goes on."""
         told = {one.stage for one in self.stages}
-        rest = [name for name in STAGE_NAMES if name not in told]
+        rest = [name for name in whole_placement(config) if name not in told]
         self.stages += [StagePlan(name, StageState.MAY_RUN, after([self.waiting[-1].stage])) for name in rest]
 
 
@@ -82,7 +82,7 @@ def plan_ahead(sample: Sample, config: PlaceConfig) -> Plan:
         if not (ahead.waiting and isinstance(error, StoreError)):  # what is pending cannot be read
             failed = FailedSample(sample, told_to_user(error, sample))
         else:
-            ahead.add_the_rest()
+            ahead.add_the_rest(config)
     first = next(iter(ahead.waiting), None)
     if failed is None and first is None:
         finished = FinishedSample(sample, placement, tuple(ahead.records))

@@ -165,6 +165,14 @@ def examples_of(sample: Sample, config: PlaceConfig) -> Examples:
     return EXAMPLES.setdefault(asked, (plans, tuple(left_out)))
 
 
+def measuring(config: PlaceConfig) -> tuple[str, ...]:
+    """Names of the stages that `measured` calls, in order."""
+    if not config.measured:
+        return ()
+    compared = ((judged_views_task.name,), (drift_task.name,)) if config.compared else ((), ())
+    return measure_task.name, *compared[0], indentation_task.name, *compared[1]
+
+
 def measured(sample: Sample, found: PlacementRefs, config: PlaceConfig) -> PlacementRefs:
     """With what is measured of the final state, as far as there is one.
 

@@ -37,12 +37,14 @@ def plan_benchmark(
     methods: Sequence[str] = (DCAP,),
     scenes: str = "",
     stages: bool = False,
+    beside: bool = False,
 ) -> list[PlanRow]:
-    """Print what would run and why, with a line for each of the `stages` if they are wanted."""
+    """Print what would run and why, with a line for each of the `stages` if they are wanted; `beside` what goes to
+    standard output, or there."""
     _, samples = dataset_samples(dataset, methods, limit, scenes)
     config = measured_config(config, methods)
     plans = [plan_ahead(sample, config) for sample in samples]
-    print_plan(plans, stages=stages)
+    print_plan(plans, stages=stages, beside=beside)
     return [plan_row(plan) for plan in plans]
 
 

@@ -10,7 +10,7 @@ from dcap.scene.errors import DcapError
 from dcap.scene.secrets import redacted
 from dcap.scene.store.artifacts import Store
 from dcap.scene.types.sample import Sample
-from flows.methods import place_by
+from flows.methods import measuring, place_by
 from flows.place import SECTIONS, STAGES, PlaceConfig, PlacementRefs
 from flows.run_names import WatchedRun, sample_tags
 from tasks.overview import overview_task
@@ -59,6 +59,8 @@ class Plan:
     """What is wrong with the sample, if it cannot run."""
     stages: tuple[StagePlan, ...] = ()
     """Every stage that is foreseen, in order; empty where nobody has looked ahead."""
+    whole: tuple[str, ...] = STAGE_NAMES
+    """The stages of a feasible placement, in order, with those that measure it if it is measured."""
 
     @property
     def settled(self) -> "FinishedSample | FailedSample | None":
@@ -73,8 +75,8 @@ class Plan:
             return tuple(ahead[1:])
         if self.missing in ("", OVERVIEW):
             return ()
-        known = [STAGE_NAMES.index(name) for name in (*self.cached, self.missing) if name in STAGE_NAMES]
-        return STAGE_NAMES[max(known, default=-1) + 1 :]
+        known = [self.whole.index(name) for name in (*self.cached, self.missing) if name in self.whole]
+        return self.whole[max(known, default=-1) + 1 :]
 
     @property
     def coming(self) -> tuple[str, ...]:
@@ -141,6 +143,11 @@ class EventRecorder:
             self.listener(event)
 
 
+def whole_placement(config: PlaceConfig) -> tuple[str, ...]:
+    """The stages of a feasible placement, in order."""
+    return (*STAGE_NAMES, *measuring(config))
+
+
 def told_why(deciders: Deciders) -> str:
     """Why a stage has no result, settings by their names in `dcap.yaml`."""
     return in_words(why_not_cached(deciders, Store.default()), lambda stage, key: f"{SECTIONS.get(stage, stage)}.{key}")
@@ -158,7 +165,8 @@ def plan_sample(sample: Sample, config: PlaceConfig) -> Plan:
     try:
         placement = through_stages(sample, config, RunContext(lookup_only=True, on_event=recorder))
     except NotCachedError as missing:
-        return Plan(sample, stages_of(recorder), missing.deciders.stage, told_why(missing.deciders))
+        reason = told_why(missing.deciders)
+        return Plan(sample, stages_of(recorder), missing.deciders.stage, reason, whole=whole_placement(config))
     except Exception as error:  # the border between samples: reported in full, never hidden
         failed = FailedSample(sample, told_to_user(error, sample))
         return Plan(sample, stages_of(recorder), "", "", failed=failed)

@@ -23,7 +23,7 @@ from dcap.scene.json_tree import JsonObject
 from dcap.scene.readers.files.yaml_text import parse_yaml
 from dcap.scene.settings import resource
 from flows.elsewhere import SampleJob, Told, told_of
-from flows.flow_runs import end_as_crashed
+from flows.flow_runs import IN_A_REQUEST, end_as_crashed
 from flows.run_names import sample_tags
 
 POOL = "dcap"
@@ -35,8 +35,6 @@ TIMES = 4
 """How often a sample may begin again because its worker was lost."""
 LAST_BEAT_SECONDS = 15.0
 """A worker that claims a run has sent a heartbeat at most so long before."""
-IN_A_REQUEST = 100
-"""Flow runs that are asked about at once."""
 
 
 def register() -> None:
@@ -113,6 +111,9 @@ class WorkPool:
             tags=sample_tags(job.sample, job.run.name),
             timeout=0,
         )
+        if run.parent_task_run_id is not None:  # stands for it in the benchmark's flow run, with a name of Prefect's
+            with get_client(sync_client=True) as client:
+                client.set_task_run_name(run.parent_task_run_id, job.run.title(job.sample))
         return run.id
 
     @staticmethod

@@ -20,7 +20,9 @@ from dcap.scene.errors import DcapError
 from dcap.scene.settings import data_root, shared_store_url
 from flows.server import prefect_server
 from flows.settings.given import FILE_VARIABLE, settings_file
+from flows.worker_program import kill, started_by
 
+PROGRAM = "flows.worker_program"
 HEARTBEAT_SECONDS = 10
 """Three that are missed make a worker lost."""
 STOP_SECONDS = 15.0
@@ -45,7 +47,7 @@ def serve_pool(at_a_time: int, announce: Callable[[str], None]) -> None:
         )
         words = ("worker", "start", "--pool", POOL, "--type", "process", "--name", name, "--limit", str(at_a_time))
         process = subprocess.Popen(
-            module_command("prefect", *words), env=environment, cwd=folder, start_new_session=True
+            module_command(PROGRAM, str(os.getpid()), *words), env=environment, cwd=folder, start_new_session=True
         )
         announce(f"worker {name} of the pool {POOL!r}, server {url.removesuffix('/api')}, {at_a_time} at a time")
         try:
@@ -67,9 +69,11 @@ def whole_places() -> dict[str, str]:
 
 
 def stop(process: "subprocess.Popen[bytes]") -> None:
-    """End a worker with the processes of its flow runs, which Prefect would leave."""
+    """End a worker with the processes of its flow runs, which Prefect would leave; each leads a session of its own."""
+    started = started_by(process.pid)
     for kind in (signal.SIGTERM, signal.SIGKILL):
         with suppress(ProcessLookupError):
             os.killpg(process.pid, kind)
         with suppress(subprocess.TimeoutExpired):
             process.wait(STOP_SECONDS)
+    kill(started)

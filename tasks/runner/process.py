@@ -10,16 +10,26 @@ import threading
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from typing import Any
+from weakref import WeakSet
 
 from dcap.scene import errors
 from tasks.runner.process_group import exit_words
-from tasks.runner.process_server import ProcessServer, SpawnedProcess, StageProcess, discard, servers
+from tasks.runner.process_server import (
+    InterruptedRunError,
+    ProcessServer,
+    SpawnedProcess,
+    StageProcess,
+    discard,
+    servers,
+)
 
 MOST_SECONDS = 3600.0
 """A stage that runs longer hangs: budgets count steps, so this never decides a result."""
 LAST_LINES = 15
 
 running: set[StageProcess] = set()
+interrupted: WeakSet[StageProcess] = WeakSet()
+"""Those that were killed with an interrupted program."""
 
 
 class StageProcessError(RuntimeError):
@@ -35,7 +45,8 @@ def run_in_process(
     """Run a job in a process of its own, forked by the run's server if it has one, and return what it reports as done.
 
     A job of a `kind` gets the process of one of the same kind that is done, if there is one, and leaves it its own.
-    `cpu_seconds` and `peak_memory` [bytes] that the job took are added to what is returned.
+    `cpu_seconds` and `peak_memory` [bytes] that the job took are added to what is returned. StageProcessError where the
+    process ends without a result, InterruptedRunError where that is because the program was interrupted.
     """
     process = server.take(kind) if server and kind else None
     process = process or new_process(str(job["module"]), server)
@@ -52,6 +63,10 @@ def run_in_process(
         if not kept:
             dismiss(process)
         return done
+    except StageProcessError as error:
+        if process in interrupted or (server is not None and server.closed):
+            raise InterruptedRunError from error
+        raise
     finally:
         alarm.cancel()
         running.discard(process)
@@ -108,6 +123,7 @@ def raise_again(error: dict[str, str]) -> None:
 
 def kill_all() -> None:
     """Kill the processes of all running stages, and those that are about to start, for an interrupted program."""
+    interrupted.update(list(running))
     for server in list(servers):
         server.close()
     for process in list(running):

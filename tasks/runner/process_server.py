@@ -166,7 +166,10 @@ class ForkedProcess:
 
 
 class InterruptedRunError(RuntimeError):
-    """No process is started for a run that has been interrupted."""
+    """The processes of a run that has been interrupted are killed, and no more are started."""
+
+    def __init__(self) -> None:
+        super().__init__("the run was interrupted")
 
 
 class ProcessServer:
@@ -210,7 +213,7 @@ class ProcessServer:
             except NotForkedError:
                 pass
         if self._closed:
-            raise InterruptedRunError("the run was interrupted before this stage's process started")
+            raise InterruptedRunError
         return SpawnedProcess(errors)
 
     def keep(self, process: StageProcess, kind: str) -> bool:
@@ -235,6 +238,11 @@ class ProcessServer:
                 process.works = True
                 return process
             discard(process)
+
+    @property
+    def closed(self) -> bool:
+        """Whether it starts no more processes."""
+        return self._closed
 
     def last_words(self) -> str:
         """How the server ended, and the last that it wrote to standard error."""

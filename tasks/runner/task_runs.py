@@ -9,6 +9,7 @@ completed state: its reason is a result, and is cached like any other), a broken
 that says why. What Prefect persists is not touched by that. Imports Prefect: to be imported on the first run only.
 """
 
+import logging
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
@@ -17,7 +18,7 @@ from uuid import UUID
 from prefect import Task
 from prefect._internal.result_records import ResultRecord
 from prefect.client.schemas.objects import RunInput, State, TaskRunResult
-from prefect.states import Failed
+from prefect.states import Crashed, Failed
 from prefect.task_engine import SyncTaskRunEngine
 from prefect.transactions import Transaction
 
@@ -27,6 +28,7 @@ from dcap.scene.store.ref import Ref
 from dcap.scene.types.outcome import Infeasible
 from tasks.runner.context import Producers, current_context
 from tasks.runner.outcomes import error_line, reason_line
+from tasks.runner.process_server import InterruptedRunError
 
 CACHED, INFEASIBLE = "Cached", "Infeasible"
 """Names of states; the first is Prefect's own."""
@@ -57,9 +59,16 @@ class StageRunEngine(SyncTaskRunEngine[..., dict[str, object]]):
 
     def handle_exception(self, exc: Exception) -> None:
         """A broken stage: nothing is tried again, and no record is written."""
-        self.logger.error("%s", error_line(exc), exc_info=None if isinstance(exc, DcapError) else exc)
-        self.set_state(Failed(message=error_line(exc)))
+        self.set_state(broken(exc, self.logger))
         self._raised = exc
+
+
+def broken(exc: Exception, logger: logging.Logger | logging.LoggerAdapter[Any]) -> State[Any]:
+    """The final state of a run that has broken: Failed, or Crashed where its program was interrupted; logged."""
+    if isinstance(exc, InterruptedRunError):
+        return Crashed(message=str(exc))
+    logger.error("%s", error_line(exc), exc_info=None if isinstance(exc, DcapError) else exc)
+    return Failed(message=error_line(exc))
 
 
 def tell_reason(state: State[Any]) -> None:

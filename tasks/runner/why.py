@@ -23,6 +23,7 @@ SHOWN = 3
 LONGEST = 60
 """Characters of a value that a line shows."""
 ABSENT = "absent"
+ANOTHER_FILE = "new or changed file"
 
 KeyOf = Callable[[str, str], str]
 """Name of a setting for a person, from the stage and its own name for it."""
@@ -35,6 +36,13 @@ class ChangeKind(StrEnum):
     SETTING = "setting"
     CODE = "code"
     LIBRARY = "library"
+
+
+class Cause(StrEnum):
+    """What a person gives to a sample."""
+
+    VALUE = "value"
+    FILE = "file"
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +85,19 @@ def why_not_cached(wanted: Deciders, store: Store) -> Why:
     record, changes = closest(known, new)
     if not changes:
         return Why(told="artifact missing or damaged" if not store.has(record.ref) else "asked for")
-    return Why(tuple(followed(change, store, index, MOST_STEPS) for change in changes))
+    why = Why(tuple(followed(change, store, index, MOST_STEPS) for change in changes))
+    return why if {Cause.VALUE, Cause.FILE} - set(causes(why)) else Why(told="no earlier result of this sample")
+
+
+def causes(why: Why) -> Iterator[Cause]:
+    """What a person has given otherwise; a record with another value and another file is of another sample."""
+    for change in why.changes:
+        if change.origin is not None:
+            yield from causes(change.origin)
+        elif change.kind is ChangeKind.INPUT and not change.is_reference:
+            yield Cause.VALUE
+    if why.told.startswith(ANOTHER_FILE):
+        yield Cause.FILE
 
 
 def closest(records: list[Record], new: Mapping[str, Any]) -> tuple[Record, list[Change]]:
@@ -145,7 +165,7 @@ def followed(change: Change, store: Store, index: RecordIndex, steps: int) -> Ch
     if new is None or old is None:
         return change
     if new.kind == Source.__name__:
-        return replace(change, origin=Why(told=f"new or changed file {source_name(new, store)}"))
+        return replace(change, origin=Why(told=f"{ANOTHER_FILE} {source_name(new, store)}"))
     makers = [one for one in index.making(new) if one.deciders.get("stage")]
     earlier = [one for maker in makers[:1] for one in index.making(old) if same_stage(one, maker)]
     if not earlier:

@@ -10,6 +10,7 @@ from dcap.evaluation.methods import DCAP, joined_id
 from dcap.evaluation.outcome_table import AS_POSED, row_of
 from dcap.evaluation.run_summary import summary_of
 from dcap.scene.errors import InputError
+from dcap.scene.json_tree import JsonObject
 from dcap.scene.types.sample import Sample
 from flows.display import Display, print_plan, print_table
 from flows.sample_run import STAGE_NAMES, FailedSample, Plan
@@ -76,7 +77,7 @@ def test_an_infeasible_sample_has_the_stages_it_got_to() -> None:
 def test_a_plan_counts_the_stages_of_each_sample(capsys: pytest.CaptureFixture[str]) -> None:
     """Of an infeasible sample that lacks its overview all but one stage are there."""
     print_plan([Plan(ONE, STAGE_NAMES[:INTENT], "overview", "new"), Plan(TWO, STAGE_NAMES[:INTENT], "rotation", "new")])
-    assert f"{INTENT} of {INTENT + 1}" in (said := capsys.readouterr().err)
+    assert f"{INTENT} of {INTENT + 1}" in (said := capsys.readouterr().out)
     assert f"{INTENT} of {ALL}" in said
 
 
@@ -90,10 +91,26 @@ def test_ids_are_shown_as_they_are(capsys: pytest.CaptureFixture[str], tmp_path:
     print_plan([Plan(odd, (), "", "", failed=failure)])
     rows = [row_of(odd, None, failure.message, None)]
     print_table(rows, summary_of(rows, run="", wall_s=1.0), tmp_path / "[/b]")
-    said = capsys.readouterr().err
-    assert said.count("[/b] :smile: [red]") == 3
-    assert said.count("no [/i] there") == 3
-    assert "[/b]/report.html" in said
+    said = capsys.readouterr()
+    assert said.out.count("[/b] :smile: [red]") == said.out.count("no [/i] there") == 1
+    assert said.err.count("[/b] :smile: [red]") == said.err.count("no [/i] there") == 2
+    assert "[/b]/report.html" in said.err
+
+
+def test_what_is_printed_where_nobody_looks_has_whole_lines(capsys: pytest.CaptureFixture[str]) -> None:
+    """The last state of the progress ends as a line does."""
+    with Display([ONE]) as display:
+        display.serving("http://127.0.0.1:1/api")
+    assert capsys.readouterr().err.endswith("\n")
+
+
+def test_cached_samples_are_told(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    """The seconds of an earlier run are not those of this one."""
+    tree: JsonObject = {"verdict": "at_rest", "timings": {"drop": 12.5}}
+    rows = [row_of(sample, tree, "", None) for sample in (ONE, TWO)]
+    print_table(rows, summary_of(rows, run="", wall_s=1.0), tmp_path, {"one"})
+    one, two = (line.split()[-1] for line in capsys.readouterr().err.splitlines()[1:3])
+    assert (one, two) == ("cached", "12.5")
 
 
 def test_the_list_of_a_run_names_the_method_of_each_row(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

@@ -112,7 +112,7 @@ def test_a_changed_setting_leaves_the_other_branch_alone(
     row = plan_row(plan)
     assert (row.cached, row.runs, row.may_run) == (("read_one", "read_other"), "stretch", ("join",))
     print_plan([plan], stages=True)
-    said = capsys.readouterr().err
+    said = capsys.readouterr().out
     assert "2 of 4" in said
     assert "may run join" in said
 
@@ -137,6 +137,9 @@ def test_what_is_pending_cannot_be_looked_at(sample: Sample, monkeypatch: pytest
     assert plan.failed is None
     assert plan.missing == "read_one"
     assert (plan.stages[-1].stage, plan.stages[-1].why) == ("render", "depends on join")
+    measured = PlaceConfig(measured=True, compared=True)
+    names = [one.stage for one in plan_ahead(sample, measured).stages]
+    assert names[-5:] == ["render", "measure", "judged_views", "indentation", "drift"]
 
 
 def test_a_sample_that_cannot_run_says_why(sample: Sample, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,6 +12,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 from desk_room import desk_dataset
 from foreign_names import LIBRARIES, OURS, foreign_folder, marks
@@ -194,7 +195,7 @@ def test_machines_share_nothing_but_a_store_and_a_server(
         patch.setenv("DCAP_DATA", str(tmp_path / "late"))
         capsys.readouterr()
         assert main(["plan", "--dataset", str(dataset)]) == 0
-        assert "3 of 3 samples are cached" in capsys.readouterr().err
+        assert "3 of 3 samples are cached" in capsys.readouterr().out
         assert results(dataset) == at_home
 
 
@@ -214,6 +215,25 @@ def test_samples_of_a_lost_worker_begin_again(dataset: Path, at_home: object, tm
                 assert benchmark.wait(PATIENCE) == 0
         assert "CRASHED" in {run["state_type"] for run in taken(pages)}
         assert kept_results() == at_home
+
+
+@pytest.mark.slow
+@pytest.mark.long
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize("kind", [signal.SIGKILL, signal.SIGTERM], ids=lambda kind: kind.name)
+def test_a_worker_ends_with_all_that_it_has_started(dataset: Path, tmp_path: Path, kind: signal.Signals) -> None:
+    """Even killed alone it leaves no process that goes on with its sample, or asks for others."""
+    with data_folder(tmp_path), prefect_server() as url:
+        pages = PrefectPages(url)
+        command = module_command("flows.cli", "benchmark", "--dataset", str(dataset), "--runner", "pool")
+        with a_worker() as worker, subprocess.Popen(command, stdout=subprocess.DEVNULL) as benchmark:
+            wait_until(lambda: any(run["state_type"] == "RUNNING" for run in taken(pages)))
+            family = [psutil.Process(pid) for pid in descendants(worker.pid)[1:]]
+            assert any("prefect.engine" in one.cmdline() for one in family)
+            worker.send_signal(kind)
+            _, left = psutil.wait_procs(family, PATIENCE)
+            assert left == []
+            benchmark.send_signal(signal.SIGINT)
 
 
 @pytest.mark.slow

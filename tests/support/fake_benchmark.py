@@ -1,6 +1,7 @@
 """A benchmark of the fake pipeline in a process of its own, to be watched, interrupted and killed.
 
-A sample whose prompt says `slow` has a stage that computes in a thread for a minute, or as long as a file is there.
+A sample whose prompt says `slow` has a stage that computes for a minute, or as long as a file is there: in a thread, or
+in a process of its own where the prompt says `heavy`.
 """
 
 import os
@@ -25,7 +26,7 @@ def intent_after(scene: Segmentation, prompt: str) -> Intent | Infeasible:
             time.sleep(0.05)
     return intent(scene, prompt)
 
-stages[2] = stage(intent_after, name="intent")
+stages[2] = stage(intent_after, name="intent", process=lambda scene, prompt: "heavy" in prompt)
 """
 PROGRAM = """
 import signal, sys

@@ -89,6 +89,18 @@ def test_a_server_that_hangs_is_given_up(folder: Path, monkeypatch: pytest.Monke
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("forked", [True, False], ids=["forked", "spawned"])
+def test_what_an_interrupt_kills_has_not_failed(folder: Path, forked: bool) -> None:
+    """The thread that waits for it is told that the run was interrupted, not that its process was killed."""
+    with serving() as server, ThreadPoolExecutor(1) as pool:
+        doomed = pool.submit(run_in_process, job("family", folder / "pids"), quiet, server if forked else None)
+        wait_until((folder / "pids").exists)
+        process.kill_all()
+        with pytest.raises(InterruptedRunError, match="the run was interrupted"):
+            doomed.result(timeout=20.0)
+
+
+@pytest.mark.slow
 def test_an_interrupt_ends_starts_that_wait(folder: Path) -> None:
     """An interrupted program kills also what waits for the server, and starts nothing more for that run."""
     (folder / "fake_hang.py").write_text(HANGS_IN_SERVER)

@@ -103,6 +103,19 @@ def test_a_file_that_was_given_is_named(tmp_path: Path) -> None:
     assert told(deciders("mesh_object", {"source": new})) == "input source: new or changed file ball.obj"
 
 
+def test_a_record_of_another_sample_is_no_reason(tmp_path: Path) -> None:
+    """Neither its sentence nor its file was ever this sample's: what this one had is no longer there."""
+    for name, letter in (("ball", "4"), ("bear", "5")):
+        (tmp_path / f"{name}.obj").write_text(f"# {name}\n")
+        source = Store.default().add_source(tmp_path / f"{name}.obj")
+        write_record(deciders("mesh_object", {"source": source}), ref_of("Scan", letter))
+    write_record(deciders("intent", {"item": ref_of("Scan", "5"), "prompt": "the bear on the bed"}), WISH)
+    ball = {"item": ref_of("Scan", "4"), "prompt": "the ball on the bed"}
+    assert told(deciders("intent", ball)) == "no earlier result of this sample"
+    bear = {"item": ref_of("Scan", "5"), "prompt": "the bear on the desk"}
+    assert told(deciders("intent", bear)) == "prompt changed (the bear on the bed -> the bear on the desk)"
+
+
 def test_records_that_come_later_are_seen() -> None:
     """What one process computes after it has looked counts when it looks again."""
     assert record_index().of_stage("intent") == []

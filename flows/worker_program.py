@@ -1,0 +1,50 @@
+"""The process of a worker: Prefect's own, which ends with whoever started it.
+
+In: the process id of the parent, and the arguments of Prefect. A parent that is killed ends nothing: its worker would
+take samples for ever, or ask a server that is gone. It is killed with the processes of its samples, as all would be
+with their machine, so that those begin again elsewhere.
+"""
+
+import os
+import runpy
+import sys
+import threading
+import time
+from collections.abc import Iterable
+from contextlib import suppress
+
+import psutil
+
+POLL_SECONDS = 0.5
+
+
+def main() -> None:
+    """Work until interrupted, or until the parent has gone."""
+    threading.Thread(target=end_with, args=(int(sys.argv[1]),), daemon=True).start()
+    sys.argv = ["prefect", *sys.argv[2:]]
+    runpy.run_module("prefect", run_name="__main__", alter_sys=True)
+
+
+def end_with(parent: int) -> None:
+    """Kill this process and all that it has started once its parent has gone."""
+    while os.getppid() == parent:
+        time.sleep(POLL_SECONDS)
+    kill([*started_by(os.getpid()), psutil.Process()])
+
+
+def started_by(pid: int) -> list[psutil.Process]:
+    """What a process has started, and what that has, whatever sessions they lead; empty where it is gone."""
+    with suppress(psutil.NoSuchProcess):
+        return list(psutil.Process(pid).children(recursive=True))
+    return []
+
+
+def kill(processes: Iterable[psutil.Process]) -> None:
+    """Kill those that are still there."""
+    for one in processes:
+        with suppress(psutil.NoSuchProcess):  # it knows them by their start, too: a number may be another's by now
+            one.kill()
+
+
+if __name__ == "__main__":
+    main()
