@@ -17,7 +17,7 @@ from dcap.evaluation.run_folder import folder_name, same_folder
 from dcap.scene.errors import InputError
 from dcap.scene.given_text import LONGEST_ID, LONGEST_PROMPT, LONGEST_WORDS, unfit
 from dcap.scene.problems import Report, error, refusing, short
-from dcap.scene.readers.files.yaml_text import BROKEN_YAML, parse_yaml
+from dcap.scene.readers.files.yaml_text import BROKEN_YAML, parse_yaml, yaml_fault
 from dcap.scene.readers.scenes.sugar import MESH_SUFFIXES
 from dcap.scene.settings import data_root, resource
 from dcap.scene.spelling import did_you_mean
@@ -91,7 +91,7 @@ def load_yaml(path: Path) -> object:
     except FileNotFoundError:
         raise InputError(f"{path}: no such file; --dataset takes a YAML file") from None
     except (OSError, *BROKEN_YAML) as broken:
-        raise InputError(f"{path}: cannot be read as YAML: {broken}") from broken
+        raise InputError(f"{path}: cannot be read as YAML: {yaml_fault(broken)}") from broken
 
 
 def sample_of(row: object, index: int, folder: Path, report: Report) -> Sample | None:

@@ -15,7 +15,7 @@ from pathlib import Path
 from dcap.scene.checks.places import yaml_lines
 from dcap.scene.errors import InputError
 from dcap.scene.problems import short
-from dcap.scene.readers.files.yaml_text import BROKEN_YAML, parse_yaml
+from dcap.scene.readers.files.yaml_text import BROKEN_YAML, parse_yaml, yaml_fault
 from dcap.scene.settings import home
 from dcap.scene.spelling import did_you_mean
 
@@ -82,7 +82,7 @@ def in_file(path: Path) -> Iterator[GivenSetting]:
         text = path.read_text(encoding="utf-8")
         tree = parse_yaml(text)
     except (OSError, *BROKEN_YAML) as broken:
-        raise InputError(f"{path}: cannot be read as YAML: {broken}") from broken
+        raise InputError(f"{path}: cannot be read as YAML: {yaml_fault(broken)}") from broken
     if tree is None:
         return
     if not isinstance(tree, Mapping):
@@ -140,7 +140,7 @@ def parsed(name: str, text: str) -> object:
     try:
         return parse_yaml(text)
     except BROKEN_YAML as broken:
-        raise InputError(f"{name}={text}: cannot be read as a value of YAML: {broken}") from broken
+        raise InputError(f"{name}={text}: cannot be read as a value of YAML: {yaml_fault(broken)}") from broken
 
 
 def unknown(one: GivenSetting, known: Iterable[str]) -> InputError:

@@ -15,7 +15,7 @@ from dcap.geometry.primitives import Box, Capsule, Cylinder, Primitive
 from dcap.language.material_table import load_materials
 from dcap.scene.errors import InputError
 from dcap.scene.problems import short
-from dcap.scene.readers.files.yaml_text import BROKEN_YAML, parse_yaml
+from dcap.scene.readers.files.yaml_text import BROKEN_YAML, parse_yaml, yaml_fault
 from dcap.scene.spelling import did_you_mean
 from dcap.scene.types.gravity import GRAVITY
 from dcap.scene.types.materials import ContactFriction, LayerConstants
@@ -178,7 +178,7 @@ def read_case(path: Path) -> Case:
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
     except BROKEN_YAML as error:
-        raise InputError(f"{path}: is not YAML: {' '.join(str(error).split())}") from error
+        raise InputError(f"{path}: is not YAML: {yaml_fault(error)}") from error
     if not isinstance(document, dict):
         raise InputError(f"{path}: holds no keys; a case needs at least `bodies`")
     return checked_case(document, str(path))

@@ -162,7 +162,7 @@ def test_paths_are_seen_from_the_file(folder: Path, monkeypatch: pytest.MonkeyPa
         ("server: {port: 99999}", "server.port is 99999"),
         ("[1, 2]", "dcap.yaml: expected sections of keys and values, found [1, 2]"),
         ("run: {workers: 3, workers: 4}", "dcap.yaml: cannot be read as YAML"),
-        ("run: [", "dcap.yaml: cannot be read as YAML"),
+        ("run: [", "dcap.yaml: cannot be read as YAML: line 1, column 7: while parsing a flow node: expected the"),
         ("a: !!python/object/apply:os.system [ls]", "dcap.yaml: cannot be read as YAML"),
     ],
 )

@@ -2,7 +2,7 @@
 
 from ruamel.yaml import YAML
 from ruamel.yaml.constructor import ConstructorError, SafeConstructor
-from ruamel.yaml.error import YAMLError
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode
 
 MOST_KEYS = 10_000
@@ -20,6 +20,14 @@ class BoundedMerges(SafeConstructor):
         if len(node.value) > MOST_KEYS:
             what = f"merging makes {len(node.value)} keys of one mapping, expected at most {MOST_KEYS}"
             raise ConstructorError(None, None, what, node.start_mark)
+
+
+def yaml_fault(broken: Exception) -> str:
+    """What is wrong with a text that `parse_yaml` refuses, and where, in one line."""
+    if not isinstance(broken, MarkedYAMLError) or broken.problem_mark is None:
+        return " ".join(str(broken).split())
+    mark, what = broken.problem_mark, ": ".join(one for one in (broken.context, broken.problem) if one)
+    return f"line {mark.line + 1}, column {mark.column + 1}: {' '.join(what.split())}"
 
 
 def parse_yaml(text: str) -> object:
