@@ -21,7 +21,7 @@ FAST := not slow and not long and not sweep and not third_party and not gpu
 REST := (slow or third_party or gpu) and not sweep and not long
 
 .DEFAULT_GOAL := help
-.PHONY: setup node-tools test rest long clusters sweep check benchmark demo ui worker perf perf-peers docs docs-serve docs-pictures clean help lock system-libraries
+.PHONY: setup node-tools test types fast rest long clusters sweep check benchmark demo ui worker perf perf-peers docs docs-serve docs-pictures clean help lock system-libraries
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-18s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -68,11 +68,17 @@ clusters: $(READY) ## the tests with clusters of Dask and Ray, which it installs
 sweep: $(READY) ## the long physics tests: whole ranges of mass, stiffness and resolution; hours
 	$(BIN)/pytest -m sweep
 
+# Types take one core for three minutes where nothing is known of the libraries yet.
 check: $(READY) ## format, lint, types, imports and fast tests; five minutes
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
-	$(BIN)/mypy
 	$(BIN)/lint-imports --no-logo
+	@$(MAKE) --no-print-directory --jobs 2 types fast
+
+types: $(READY)
+	$(BIN)/mypy
+
+fast: $(READY)
 	$(BIN)/pytest $(PARALLEL) -m "$(FAST)"
 
 benchmark: $(READY) ## place every sample of the embedded dataset; tables, pictures, HTML report

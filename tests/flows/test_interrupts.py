@@ -35,7 +35,8 @@ interrupts.LONGEST_SECONDS = float(sys.argv[3])
 def command(arguments):
     try:
         work()
-        print("went on", flush=True)
+        sys.stdout.write("went on\\n")  # at once: a print is interrupted before the end of its line, too
+        sys.stdout.flush()
         time.sleep(600)
     finally:
         print("cleared up", flush=True)

@@ -54,6 +54,7 @@ def test_the_last_user_stops_the_server(tmp_path: Path, monkeypatch: pytest.Monk
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_server_takes_nothing_from_the_working_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It starts in a folder with a prefect.py and others of such names, and runs none of them."""
     monkeypatch.setenv("DCAP_DATA", str(tmp_path / "data"))
@@ -66,6 +67,7 @@ def test_a_server_takes_nothing_from_the_working_directory(tmp_path: Path, monke
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_program_turns_to_the_server_that_is_named_now(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """As in a notebook whose first placement had a server of its own, and whose next one is to be on a team's."""
     monkeypatch.setenv("PREFECT_HOME", str(tmp_path))

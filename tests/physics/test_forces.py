@@ -36,7 +36,8 @@ def foam(lab, **options):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", [pytest.param("rigid ball", marks=pytest.mark.sweep), "rigid block", "soft block"])
+@pytest.mark.parametrize("kind", [pytest.param("rigid ball", marks=pytest.mark.sweep), "rigid block",
+                                  pytest.param("soft block", marks=pytest.mark.long)])  # fmt: skip
 def test_the_clamp_of_a_foam_block_carries_what_lies_on_it(lab, kind):
     """Through contact and elasticity the clamp feels the load's weight and nothing else."""
     size = np.array([0.1, 0.1, 0.06])

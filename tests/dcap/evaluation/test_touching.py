@@ -154,7 +154,9 @@ def pen(depth: float) -> Mesh:
     return box([0.008, 0.008, 0.15], [0.0, 0.0, 0.075 - depth])
 
 
-@pytest.mark.parametrize("shape", [book, cube, pen, lambda depth: ball(0.05, [0.0, 0.0, 0.05 - depth])])
+@pytest.mark.parametrize(
+    "shape", [pytest.param(book, marks=pytest.mark.long), cube, pen, lambda depth: ball(0.05, [0.0, 0.0, 0.05 - depth])]
+)
 def test_lowered_into_a_slab_it_is_as_deep_as_it_is_low(shape):
     """Also where its top is nearer to the surface than its bottom, and where it is below the surface as a whole."""
     for depth in 1e-3 * DEPTHS:
