@@ -11,11 +11,21 @@ from prefect.client.schemas.filters import FlowRunFilter
 from prefect.exceptions import PrefectException
 
 from dcap.scene.types.sample import Sample
-from flows.flow_runs import COMPLETED, FAILED, FlowRunNames, ShownFlowRun, end_as_crashed, flow_run
+from flows.flow_runs import (
+    BENCHMARK,
+    COMPLETED,
+    FAILED,
+    FlowRunNames,
+    ShownFlowRun,
+    end_as_crashed,
+    end_stages,
+    flow_run,
+)
 from flows.run_artifacts import RunArtifacts, plain_text, table_data
 from flows.run_names import WatchedRun, benchmark_tags, repeated_titles
 from flows.watching import SettledSample, Watch
 
+INTERRUPTED = "the benchmark was interrupted"
 PROGRESS_SECONDS, TABLE_SECONDS = 1.0, 30.0
 """How often these are written anew while samples are placed."""
 
@@ -87,7 +97,8 @@ class FlowRunWatch(Watch):
         try:
             with get_client(sync_client=True) as client:
                 children = client.read_flow_runs(flow_run_filter=own)
-                end_as_crashed(client, [child.id for child in children], "the benchmark was interrupted")
+                end_as_crashed(client, [child.id for child in children], INTERRUPTED)
+                end_stages(client, {"id": {"any_": [self._id]}}, INTERRUPTED)  # which stand for children
         except (httpx.HTTPError, PrefectException, RuntimeError):
             return  # who interrupts a run does not wait for its server
 
@@ -96,7 +107,7 @@ class FlowRunWatch(Watch):
 def benchmark_run(folder: Path, samples: Sequence[Sample], parameters: dict[str, object]) -> Iterator[FlowRunWatch]:
     """A block as the flow run of a benchmark, and what shows there how it goes."""
     methods = list(dict.fromkeys(sample.method for sample in samples))
-    names = FlowRunNames("benchmark", folder.name, benchmark_tags(folder.name, methods), parameters)
+    names = FlowRunNames(BENCHMARK, folder.name, benchmark_tags(folder.name, methods), parameters)
     with flow_run(names) as engine:
         watch = FlowRunWatch(folder, samples, engine)
         watch.write_progress(0.0)

@@ -6,7 +6,7 @@ are created here, each with a key of its own.
 """
 
 import signal
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any
@@ -14,7 +14,7 @@ from uuid import UUID, uuid4
 
 from prefect import Flow, Task
 from prefect.client.orchestration import SyncPrefectClient
-from prefect.client.schemas.filters import FlowRunFilter, TaskRunFilter
+from prefect.client.schemas.filters import FlowFilter, FlowRunFilter, TaskRunFilter
 from prefect.client.schemas.objects import FlowRun, State
 from prefect.context import SyncClientContext
 from prefect.exceptions import ObjectNotFound, PrefectHTTPStatusError
@@ -28,6 +28,8 @@ from tasks.runner.task_runs import broken
 
 PROGRAM = "program"
 """Key in the context of a flow run, where its program stands."""
+BENCHMARK, PLACE = "benchmark", "place"
+"""Names of our flows."""
 IN_A_REQUEST = 100
 """Flow runs that are asked about at once."""
 NOBODY_WAITS = "the benchmark that asked for it is gone"
@@ -129,6 +131,8 @@ def end_left_runs(client: SyncPrefectClient) -> None:
             for run, why in (*((child, NOBODY_WAITS) for child in waiting_children(client, one.id)), (one.id, gone)):
                 with suppress(PrefectHTTPStatusError, ObjectNotFound):  # not ours to end, or deleted meanwhile
                     end_as_crashed(client, [run], why)
+    # a server keeps what begins a moment later: a stage may have come after its flow run had ended
+    end_stages(client, {"state": {"type": {"any_": ["CRASHED"]}}}, "its flow run has crashed")
 
 
 def waiting_children(client: SyncPrefectClient, parent: UUID) -> list[UUID]:
@@ -146,18 +150,24 @@ def waiting_children(client: SyncPrefectClient, parent: UUID) -> list[UUID]:
 def end_as_crashed(client: SyncPrefectClient, runs: Iterable[UUID], why: str) -> None:
     """Say of flow runs, and of what is at work in them, that they will not go on."""
     ended = list(runs)
+    for begin in range(0, len(ended), IN_A_REQUEST):  # first: who is interrupted here leaves the rest to be found
+        end_stages(client, {"id": {"any_": ended[begin : begin + IN_A_REQUEST]}}, why)
     for one in ended:
         client.set_flow_run_state(one, Crashed(message=why), force=True)
-    for begin in range(0, len(ended), IN_A_REQUEST):
-        for task_run in unended_task_runs(client, ended[begin : begin + IN_A_REQUEST]):
-            client.set_task_run_state(task_run, Crashed(message=why), force=True)
 
 
-def unended_task_runs(client: SyncPrefectClient, runs: Sequence[UUID]) -> list[UUID]:
-    """Task runs of flow runs that the server takes to be at work."""
-    within = FlowRunFilter.model_validate({"id": {"any_": list(runs)}})
+def end_stages(client: SyncPrefectClient, within: Mapping[str, object], why: str) -> None:
+    """Say of task runs that the server takes to be at work in some of our flow runs that they will not go on; what it
+    refuses of that is left."""
+    runs = FlowRunFilter.model_validate(within)
+    ours = FlowFilter.model_validate({"name": {"any_": [BENCHMARK, PLACE]}})
     unended = TaskRunFilter.model_validate({"state": {"type": {"any_": ["PENDING", "RUNNING"]}}})
     found: list[UUID] = []
-    while page := client.read_task_runs(flow_run_filter=within, task_run_filter=unended, offset=len(found)):
-        found += [one.id for one in page]  # as many as the server gives
-    return found
+    with suppress(PrefectHTTPStatusError, ObjectNotFound):
+        while page := client.read_task_runs(
+            flow_filter=ours, flow_run_filter=runs, task_run_filter=unended, offset=len(found)
+        ):
+            found += [one.id for one in page]  # as many as the server gives
+    for one in found:
+        with suppress(PrefectHTTPStatusError, ObjectNotFound):
+            client.set_task_run_state(one, Crashed(message=why), force=True)

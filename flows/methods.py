@@ -166,11 +166,12 @@ def examples_of(sample: Sample, config: PlaceConfig) -> Examples:
 
 
 def measuring(config: PlaceConfig) -> tuple[str, ...]:
-    """Names of the stages that `measured` calls, in order."""
+    """Names of the stages that `measured` adds to those of a placement by DCAP, in order."""
     if not config.measured:
         return ()
-    compared = ((judged_views_task.name,), (drift_task.name,)) if config.compared else ((), ())
-    return measure_task.name, *compared[0], indentation_task.name, *compared[1]
+    if not config.compared:
+        return measure_task.name, indentation_task.name
+    return measure_task.name, judged_views_task.name, indentation_task.name, drift_task.name
 
 
 def measured(sample: Sample, found: PlacementRefs, config: PlaceConfig) -> PlacementRefs:

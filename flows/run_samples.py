@@ -99,8 +99,10 @@ def placed_here(
                 done, left = wait(left, LOOK_SECONDS, FIRST_COMPLETED)
                 yield [future.result() for future in done]
         except BaseException:
-            watch.interrupted()
+            for future in left:
+                future.cancel()
             kill_all()  # the threads wait for these processes
+            watch.interrupted()
             raise
 
 

@@ -16,7 +16,7 @@ from dcap.scene.errors import DcapError
 from dcap.scene.store.artifacts import Store
 from dcap.scene.types.outcome import Infeasible
 from dcap.scene.types.sample import Sample
-from flows.flow_runs import COMPLETED, FlowRunNames, ShownFlowRun, ShownState, end_as_crashed, flow_run
+from flows.flow_runs import COMPLETED, PLACE, FlowRunNames, ShownFlowRun, ShownState, end_as_crashed, flow_run
 from flows.place import PlacementRefs
 from flows.run_names import WatchedRun, sample_tags, title_of
 from flows.sample_pictures import show_pictures
@@ -67,7 +67,7 @@ def ending_of(placement: PlacementRefs) -> ShownState:
 def flow_runs_of(sample: Sample, run: WatchedRun | None = None) -> Iterator[SampleFlowRun]:
     """The flow runs in which a sample is placed: one, and another each time that the server is lost."""
     names = FlowRunNames(
-        flow="place",
+        flow=PLACE,
         name=run.title(sample) if run else title_of(sample),
         tags=sample_tags(sample, run.name if run else ""),
         parameters=asdict(sample),

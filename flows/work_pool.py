@@ -6,6 +6,7 @@ heartbeat any more ends as Crashed, and waits in the pool again.
 
 import time
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from datetime import timedelta
 from typing import Any
 from uuid import UUID
@@ -15,7 +16,7 @@ from prefect.client.schemas.actions import WorkPoolCreate
 from prefect.client.schemas.filters import FlowRunFilter
 from prefect.client.schemas.objects import FlowRun, WorkerStatus
 from prefect.deployments import run_deployment
-from prefect.exceptions import ObjectNotFound
+from prefect.exceptions import ObjectNotFound, PrefectHTTPStatusError
 from prefect.flows import Flow, load_flow_from_entrypoint
 from prefect.utilities.callables import parameter_schema
 
@@ -79,9 +80,11 @@ class WorkPool:
 
     def placed(self, jobs: Sequence[SampleJob], look_seconds: float) -> Iterator[Sequence[Told]]:
         """Put all samples into the pool, and yield them as they end."""
-        waiting = {self.asked(job): job for job in jobs}
+        waiting: dict[UUID, SampleJob] = {}
         with get_client(sync_client=True) as client:
             try:
+                for job in jobs:
+                    waiting[self.asked(client, job)] = job
                 while waiting:
                     time.sleep(look_seconds)
                     told: list[Told] = []
@@ -94,14 +97,14 @@ class WorkPool:
                             del waiting[run.id]
                             end_as_crashed(client, [run.id], "its worker was lost; the sample begins again")
                             if self.begun[job.sample.id] < TIMES:
-                                waiting[self.asked(job)] = job
+                                waiting[self.asked(client, job)] = job
                             else:
                                 told.append((job.sample, told_of(f"its worker was lost {TIMES} times")))
                     yield told
             finally:
                 end_as_crashed(client, waiting, "the benchmark was interrupted")
 
-    def asked(self, job: SampleJob) -> UUID:
+    def asked(self, client: SyncPrefectClient, job: SampleJob) -> UUID:
         """Put a sample into the pool; the id of its flow run."""
         self.begun[job.sample.id] = self.begun.get(job.sample.id, 0) + 1
         run: FlowRun = run_deployment(  # type: ignore[assignment]  # a coroutine only in a loop
@@ -112,7 +115,7 @@ class WorkPool:
             timeout=0,
         )
         if run.parent_task_run_id is not None:  # stands for it in the benchmark's flow run, with a name of Prefect's
-            with get_client(sync_client=True) as client:
+            with suppress(PrefectHTTPStatusError, ObjectNotFound):
                 client.set_task_run_name(run.parent_task_run_id, job.run.title(job.sample))
         return run.id
 

@@ -14,6 +14,8 @@ from contextlib import suppress
 from pathlib import Path
 from secrets import token_hex
 
+import psutil
+
 from dcap.cores import SHARE, available_cores
 from dcap.packages import module_command
 from dcap.scene.errors import DcapError
@@ -22,9 +24,11 @@ from flows.server import prefect_server
 from flows.settings.given import FILE_VARIABLE, settings_file
 from flows.worker_program import kill, started_by
 
-PROGRAM = "flows.worker_program"
+WORKER_MODULE = "flows.worker_program"
 HEARTBEAT_SECONDS = 10
 """Three that are missed make a worker lost."""
+LOOK_SECONDS = 1.0
+"""How often it is noted what a worker has started: one that was killed tells no more."""
 STOP_SECONDS = 15.0
 
 
@@ -47,15 +51,19 @@ def serve_pool(at_a_time: int, announce: Callable[[str], None]) -> None:
         )
         words = ("worker", "start", "--pool", POOL, "--type", "process", "--name", name, "--limit", str(at_a_time))
         process = subprocess.Popen(
-            module_command(PROGRAM, str(os.getpid()), *words), env=environment, cwd=folder, start_new_session=True
+            module_command(WORKER_MODULE, str(os.getpid()), *words), env=environment, cwd=folder, start_new_session=True
         )
         announce(f"worker {name} of the pool {POOL!r}, server {url.removesuffix('/api')}, {at_a_time} at a time")
+        started = list[psutil.Process]()
         try:
-            ended = process.wait()
+            while process.poll() is None:
+                started = started_by(process.pid) or started
+                with suppress(subprocess.TimeoutExpired):
+                    process.wait(LOOK_SECONDS)
         finally:
-            stop(process)
-    if ended:
-        raise DcapError(f"the worker ended with status {ended}; what it said stands above")
+            stop(process, started)
+    if process.returncode:
+        raise DcapError(f"the worker ended with status {process.returncode}; what it said stands above")
 
 
 def whole_places() -> dict[str, str]:
@@ -68,12 +76,15 @@ def whole_places() -> dict[str, str]:
     return found
 
 
-def stop(process: "subprocess.Popen[bytes]") -> None:
-    """End a worker with the processes of its flow runs, which Prefect would leave; each leads a session of its own."""
-    started = started_by(process.pid)
-    for kind in (signal.SIGTERM, signal.SIGKILL):
-        with suppress(ProcessLookupError):
-            os.killpg(process.pid, kind)
-        with suppress(subprocess.TimeoutExpired):
-            process.wait(STOP_SECONDS)
-    kill(started)
+def stop(process: "subprocess.Popen[bytes]", started: list[psutil.Process]) -> None:
+    """End a worker with the processes of its flow runs, which Prefect would leave: those that it has `started`, each in
+    a session of its own."""
+    try:
+        for kind in (signal.SIGTERM, signal.SIGKILL):
+            if process.poll() is None:
+                started = started_by(process.pid) or started
+                os.killpg(process.pid, kind)
+                with suppress(subprocess.TimeoutExpired):
+                    process.wait(STOP_SECONDS)
+    finally:
+        kill(started)

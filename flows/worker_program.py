@@ -7,6 +7,7 @@ with their machine, so that those begin again elsewhere.
 
 import os
 import runpy
+import signal
 import sys
 import threading
 import time
@@ -27,14 +28,18 @@ def main() -> None:
 
 def end_with(parent: int) -> None:
     """Kill this process and all that it has started once its parent has gone."""
-    while os.getppid() == parent:
-        time.sleep(POLL_SECONDS)
-    kill([*started_by(os.getpid()), psutil.Process()])
+    try:
+        while os.getppid() == parent:
+            time.sleep(POLL_SECONDS)
+        for _ in range(2):  # one may have started another meanwhile
+            kill(started_by(os.getpid()))
+    finally:
+        os.kill(os.getpid(), signal.SIGKILL)
 
 
 def started_by(pid: int) -> list[psutil.Process]:
     """What a process has started, and what that has, whatever sessions they lead; empty where it is gone."""
-    with suppress(psutil.NoSuchProcess):
+    with suppress(psutil.Error):
         return list(psutil.Process(pid).children(recursive=True))
     return []
 
@@ -42,7 +47,7 @@ def started_by(pid: int) -> list[psutil.Process]:
 def kill(processes: Iterable[psutil.Process]) -> None:
     """Kill those that are still there."""
     for one in processes:
-        with suppress(psutil.NoSuchProcess):  # it knows them by their start, too: a number may be another's by now
+        with suppress(psutil.Error):  # it knows them by their start, too: a number may be another's by now
             one.kill()
 
 

@@ -63,7 +63,7 @@ def run_in_process(
         if not kept:
             dismiss(process)
         return done
-    except StageProcessError as error:
+    except (StageProcessError, json.JSONDecodeError) as error:  # killed in the middle of a line
         if process in interrupted or (server is not None and server.closed):
             raise InterruptedRunError from error
         raise
@@ -123,8 +123,8 @@ def raise_again(error: dict[str, str]) -> None:
 
 def kill_all() -> None:
     """Kill the processes of all running stages, and those that are about to start, for an interrupted program."""
-    interrupted.update(list(running))
     for server in list(servers):
         server.close()
     for process in list(running):
+        interrupted.add(process)
         process.kill()

@@ -23,7 +23,6 @@ SHOWN = 3
 LONGEST = 60
 """Characters of a value that a line shows."""
 ABSENT = "absent"
-ANOTHER_FILE = "new or changed file"
 
 KeyOf = Callable[[str, str], str]
 """Name of a setting for a person, from the stage and its own name for it."""
@@ -73,6 +72,8 @@ class Why:
     """Against the closest earlier result."""
     told: str = ""
     """The reason where nothing has changed."""
+    file: bool = False
+    """Whether it is a file that a person has given."""
 
 
 def why_not_cached(wanted: Deciders, store: Store) -> Why:
@@ -96,7 +97,7 @@ def causes(why: Why) -> Iterator[Cause]:
             yield from causes(change.origin)
         elif change.kind is ChangeKind.INPUT and not change.is_reference:
             yield Cause.VALUE
-    if why.told.startswith(ANOTHER_FILE):
+    if why.file:
         yield Cause.FILE
 
 
@@ -165,7 +166,7 @@ def followed(change: Change, store: Store, index: RecordIndex, steps: int) -> Ch
     if new is None or old is None:
         return change
     if new.kind == Source.__name__:
-        return replace(change, origin=Why(told=f"{ANOTHER_FILE} {source_name(new, store)}"))
+        return replace(change, origin=Why(told=f"new or changed file {source_name(new, store)}", file=True))
     makers = [one for one in index.making(new) if one.deciders.get("stage")]
     earlier = [one for maker in makers[:1] for one in index.making(old) if same_stage(one, maker)]
     if not earlier:

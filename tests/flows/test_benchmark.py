@@ -104,7 +104,9 @@ def test_a_benchmark_from_cold_to_warm(
     After mending, only what failed runs. One stage can be computed again."""
     folder = dataset.parent
     assert main(["plan", "--dataset", str(dataset), "--json"]) == 0
-    plan = json.loads(capsys.readouterr().out)
+    said = capsys.readouterr()
+    assert "0 of 4 samples are cached" in said.err
+    plan = json.loads(said.out)
     assert [row["runs"] for row in plan] == ["mesh", "mesh", "mesh", None]
     assert "gone.ply: no such file" in plan[3]["why"]
     assert all(list(row) == ["sample", "cached", "runs", "why", "may_run", "stages"] for row in plan)

@@ -18,6 +18,7 @@ from flows.display import print_plan
 from flows.look_ahead import plan_ahead
 from flows.place import PlaceConfig
 from flows.plan import plan_row
+from flows.sample_run import plan_sample
 from tasks.runner.stage import Stage, stage
 
 FOAM = Material("foam", 30.0, 1e4, 0.3, 0.6, 0.5, 0.0, "soft", "test")
@@ -137,6 +138,8 @@ def test_what_is_pending_cannot_be_looked_at(sample: Sample, monkeypatch: pytest
     assert plan.failed is None
     assert plan.missing == "read_one"
     assert (plan.stages[-1].stage, plan.stages[-1].why) == ("render", "depends on join")
+    plan = plan_sample(sample, PlaceConfig(measured=True))
+    assert plan.whole[-2:] == ("measure", "indentation")
     measured = PlaceConfig(measured=True, compared=True)
     names = [one.stage for one in plan_ahead(sample, measured).stages]
     assert names[-5:] == ["render", "measure", "judged_views", "indentation", "drift"]

@@ -159,6 +159,8 @@ def test_flow_runs_of_a_killed_program_end_as_crashed_with_the_next_run(
             state = pages.get(f"/flow_runs/{one['id']}")["state"]
             assert state["type"] == "CRASHED"  # type: ignore[index]
             assert state["message"] == f"its program, process {killed.pid} of {program['host']}, is gone"  # type: ignore[index]
+            assert {run["state_type"] for run in pages.task_runs(one["id"])} <= {"COMPLETED", "CRASHED"}
+        assert "CRASHED" in {run["state_type"] for run in pages.task_runs(child["id"])}
         assert {pages.get(f"/flow_runs/{one}")["state_type"] for one in others} == {"RUNNING"}
         newest = pages.flow_runs()[0]
         assert newest["state_type"] == "COMPLETED"

@@ -69,12 +69,12 @@ def test_words_are_followed():
     assert 1 - len(found) / len(cases) >= 0.85, found
 
 
-LONG = [pytest.mark.long]
+LONG = pytest.mark.long
 """One of two that take long; and scans with as many triangles as those of YCB, which take the longest to read."""
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("variant", [pytest.param(one, marks=LONG * (one == "askew")) for one in TURNED])
+@pytest.mark.parametrize("variant", [pytest.param(one, marks=LONG if one == "askew" else ()) for one in TURNED])
 def test_files_that_lie_or_stand_askew(variant):
     """Files whose z is not up: the shape tells at least 70 % of the cases, where trusting the file tells under half."""
     cases = list(zip(TRUTH["objects"], cycle(["standing", "upside down", "facing the window"]), strict=False))
@@ -85,7 +85,9 @@ def test_files_that_lie_or_stand_askew(variant):
 @pytest.mark.slow
 @pytest.mark.third_party
 @pytest.mark.skipif(not FOLDER.is_dir(), reason="$DCAP_SAMPLE_DATA names no folder")
-@pytest.mark.parametrize("name", [pytest.param(one, marks=LONG * ("_ycb/" in one)) for one in TRUTH["third_party"]])
+@pytest.mark.parametrize(
+    "name", [pytest.param(one, marks=LONG if "_ycb/" in one else ()) for one in TRUTH["third_party"]]
+)
 def test_words_are_followed_for_downloads(name):
     """Each of ten downloaded meshes, as read, is within 15 degrees in at least five of the six wordings."""
     truth = TRUTH["third_party"][name]
