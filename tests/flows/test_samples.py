@@ -97,7 +97,7 @@ def test_text_that_is_a_tree_of_shared_parts_is_refused(tmp_path: Path) -> None:
 def test_merges_without_end_are_refused(tmp_path: Path) -> None:
     """Mappings that merge each other nine times on each of forty levels; a single merge is read."""
     levels = [f"l{k}: &l{k} {{<<: [{', '.join([f'*l{k - 1}'] * 9)}]}}" for k in range(1, 41)]
-    with pytest.raises(InputError, match=r"cannot be read as YAML: merging makes \d+ keys"):
+    with pytest.raises(InputError, match=r"read as YAML: line 6, column \d+: merging makes \d+ keys"):
         load_samples(written(tmp_path, "\n".join(["l0: &l0 {a: 1}", *levels])))
     rows = "- &a {id: a, room: r, object: o, prompt: x}\n- {<<: *a, id: b}\n"
     assert [(one.id, one.prompt) for one in load_samples(written(tmp_path, rows))] == [("a", "x"), ("b", "x")]
