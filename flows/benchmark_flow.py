@@ -15,6 +15,7 @@ from flows.flow_runs import (
     BENCHMARK,
     COMPLETED,
     FAILED,
+    WAS_INTERRUPTED,
     FlowRunNames,
     ShownFlowRun,
     end_as_crashed,
@@ -25,7 +26,6 @@ from flows.run_artifacts import RunArtifacts, plain_text, table_data
 from flows.run_names import WatchedRun, benchmark_tags, repeated_titles
 from flows.watching import SettledSample, Watch
 
-INTERRUPTED = "the benchmark was interrupted"
 PROGRESS_SECONDS, TABLE_SECONDS = 1.0, 30.0
 """How often these are written anew while samples are placed."""
 
@@ -97,8 +97,8 @@ class FlowRunWatch(Watch):
         try:
             with get_client(sync_client=True) as client:
                 children = client.read_flow_runs(flow_run_filter=own)
-                end_as_crashed(client, [child.id for child in children], INTERRUPTED)
-                end_stages(client, {"id": {"any_": [self._id]}}, INTERRUPTED)  # which stand for children
+                end_as_crashed(client, [child.id for child in children], WAS_INTERRUPTED)
+                end_stages(client, {"id": {"any_": [self._id]}}, WAS_INTERRUPTED)  # which stand for children
         except (httpx.HTTPError, PrefectException, RuntimeError):
             return  # who interrupts a run does not wait for its server
 

@@ -33,6 +33,7 @@ BENCHMARK, PLACE = "benchmark", "place"
 IN_A_REQUEST = 100
 """Flow runs that are asked about at once."""
 NOBODY_WAITS = "the benchmark that asked for it is gone"
+WAS_INTERRUPTED = "the benchmark was interrupted"
 ShownState = tuple[str, str]
 """Name of a final state, Completed, Infeasible or Failed, and the line that says why."""
 COMPLETED, FAILED = "Completed", "Failed"

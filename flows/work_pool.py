@@ -24,7 +24,7 @@ from dcap.scene.json_tree import JsonObject
 from dcap.scene.readers.files.yaml_text import parse_yaml
 from dcap.scene.settings import resource
 from flows.elsewhere import SampleJob, Told, told_of
-from flows.flow_runs import IN_A_REQUEST, end_as_crashed
+from flows.flow_runs import IN_A_REQUEST, WAS_INTERRUPTED, end_as_crashed
 from flows.run_names import sample_tags
 
 POOL = "dcap"
@@ -102,7 +102,7 @@ class WorkPool:
                                 told.append((job.sample, told_of(f"its worker was lost {TIMES} times")))
                     yield told
             finally:
-                end_as_crashed(client, waiting, "the benchmark was interrupted")
+                end_as_crashed(client, waiting, WAS_INTERRUPTED)
 
     def asked(self, client: SyncPrefectClient, job: SampleJob) -> UUID:
         """Put a sample into the pool; the id of its flow run."""
