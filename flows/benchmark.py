@@ -8,7 +8,7 @@ after the last sample has finished, and only for the report.
 import os
 import platform
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
@@ -113,8 +113,8 @@ def run_benchmark(
         plans = plan_all(samples, config, display)
         asked: dict[str, object] = {"dataset": str(path), "workers": workers, "runner": runner.name}
         with watched(folder, plans, display, asked) as watch:
-            results = run_all(plans, config, folder, language.session(folder), workers, display, watch, runner)
-            rows = scored_rows(folder, results, truths_of(path, list(results)))
+            run_all(plans, config, folder, language.session(folder), workers, display, watch, runner)
+            rows = scored_rows(folder, samples, path)
             run = finish(folder, rows, time.monotonic() - begin)
             watch.finished(run.failed == 0, summary_line(run.summary))
     print_table(run.rows, run.summary, folder, {plan.sample.id for plan in plans if plan.finished})
@@ -123,16 +123,12 @@ def run_benchmark(
     return run
 
 
-def scored_rows(
-    folder: Path,
-    results: Mapping[Sample, tuple[JsonObject | None, str]],
-    truths: Sequence[ExpectedOutcome | None],
-) -> tuple[SampleOutcome, ...]:
-    """A row for each sample and method, method by method."""
-    rows = [
-        scored_row(sample, tree, error, truth, sample_folder(folder, sample.id))
-        for (sample, (tree, error)), truth in zip(results.items(), truths, strict=True)
-    ]
+def scored_rows(folder: Path, samples: Sequence[Sample], dataset: Path) -> tuple[SampleOutcome, ...]:
+    """A row for each sample of a run, from its files, method by method; what was meant stands beside the dataset."""
+    rows = []
+    for sample, truth in zip(samples, truths_of(dataset, samples), strict=True):
+        out = sample_folder(folder, sample.id)
+        rows.append(scored_row(sample, *read_result(out), truth, out))
     order = list(METHODS)
     return tuple(sorted(rows, key=lambda row: order.index(row.method)))
 
@@ -291,8 +287,7 @@ def rewrite_report(run: str) -> Path:
     asked = kept(folder / RUN)
     with undamaged(folder / RUN):
         dataset, samples = Path(asked["dataset"]), [sample_from_json(one) for one in asked["samples"]]
-    results = {sample: read_result(sample_folder(folder, sample.id)) for sample in samples}
-    return rewrite_page(folder, scored_rows(folder, results, truths_of(dataset, samples)))
+    return rewrite_page(folder, scored_rows(folder, samples, dataset))
 
 
 def rewrite_page(folder: Path, rows: Sequence[SampleOutcome]) -> Path:

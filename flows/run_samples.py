@@ -13,7 +13,6 @@ from dcap.evaluation.run_folder import sample_folder
 from dcap.language.model.batch import batch_queue
 from dcap.language.protocol.session import Session
 from dcap.scene.json_tree import JsonObject
-from dcap.scene.types.sample import Sample
 from dcap.scene.whole_files import write_whole
 from flows.display import Display
 from flows.elsewhere import SampleJob, fetched
@@ -41,13 +40,13 @@ def run_all(
     display: Display,
     watch: Watch,
     runner: SampleRunner,
-) -> dict[Sample, tuple[JsonObject | None, str]]:
-    """placement.json and error message of every sample."""
-    results: dict[Sample, tuple[JsonObject | None, str]] = {plan.sample: (None, "") for plan in plans}
+) -> None:
+    """Place the samples and leave in the run's folder what each ended with. Nothing of it stays in memory: a long run
+    takes no more than a short one."""
     waiting = [plan for plan in plans if plan.settled is None]
 
     def settle(result: FinishedSample | FailedSample, cached: bool) -> None:
-        tree, error = results[result.sample] = settle_result(folder, result, display)
+        tree, error = settle_result(folder, result, display)
         watch.settled(SettledSample(result.sample, tree, error, cached))
         watch.progress(display.share())
 
@@ -55,7 +54,7 @@ def run_all(
         if plan.settled is not None:
             settle(plan.settled, plan.finished is not None)
     if not waiting:
-        return results
+        return
     set_limits(runner.limits)
     if runner.name is RunnerName.LOCAL:
         placed = placed_here(waiting, config, session, workers, display, watch, frozenset(runner.limits))
@@ -66,7 +65,6 @@ def run_all(
             for result in some:
                 settle(result, False)
             watch.progress(display.share())
-    return results
 
 
 def placed_here(
