@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from desk_room import desk_dataset
+from kept_records import Stamp, kept_records
 from process_trees import descendants
 
 from dcap.scene.settings import PROJECT_ROOT
@@ -66,7 +67,6 @@ KILL_SERVER = """
 """
 DISK_BYTES = 48 << 20
 """What a run of one sample writes is 5 MB; the ballast takes the rest."""
-Stamp = tuple[int, int]
 
 
 @pytest.fixture
@@ -101,12 +101,6 @@ def wait_until(true: Callable[[], object], seconds: float = PATIENCE) -> None:
     while not true():
         assert time.monotonic() < deadline
         time.sleep(0.002)
-
-
-def records(data: Path) -> dict[str, Stamp]:
-    """When each record was written, and as which file: one that is computed again is another."""
-    found = ((path.name, path.stat()) for path in (data / "cache" / "records").iterdir())
-    return {name: (one.st_mtime_ns, one.st_ino) for name, one in found}
 
 
 def results(data: Path) -> dict[str, object]:
@@ -155,13 +149,13 @@ def test_a_run_that_is_killed_in_any_stage_goes_on(tmp_path: Path, url: str) -> 
         wait_until(lambda family=family: not any(map(lives, family)), 30.0)  # type: ignore[misc]
         assert len(family) > 1
         assert (tmp_path / "stages").read_text().split()[-1] == stage
-        now = records(broken)
+        now = kept_records(broken)
         assert now.items() >= done.items()
-        assert records(whole).keys() > now.keys()  # the stage itself is not done
+        assert kept_records(whole).keys() > now.keys()  # the stage itself is not done
         done = now
     finished(started(tmp_path, broken, url, "", TELL, *words))
-    assert records(broken).items() >= done.items()
-    assert records(broken).keys() == records(whole).keys()
+    assert kept_records(broken).items() >= done.items()
+    assert kept_records(broken).keys() == kept_records(whole).keys()
     assert results(broken) == results(whole)
 
 
@@ -247,8 +241,8 @@ def test_a_disk_that_is_full_in_the_middle_is_told(small_disk: Path, tmp_path: P
     assert all(path.stat().st_size for path in (small_disk / "runs").rglob("*.json"))
 
     (small_disk / "ballast").unlink()
-    before = records(small_disk)
+    before = kept_records(small_disk)
     (tmp_path / "stages").unlink()
     finished(started(tmp_path, small_disk, url, "", TELL, *words))
-    assert records(small_disk).items() > before.items()
+    assert kept_records(small_disk).items() > before.items()
     assert "particles" not in (tmp_path / "stages").read_text().split()

@@ -6,7 +6,7 @@ import shutil
 import signal
 import subprocess
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
@@ -16,6 +16,7 @@ import psutil
 import pytest
 from desk_room import desk_dataset
 from foreign_names import LIBRARIES, OURS, foreign_folder, marks
+from kept_records import Stamp, kept_records
 from prefect_pages import PrefectPages
 from process_trees import descendants
 from s3_server import s3_server
@@ -64,11 +65,11 @@ def results(dataset: Path, *options: str) -> dict[str, object]:
     return kept_results()
 
 
-def kept_results() -> dict[str, object]:
+def kept_results(names: Iterable[str] = SAMPLES) -> dict[str, object]:
     """The same of the last run."""
     run = Path(os.environ["DCAP_DATA"]) / "runs" / "last"
     found: dict[str, object] = {}
-    for name in SAMPLES:
+    for name in names:
         placement = json.loads((run / "samples" / name / "placement.json").read_text())
         kept = json.loads((run / "samples" / name / RECORDS).read_text())
         found[name] = (placement["verdict"], kept["records"])
@@ -138,6 +139,10 @@ def test_workers_of_the_pool_give_the_same(
         assert all(any(str(tag).startswith("worker:") for tag in run["tags"]) for run in placed)  # type: ignore[attr-defined]
         assert sorted(str(run["state_name"]) for run in placed) == ["Completed", "Completed", "Infeasible"]
         assert all("pictures" in pages.artifacts(run["id"]) for run in placed)
+        (benchmark,) = (run for run in pages.flow_runs() if "method:dcap" in run["tags"])  # type: ignore[operator]
+        stand_ins = [str(run["name"]) for run in pages.task_runs(benchmark["id"])]
+        assert sorted(stand_ins) == sorted(str(run["name"]) for run in placed)
+        assert any("mug" in name and "desk" in name for name in stand_ins)
     assert marks(tmp_path) == ""
 
 
@@ -215,6 +220,37 @@ def test_samples_of_a_lost_worker_begin_again(dataset: Path, at_home: object, tm
                 assert benchmark.wait(PATIENCE) == 0
         assert "CRASHED" in {run["state_type"] for run in taken(pages)}
         assert kept_results() == at_home
+
+
+@pytest.mark.slow
+@pytest.mark.long
+@pytest.mark.timeout(1800)
+def test_a_worker_that_is_killed_after_each_stage_loses_nothing(tmp_path: Path) -> None:
+    """A worker and the benchmark that waits for it are killed as the next stage begins, as often as there are stages;
+    the next ones compute no stage again, and the last end with the results of a run that nobody has disturbed."""
+    dataset = desk_dataset(tmp_path, {"mug": SAMPLES["mug"]})
+    command = module_command("flows.cli", "benchmark", "--dataset", str(dataset), "--runner", "pool")
+    with data_folder(tmp_path / "whole"):
+        assert main(["benchmark", "--dataset", str(dataset)]) == 0
+        whole = kept_results(["mug"])
+    with data_folder(tmp_path / "broken"), prefect_server():
+        stages = len(kept_records(tmp_path / "whole"))
+        done: dict[str, Stamp] = {}
+        for _ in range(stages):
+            known = len(done)
+            with a_worker() as worker, subprocess.Popen(command, stdout=subprocess.DEVNULL) as benchmark:
+                wait_until(lambda known=known: len(kept_records(tmp_path / "broken")) > known)  # type: ignore[misc]
+                for pid in (benchmark.pid, *reversed(descendants(worker.pid))):
+                    os.kill(pid, signal.SIGKILL)
+            now = kept_records(tmp_path / "broken")
+            assert now.items() >= done.items()
+            if len(now) == stages:
+                break
+            done = now
+        with a_worker():
+            assert main(command[-5:]) == 0
+        assert kept_records(tmp_path / "broken").items() >= done.items()
+        assert kept_results(["mug"]) == whole
 
 
 @pytest.mark.slow
