@@ -11,10 +11,10 @@ from pathlib import Path
 
 from dcap.scene.checks.findings import Findings
 from dcap.scene.problems import error, note
+from dcap.scene.readers.files.references import GROUND_TRUTH
 from dcap.scene.readers.scenes.interiorgs import is_interiorgs
 from dcap.scene.readers.scenes.scannet import is_scannet
 from dcap.scene.readers.scenes.sugar import MESH_SUFFIXES
-from dcap.scene.store.source_files import GROUND_TRUTH
 
 NUMBERED = re.compile(r"\d{4}_\w+")
 """What InteriorGS calls its scene folders: 0001_839920."""

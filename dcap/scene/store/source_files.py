@@ -13,6 +13,7 @@ from unicodedata import category
 
 from dcap.scene.errors import InputError
 from dcap.scene.readers.companions import companions
+from dcap.scene.readers.files.references import check_links, may_be_seen
 from dcap.scene.readers.scenes.interiorgs import is_interiorgs
 from dcap.scene.readers.scenes.placed_scene import is_placed_scene, placed_scene_files
 from dcap.scene.readers.scenes.scannet import scannet_files
@@ -23,8 +24,6 @@ MOST_BYTES = 4 << 30
 """Largest input in total; the largest InteriorGS scene or SuGaR mesh is well below 1 GiB."""
 MOST_FILES = 2000
 """Most files of a scene folder; more means that the wrong folder was given."""
-GROUND_TRUTH = ("truth", "ground_truth", "groundtruth", "ground-truth")
-"""Stems of files that no stage may see."""
 NO_TEXT = ("Cc", "Cs")
 """Categories of control characters, a line break among them, and of bytes that are not UTF-8."""
 
@@ -67,8 +66,8 @@ def checked(path: Path, files: Iterable[tuple[str, Path]]) -> dict[str, Path]:
     total = 0
     for name, file in files:
         check_name(path, name)
-        if file.is_symlink() and file != path:  # what a person names may be a link
-            check_link(path if path.is_dir() else path.parent, file)
+        if file != path:  # what a person names may be a link
+            check_links(path if path.is_dir() else path.parent, name)
         found[name] = file
         total += file.stat().st_size
         check_size(path, total)
@@ -83,18 +82,6 @@ def check_name(path: Path, name: str) -> None:
     """Refuse a name that is no text, could be read as two lines of a list, or as a path on another system."""
     if "\\" in name or any(category(one) in NO_TEXT for one in name):
         raise InputError(f"{path}: the file name {name!r} has characters that are no text, or a backslash; rename it")
-
-
-def check_link(folder: Path, link: Path) -> None:
-    """Refuse a link to what is not among the folder's own files: a data set would take foreign ones along, or truth."""
-    target, inside = link.resolve(), folder.resolve()
-    if not target.is_relative_to(inside) or not may_be_seen(target.relative_to(inside)):
-        raise InputError(f"{link}: a link to {target}, which is no file of the scene; put a copy in its place (cp -L)")
-
-
-def may_be_seen(name: Path) -> bool:
-    """Whether a file of a folder is neither hidden nor ground truth."""
-    return not any(part.startswith(".") for part in name.parts) and name.stem.lower() not in GROUND_TRUTH
 
 
 def check_size(path: Path, size: int) -> None:

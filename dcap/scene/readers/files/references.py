@@ -1,4 +1,8 @@
-"""What a name means that one file gives another: only what lies in the naming file's own folder counts."""
+"""What a name means that one file gives another: only what lies in the naming file's own folder counts.
+
+Neither hidden files nor ground truth count, and a link on the way to a file, be it to a folder, counts as what it leads
+to (decision 096).
+"""
 
 import os
 import posixpath
@@ -7,30 +11,60 @@ from collections.abc import Iterator
 from mmap import mmap
 from pathlib import Path
 
+from dcap.scene.errors import InputError
+
 LIBRARY = re.compile(rb"(?:^|[\r\n])[ \t]*mtllib[ \t]+([^\r\n]+)")
 """A line of an OBJ that names an MTL file."""
 
 MTL_TEXTURES = ("map_Kd", "map_d", "map_Ke", "norm")
 """Keywords of an MTL file whose images are read."""
 
+GROUND_TRUTH = ("truth", "ground_truth", "groundtruth", "ground-truth")
+"""Stems of files that no stage may see."""
+
 
 def beside(folder: Path, name: str, base: str = "") -> str | None:
     """The file in `folder` that `name` means, relative to it; None if there is none.
 
     `base` is where in the folder the name was written. A name that leads out of the folder (absolute, or with `..`) was
-    written for a place that only its writer has: its longest ending that exists in the folder is taken.
+    written for a place that only its writer has: its longest ending that exists in the folder is taken. InputError
+    where a link on the way to the file leads out of the folder.
     """
     tidy = _tidy(name, base)
     parts = [part for part in tidy.split("/") if part not in ("", "..")]
     endings = range(len(parts)) if _leads_out(tidy) else range(1)
     found = ("/".join(parts[start:]) for start in endings)
     # os.path.isfile: a name that no file can have (too long, a zero byte) is False, not an exception
-    return next((one for one in found if os.path.isfile(folder / one)), None)
+    one = next((one for one in found if may_be_seen(Path(one)) and os.path.isfile(folder / one)), None)
+    if one is not None:
+        check_links(folder, one)
+    return one
+
+
+def check_links(folder: Path, name: str) -> None:
+    """Refuse a name below a folder that links lead to what is not among the folder's own files: a data set would take
+    foreign ones along, or truth. Links above the folder are a person's own."""
+    home, target = (Path(os.path.realpath(one)) for one in (folder, folder / name))
+    if target.is_relative_to(home) and may_be_seen(target.relative_to(home)):
+        return
+    file = folder / name
+    way = [file, *file.parents[: len(Path(name).parts) - 1]]
+    link = next((one for one in reversed(way) if not Path(os.path.realpath(one)).is_relative_to(home)), file)
+    where = os.path.realpath(link)
+    raise InputError(f"{link}: a link to {where}, which is no file of the scene; put a copy in its place (cp -rL)")
+
+
+def may_be_seen(name: Path) -> bool:
+    """Whether a file of a folder is neither hidden nor ground truth."""
+    return not any(part.startswith(".") for part in name.parts) and name.stem.lower() not in GROUND_TRUTH
 
 
 def absence(name: str, base: str = "") -> str:
     """Why `beside` found nothing, to end a sentence with."""
-    return "lies outside of the file's folder" if _leads_out(_tidy(name, base)) else "is missing"
+    tidy = _tidy(name, base)
+    if _leads_out(tidy):
+        return "lies outside of the file's folder"
+    return "is missing" if may_be_seen(Path(tidy)) else "is a hidden file or ground truth, which no mesh may name"
 
 
 def _tidy(name: str, base: str) -> str:

@@ -50,7 +50,7 @@ class SceneFiles:
 def scannet_files(folder: Path) -> SceneFiles | None:
     """The files of a scene folder; None where it is none."""
     for mesh_end, segments_end, group_ends in MESHES:
-        for mesh in sorted(folder.glob(f"*{mesh_end}")):
+        for mesh in sorted(one for one in folder.glob(f"*{mesh_end}") if one.is_file()):  # of a pipe there is no end
             scene = mesh.name.removesuffix(mesh_end)
             groups = [folder / f"{scene}{end}" for end in group_ends if (folder / f"{scene}{end}").is_file()]
             segments, about = folder / f"{scene}{segments_end}", folder / f"{scene}.txt"

@@ -1,11 +1,13 @@
 """Names and links of foreign files cannot take anything into the store that is not theirs."""
 
+import json
 import os
 from pathlib import Path
 
 import pytest
 
 from dcap.scene.errors import InputError
+from dcap.scene.readers.files.references import absence
 from dcap.scene.store.artifacts import Source, Store
 
 
@@ -31,7 +33,7 @@ def test_a_link_out_of_the_scene_is_refused(store: Store, scene: Path, target: s
     (scene / "truth.yaml").write_text("feasible: true")
     (scene / ".hidden").write_text("hidden")
     (scene / "notes.txt").symlink_to(target)
-    with pytest.raises(InputError, match=r"notes\.txt: a link to .*cp -L") as caught:
+    with pytest.raises(InputError, match=r"notes\.txt: a link to .*cp -rL") as caught:
         store.add_source(scene)
     assert "\n" not in str(caught.value)
     assert list(store.refs()) == []
@@ -60,6 +62,83 @@ def test_a_texture_that_is_a_link_to_elsewhere_is_refused(store: Store, scene: P
     assert source.path.read_bytes() == (scene / "room.obj").read_bytes()
 
 
+def gltf(uri: str) -> str:
+    """A document that names one file."""
+    return json.dumps({"buffers": [{"uri": uri}]})
+
+
+def sog(name: str) -> str:
+    """A description of Gaussians that names one picture."""
+    return json.dumps({"means": {"files": [name]}, "quats": {}, "scales": {}})
+
+
+NAMING = {
+    "library": {"room.obj": "mtllib l/private.txt\nv 0 0 0\n"},
+    "texture": {"room.obj": "mtllib room.mtl\nv 0 0 0\n", "room.mtl": "newmtl a\nmap_Kd l/private.txt\n"},
+    "texture beside its library": {
+        "room.obj": "mtllib m/room.mtl\nv 0 0 0\n", "m/room.mtl": "newmtl a\nmap_Kd ../l/private.txt\n"
+    },
+    "buffer": {"room.gltf": gltf("l/private.txt")},
+    "picture": {"meta.json": sog("l/private.txt")},
+    "layer": {"room.usda": "#usda 1.0\n(subLayers = [@l/private.txt@])\n"},
+}  # fmt: skip
+"""Meshes whose first file names one through a link to a folder."""
+
+
+def naming(scene: Path, files: dict[str, str]) -> Path:
+    """Write such a mesh."""
+    for name, text in files.items():
+        (scene / name).parent.mkdir(exist_ok=True)
+        (scene / name).write_text(text)
+    return scene / next(iter(files))
+
+
+@pytest.mark.parametrize("target", ["..", "../beyond", ".hidden", "m/../../beyond"])
+@pytest.mark.parametrize("files", NAMING.values(), ids=NAMING)
+def test_a_name_through_a_link_to_a_folder_elsewhere_is_refused(
+    store: Store, scene: Path, files: dict[str, str], target: str
+) -> None:
+    """The whole way to a file counts, not its end alone; the line names the link that leaves, and nothing is taken."""
+    path = naming(scene, files)
+    (scene / "m").mkdir(exist_ok=True)
+    for folder in (scene.parent / "beyond", scene / ".hidden"):
+        folder.mkdir()
+        (folder / "private.txt").write_text("private")
+    (scene / "l").symlink_to(target)
+    with pytest.raises(InputError, match=r"l(/private\.txt)?: a link to .*cp -rL") as caught:
+        store.add_source(path)
+    assert "\n" not in str(caught.value)
+    assert list(store.refs()) == []
+
+
+@pytest.mark.parametrize("files", NAMING.values(), ids=NAMING)
+def test_a_name_through_a_link_within_the_folder_is_taken(store: Store, scene: Path, files: dict[str, str]) -> None:
+    """A link to a folder of the mesh's own, also where the mesh's folder lies behind a link that is the person's."""
+    path = naming(scene, files)
+    (scene / "own").mkdir()
+    (scene / "own" / "private.txt").write_text("not private")
+    (scene / "l").symlink_to("own")
+    (scene.parent / "mine").symlink_to("scene")
+    source = store.load(store.add_source(scene.parent / "mine" / path.name))
+    assert isinstance(source, Source)
+    copied = source.path.parent / "l" / "private.txt"
+    assert copied.read_text() == "not private"
+    assert not copied.parent.is_symlink()
+
+
+@pytest.mark.parametrize("name", [".ssh/id", "truth.yaml"])
+def test_hidden_files_and_truth_are_not_taken_by_their_name(store: Store, scene: Path, name: str) -> None:
+    """What no link may show is not shown to a mesh that names it outright; its reader says why it is not there."""
+    (scene / name).parent.mkdir(exist_ok=True)
+    (scene / name).write_text("secret")
+    for path, text in ((scene / "room.obj", f"mtllib {name}\nv 0 0 0\n"), (scene / "room.gltf", gltf(name))):
+        path.write_text(text)
+        source = store.load(store.add_source(path))
+        assert isinstance(source, Source)
+        assert [one.name for one in source.path.parent.iterdir()] == [path.name]
+    assert absence(name) == "is a hidden file or ground truth, which no mesh may name"
+
+
 @pytest.mark.parametrize("name", ["a\\..\\..\\evil.obj", "C:\\evil.obj", "two\nlines.txt", "\udcff.txt", "bell\a.txt"])
 def test_names_that_are_paths_elsewhere_or_no_text_are_refused(store: Store, scene: Path, name: str) -> None:
     """A backslash is a folder's border on other systems, a line break one of the digest's list."""
@@ -75,6 +154,7 @@ def test_loops_pipes_and_links_to_folders_are_no_files(store: Store, scene: Path
     (scene / "loop").symlink_to("loop")
     (scene / "up").symlink_to("..")
     os.mkfifo(scene / "pipe")
+    os.mkfifo(scene / "a_vh_clean_2.ply")  # as the mesh of ScanNet's folders is called
     source = store.load(store.add_source(scene))
     assert isinstance(source, Source)
     assert [path.name for path in source.path.iterdir()] == ["room.obj"]
