@@ -11,6 +11,7 @@ from uuid import UUID
 from PIL import Image
 
 from dcap.scene.store.artifacts import Store
+from dcap.scene.store.pictures import picture_from_png
 from flows.place import PlacementRefs
 from flows.run_artifacts import RunArtifacts
 
@@ -32,9 +33,8 @@ def show_pictures(placement: PlacementRefs, run_id: UUID) -> None:
 
 
 def data_url(path: Path) -> str:
-    """A picture as a small JPEG inside of an address."""
-    with Image.open(path) as picture:
-        small = picture.convert("RGB")
+    """A picture of the store as a small JPEG inside of an address."""
+    small = Image.fromarray(picture_from_png(path.read_bytes(), path.name)).convert("RGB")
     small.thumbnail((SIDE, SIDE))
     data = io.BytesIO()
     small.save(data, "JPEG", quality=QUALITY)

@@ -19,6 +19,7 @@ from dcap.evaluation.study.placements import ShownPlacement
 from dcap.geometry.camera import looking_at
 from dcap.geometry.rendering.picture import picture
 from dcap.geometry.rendering.surface import PreparedMeshes
+from dcap.scene.readers.files.image import check_size
 from dcap.scene.readers.scenes.placed_scene import FACTS, instance_of, read_facts
 from dcap.scene.types.paint import PaintedMesh
 from dcap.scene.types.segmentation import Instance, Segmentation
@@ -50,8 +51,9 @@ def views_config(run: Path) -> ViewsConfig:
 
 
 def size_of(path: Path) -> tuple[int, int]:
-    """Width and height of a picture [pixel]."""
-    with Image.open(path) as one:
+    """Width and height of a picture [pixel]; FormatError where one of that size would not be read: it is drawn anew."""
+    with Image.open(path, formats=("PNG",)) as one:
+        check_size(one.size, str(path))
         return one.size
 
 

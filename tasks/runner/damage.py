@@ -14,6 +14,8 @@ from dcap.scene.settings import cache_root
 from dcap.scene.store.artifacts import DRAFTS, OBJECTS, Store, json_file
 from dcap.scene.store.building import remove
 from dcap.scene.store.codec import VALUE_FILE
+from dcap.scene.store.digest import digest_of_folder
+from dcap.scene.store.pictures import unfit_picture
 from dcap.scene.store.ref import Ref
 from dcap.scene.types.mesh import Mesh
 from tasks.runner.cache_policy import LOCKS_FOLDER
@@ -50,9 +52,11 @@ def what_is_wrong(store: Store, ref: Ref[object]) -> str:
     """What is wrong with an artifact; empty if nothing is."""
     if not NAME.fullmatch(ref.kind) or not SHA256.fullmatch(ref.sha256):
         return "no artifact has such a name"
+    folder = store.folder(ref)
     if not store.is_here(ref):
-        return "it does not match its digest"
-    kind = kind_in(store.folder(ref))
+        matches = digest_of_folder(folder) == ref.sha256
+        return (unfit_picture(folder) if matches else "") or "it does not match its digest"
+    kind = kind_in(folder)
     return "" if kind == ref.kind else f"it is a {kind or 'folder of another kind'}"
 
 

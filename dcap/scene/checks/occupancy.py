@@ -7,6 +7,7 @@ from PIL import Image
 from dcap.scene.checks.annotations import read_tree
 from dcap.scene.checks.findings import Findings
 from dcap.scene.problems import note, warning
+from dcap.scene.readers.files.image import FORMATS
 from dcap.scene.readers.scenes.occupancy import NAMES, map_cells, map_extent
 
 SLACK = 2.0
@@ -33,7 +34,7 @@ def _check_both(document: Path, picture: Path, findings: Findings) -> None:
     cells = map_cells(picture, report)
     if cells is None:
         return
-    with Image.open(picture) as image:
+    with Image.open(picture, formats=FORMATS) as image:
         if image.mode not in ("L", "1"):
             report(warning(f"a picture of mode {image.mode}, expected 8 bits of grey"))
     if extent is None:

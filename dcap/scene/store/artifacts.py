@@ -2,7 +2,8 @@
 
 An artifact is a folder `objects/KIND/aa/SHA256` of plain files (see `codec.py`); its digest covers the names
 and bytes of all of them. Guaranteed: an artifact appears whole or not at all (written beside, then renamed), equal
-values get the same digest and the same bytes, and what `load` returns was read from bytes that match the digest.
+values get the same digest and the same bytes, and what `load` returns was read from bytes that match the digest. A
+picture that the store would not have written is damage, whatever its digest (`pictures.py`).
 
 With `$DCAP_STORE` (see `remote.py`) the folder is a verified cache in front of a store that machines share: what is
 saved here is written there as well, what is not here or damaged is looked for there.
@@ -32,6 +33,7 @@ from dcap.scene.store.digest import (
     walk,
 )
 from dcap.scene.store.in_use import note_use
+from dcap.scene.store.pictures import unfit_picture
 from dcap.scene.store.ref import Ref
 from dcap.scene.store.remote import RemoteStore
 from dcap.scene.store.source_files import source_files, telling_folder
@@ -116,14 +118,17 @@ class Store:
             raise MissingArtifactError(f"{ref.kind} {ref.sha256[:12]} cannot be read: {error}") from error
         if digest_of_bytes(files) != ref.sha256:
             raise MissingArtifactError(f"{ref.kind} {ref.sha256[:12]} in {folder} does not match its digest")
-        return decode(files)
+        try:
+            return decode(files)
+        except StoreError as error:
+            raise MissingArtifactError(f"{ref.kind} {ref.sha256[:12]} in {folder}: {error}") from None
 
     def has(self, ref: Ref[object]) -> bool:
-        """Whether the artifact is there and every byte matches its digest; it is brought here from the shared store."""
+        """Whether the artifact is there and sound, as `is_here` says; it is brought here from the shared store."""
         return self.is_here(ref) or self._fetch(ref)
 
     def is_here(self, ref: Ref[object]) -> bool:
-        """Whether the artifact is in this folder and every byte matches its digest.
+        """Whether the artifact is in this folder, every byte matches its digest, and its pictures can be decoded.
 
         Bytes are read once per process; after that unchanged sizes and modification times are taken as proof.
         """
@@ -134,7 +139,7 @@ class Store:
         with self._lock:
             if self._verified.get(ref) == stamp:
                 return True
-        if digest_of_folder(folder) != ref.sha256:
+        if digest_of_folder(folder) != ref.sha256 or (ref.kind != Source.__name__ and unfit_picture(folder)):
             return False
         with self._lock:
             self._verified[ref] = stamp
@@ -146,7 +151,7 @@ class Store:
             return False
         building = self._building(ref)
         with building as folder:
-            building.wanted = self.remote.fetch(ref, folder)
+            building.wanted = self.remote.fetch(ref, folder) and not unfit_picture(folder)
         if building.wanted:
             self._pushed.add(ref)
         return building.wanted and self.is_here(ref)

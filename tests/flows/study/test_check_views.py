@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from dented_bed import anchor, ball, scene_of, settled
+from forged_pictures import huge
 from PIL import Image
 from placed_folder import placed_folder
 
@@ -16,7 +17,7 @@ from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
 from dcap.scene.types.judged_views import PLACED, JudgedViews
 from dcap.scene.types.paint import SourceSurface
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
-from flows.study.check_views import check_pictures, views_config
+from flows.study.check_views import check_pictures, size_of, views_config
 from tasks.measure.judge_cameras import ViewsConfig
 from tasks.measure.views import judged_views
 
@@ -51,6 +52,13 @@ def test_the_side_at_rest_is_what_the_run_shows(placement: ShownPlacement) -> No
         assert found[path.stem].shape == own.shape
         differs = np.abs(found[path.stem] - own).max(axis=2)
         assert (differs > 8).mean() < 0.01, path.stem
+
+
+def test_a_picture_that_says_it_is_huge_is_refused(tmp_path: Path) -> None:
+    """Pictures of checks are drawn as large as a run's, so its headers are not believed beyond what images may have."""
+    (tmp_path / "front.png").write_bytes(huge())
+    with pytest.raises(FormatError, match=r"front\.png: an image of 60000 x 60000 pixels"):
+        size_of(tmp_path / "front.png")
 
 
 def test_a_floating_object_is_in_the_middle_of_its_own_pictures(placement: ShownPlacement) -> None:

@@ -8,12 +8,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from forged_pictures import FORGED, forged
 
 from dcap.scene.errors import StoreError
 from dcap.scene.store.artifacts import Store
 from dcap.scene.store.ref import Ref
 from dcap.scene.store.remote import RemoteStore
 from dcap.scene.types.sample import SourceOptions
+from tasks.runner.damage import DamagedThing, damages
 from tasks.runner.records import (
     Deciders,
     Record,
@@ -110,6 +112,21 @@ def test_anything_else_is_passed_over(store: Store, damage: Callable[[Path], obj
     path, record = recorded(store)
     damage(path)
     assert usable_key(record.key, store) == (f"{record.key}-r1", None)
+
+
+@pytest.mark.parametrize("what", FORGED)
+def test_a_record_of_a_picture_that_the_store_would_not_write_is_passed_over(store: Store, what: str) -> None:
+    """Its artifact counts as damaged, so that it is computed again; `dcap cache verify` says which picture it is."""
+    ref, files = forged(FORGED[what]())
+    store.folder(ref).mkdir(parents=True)
+    for name, data in files.items():
+        (store.folder(ref) / name).write_bytes(data)
+    record = Record(DECIDERS.key, ref, 0.5, store.size(ref), DECIDERS.to_json())
+    write_record(records_root() / record.key, record, store)
+    assert usable_key(record.key, store) == (f"{record.key}-r1", None)
+    [told] = [one.why for one in damages(store) if one.what is DamagedThing.ARTIFACT]
+    assert told.startswith("clean.png: ")
+    assert "\n" not in told
 
 
 class Payload:
