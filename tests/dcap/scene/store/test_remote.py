@@ -15,9 +15,10 @@ from s3_server import S3, s3_server
 
 from dcap.scene.errors import MissingArtifactError, StoreError
 from dcap.scene.redaction import redacted, without_secrets
+from dcap.scene.store import remote
 from dcap.scene.store.artifacts import Store
 from dcap.scene.store.ref import Ref
-from dcap.scene.store.remote import RemoteStore
+from dcap.scene.store.remote import RemoteStore, pack, unpack
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.sample import SourceOptions
 
@@ -54,9 +55,9 @@ def machine(folder: Path, url: str) -> Store:
 
 def objects(url: str) -> dict[str, bytes]:
     """Everything in a shared store."""
-    remote = RemoteStore(url)
-    found: list[str] = remote._filesystem.find(remote._root)
-    return {one: bytes(remote._filesystem.cat_file(one)) for one in found}
+    shared = RemoteStore(url)
+    found: list[str] = shared._filesystem.find(shared._root)
+    return {one: bytes(shared._filesystem.cat_file(one)) for one in found}
 
 
 def put(url: str, name: str, data: bytes) -> None:
@@ -156,6 +157,90 @@ def test_no_archive_writes_outside(tmp_path: Path, data: bytes) -> None:
     assert left == []
     assert not os.path.lexists("/tmp/escaped-dcap")
     assert not os.path.lexists(tmp_path / "escaped")
+
+
+def entries(*members: tarfile.TarInfo, form: int = tarfile.PAX_FORMAT, about: dict[str, str] | None = None) -> bytes:
+    """A tar of empty files, with entries for all of it."""
+    buffer = io.BytesIO()
+    with tarfile.open(fileobj=buffer, mode="w:", format=form, pax_headers=about) as tar:
+        for one in members:
+            tar.addfile(one)
+    return buffer.getvalue()
+
+
+def member(name: str, **about: str) -> tarfile.TarInfo:
+    """An empty file with entries of its own."""
+    found = tarfile.TarInfo(name)
+    found.pax_headers = about
+    return found
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        entries(member("a", comment="x" * 2**20)),
+        entries(member("a"), about={"comment": "x"}),
+        entries(member("a" * 200), form=tarfile.GNU_FORMAT),
+        entries(member("a", **{"GNU.sparse.major": "1", "GNU.sparse.minor": "0"})),
+        entries(member("a", size="99")),
+        entries(member("a" * 256)),
+    ],
+    ids=["large entry", "entry for all", "GNU's long name", "hole", "another size", "name of 256 bytes"],
+)
+def test_an_archive_of_another_form_is_not_unpacked(tmp_path: Path, data: bytes) -> None:
+    """Headers that ours do not have are not read: Python's reader holds in memory what they promise."""
+    (tmp_path / "archive").write_bytes(data)
+    (tmp_path / "folder").mkdir()
+    assert not unpack(tmp_path / "archive", tmp_path / "folder")
+
+
+@pytest.mark.parametrize("name", ["a", "a" * 100, "a" * 101, "a" * 255, "Tür.ply", "ü" * 127])
+def test_any_name_of_a_file_survives_the_archive(tmp_path: Path, name: str) -> None:
+    """Names of up to 255 bytes come back, and Python's own reader knows them."""
+    one, two = tmp_path / "one", tmp_path / "two"
+    for folder in (one, two):
+        folder.mkdir()
+    for place, size in ((name, 513), ("b", 0), ("c", 512)):
+        (one / place).write_bytes(os.urandom(size))
+    pack(one, tmp_path / "archive")
+    with tarfile.open(tmp_path / "archive") as tar:
+        assert sorted(tar.getnames()) == sorted([name, "b", "c"])
+    assert unpack(tmp_path / "archive", two)
+    assert {path.name: path.read_bytes() for path in two.iterdir()} == {
+        path.name: path.read_bytes() for path in one.iterdir()
+    }
+
+
+def test_what_is_larger_than_ours_is_not_fetched(url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An artifact counts as missing by its size alone, before anything of it is here, and none such is written."""
+    first = machine(tmp_path / "one", url)
+    points = Mesh.of(np.random.default_rng(0).random((1000, 3)), [[0, 1, 2]])
+    ref, larger = first.save(OTHER), first.save(points)
+    size = max(len(data) for name, data in objects(url).items() if ref.sha256 in name)
+    assert any(len(data) > size for data in objects(url).values())
+    monkeypatch.setattr(remote, "MOST_ARCHIVE_BYTES", size)
+    second = machine(tmp_path / "two", url)
+    assert second.has(ref)
+    assert second.remote is not None
+    monkeypatch.setattr(second.remote._filesystem, "get_file", lambda *_, **__: pytest.fail("it was fetched"))
+    assert not second.has(larger)
+    held = objects(url)
+    with pytest.raises(StoreError, match=rf"Mesh {larger.sha256[:12]} takes .* GiB > .*DCAP_STORE") as caught:
+        second.save(points)
+    assert "\n" not in str(caught.value)
+    assert objects(url) == held
+    assert list((second.root / "building").iterdir()) == []
+
+
+def test_a_pipe_in_a_shared_folder_is_no_object(tmp_path: Path) -> None:
+    """It would be read for ever: neither a record nor an artifact is there."""
+    shared = tmp_path / "shared"
+    ref: Ref[object] = Ref("Mesh", "ab" * 32)
+    for path in (shared / "records" / "key.json", shared / "objects" / "Mesh" / "ab" / f"{ref.sha256}.tar"):
+        path.parent.mkdir(parents=True)
+        os.mkfifo(path)
+    assert RemoteStore(str(shared)).record("key") is None
+    assert not machine(tmp_path / "one", str(shared)).has(ref)
 
 
 def test_sources_stay_on_their_machine(url: str, tmp_path: Path) -> None:
