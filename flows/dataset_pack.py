@@ -169,9 +169,10 @@ def result_of(folder: Path) -> Mapping[str, JsonValue] | None:
 
 
 def files_in(folder: Path) -> list[str]:
-    """Names of the files of a placement that are packed, sorted; links are not followed."""
-    found = {path for pattern in PACKED for path in folder.glob(pattern) if path.is_file() and not path.is_symlink()}
-    return sorted(path.relative_to(folder).as_posix() for path in found)
+    """Names of the files of a placement that are packed, sorted; links are not followed, to a folder either."""
+    found = {path.relative_to(folder) for pattern in PACKED for path in folder.glob(pattern) if path.is_file()}
+    home = os.path.realpath(folder)
+    return sorted(name.as_posix() for name in found if os.path.realpath(folder / name) == os.path.join(home, name))
 
 
 def licences_of(asked: Asked) -> dict[str, str]:

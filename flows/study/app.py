@@ -108,6 +108,11 @@ def study_app(session: StudySession, own: OwnRequests) -> FastAPI:
             raise HTTPException(507, f"The answer could not be saved ({error.strerror or error}).") from None
         return JSONResponse({"saved": fresh, "next": f"/s/{token}"})
 
+    def sent(path: Path | None, kind: str) -> FileResponse:
+        if path is None or not path.is_file() or not session.owns(path):
+            raise HTTPException(404, "There is no such file.")
+        return FileResponse(path, media_type=kind, headers=PRIVATE)
+
     @app.get("/s/{token}/pictures/{item}/{side}/{number}")
     def picture(item: Annotated[StudyItem, Depends(item_of)], side: Side, number: int) -> FileResponse:
         views = session.pictures(item, side)
@@ -142,10 +147,3 @@ def study_app(session: StudySession, own: OwnRequests) -> FastAPI:
         return FileResponse(ORBIT if name == "orbit" else STATIC / f"{name}.js", media_type="text/javascript")
 
     return app
-
-
-def sent(path: Path | None, kind: str) -> FileResponse:
-    """A file of the study; 404 where there is none."""
-    if path is None or not path.is_file():
-        raise HTTPException(404, "There is no such file.")
-    return FileResponse(path, media_type=kind, headers=PRIVATE)

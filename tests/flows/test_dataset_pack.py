@@ -59,6 +59,21 @@ def run(tmp_path: Path) -> Path:
     return run_of(tmp_path, dataset, {"b": "at_rest", "a": "infeasible", "c": "error"})
 
 
+def test_a_link_to_a_folder_is_not_packed(run: Path, tmp_path: Path) -> None:
+    """What lies behind it is another's, also where its name is that of a folder that is packed."""
+    own = run / "samples" / "b"
+    (own / "maps").rename(tmp_path / "elsewhere")
+    (own / "maps").symlink_to(tmp_path / "elsewhere")
+    pack_run(str(run), tmp_path / "out")
+    assert not (tmp_path / "out" / "placements" / "b" / "maps").exists()
+    assert (tmp_path / "out" / "placements" / "a" / "maps" / "depth.npy").is_file()
+    (tmp_path / "mine").symlink_to(run)  # a person's own
+    assert pack_run(str(tmp_path / "mine"), tmp_path / "again").manifest["counts"] == {
+        "samples": 2, "at_rest": 1, "infeasible": 1, "left_out": 1
+    }  # fmt: skip
+    assert (tmp_path / "again" / "placements" / "b" / "object.ply").is_file()
+
+
 def test_what_is_packed(run: Path, tmp_path: Path) -> None:
     """Results with their files and hashes; what a person laid there, links, paths and failures stay out."""
     pack = pack_run(str(run), tmp_path / "out")

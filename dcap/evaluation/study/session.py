@@ -4,6 +4,7 @@ No web in here. Raters are known by the secret word of their link; what they see
 """
 
 import hmac
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from threading import Lock
@@ -85,6 +86,11 @@ class StudySession:
                 path.parent.mkdir(parents=True, exist_ok=True)
                 write_lasting(path, near.glb(near.best_direction()))
         return path
+
+    def owns(self, path: Path) -> bool:
+        """Whether a file lies in the folder of the run or of the study, and no link in them leads elsewhere."""
+        whole = Path(os.path.realpath(path))
+        return any(whole.is_relative_to(os.path.realpath(home)) for home in (self.run.folder, self._folder))
 
     def has_models(self, item: StudyItem) -> bool:
         """Whether both sides can be turned around."""

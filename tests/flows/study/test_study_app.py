@@ -260,6 +260,21 @@ def test_no_path_leads_to_another_file(study: ServedStudy, path: str) -> None:
     assert study.tokens["r02"] not in reply.text
 
 
+@pytest.mark.parametrize("link", ["file", "folder"])
+def test_a_link_out_of_the_run_is_not_shown(study: ServedStudy, tmp_path: Path, link: str) -> None:
+    """A run that others made shows raters no other file of this machine; links within it are its own."""
+    item = true_comparison(study)
+    picture, address = study.session.pictures(item, Side.LEFT)[0], f"{study.page('r01')}/pictures/{item.item}/left/0"
+    moved = picture if link == "file" else picture.parent
+    private, kept = tmp_path / "private", study.run / "kept"
+    for place, status in ((private, 404), (kept, 200)):
+        moved.rename(place)
+        moved.symlink_to(place)
+        assert study.browser.get(address).status_code == status
+        moved.unlink()
+        place.rename(moved)
+
+
 def test_scripts_are_ours_or_three(study: ServedStudy) -> None:
     """three.js comes from the installed package and does not start that package's own page."""
     for name in ("vote", "orbit"):
