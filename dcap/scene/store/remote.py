@@ -8,7 +8,6 @@ digest is the wanted one. Foreign scenes and meshes (`Source`) stay on the machi
 """
 
 import errno
-import os
 import re
 import tarfile
 from collections.abc import Iterator
@@ -162,7 +161,9 @@ def unpack(archive: Path, folder: Path) -> bool:
                 with (folder / member.name).open("xb") as target:
                     if not copy_bytes(file, target, member.size):
                         return False
-                file.seek(-member.size % tarfile.BLOCKSIZE, os.SEEK_CUR)
+                padding = -member.size % tarfile.BLOCKSIZE
+                if len(file.read(padding)) < padding:
+                    return False
         return True
     except NOT_AN_ARCHIVE:
         return False
@@ -171,7 +172,7 @@ def unpack(archive: Path, folder: Path) -> bool:
 def next_member(file: BinaryIO) -> tarfile.TarInfo | None:
     """The header at the place where a file is, with its long name if one goes before; None at the archive's end."""
     block = file.read(tarfile.BLOCKSIZE)
-    if not block.strip(b"\0"):
+    if block == bytes(tarfile.BLOCKSIZE):
         return None
     member = tarfile.TarInfo.frombuf(block, "utf-8", "surrogateescape")
     if member.type != tarfile.XHDTYPE:
