@@ -16,7 +16,6 @@ import subprocess
 import sys
 import threading
 import time
-import tomllib
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
@@ -27,9 +26,10 @@ from urllib.parse import urlsplit
 
 from dcap.packages import module_command
 from dcap.scene.errors import DcapError, InputError
-from dcap.scene.settings import cache_root, resource
+from dcap.scene.settings import cache_root
 from dcap.scene.whole_files import write_whole
 from flows.own_requests import LOOPBACK, is_loopback, url_host
+from flows.prefect_settings import apply_settings
 from flows.server_program import USERS
 
 PROGRAM = "flows.server_program"
@@ -191,28 +191,6 @@ def deliver_reports() -> None:
     with ThreadPoolExecutor(1) as waiting:  # in a thread where a notebook's loop runs, Prefect would not wait
         for worker in (EventsWorker, APILogWorker):
             waiting.submit(worker.drain_all, timeout=DELIVER_SECONDS).result()
-
-
-def apply_settings() -> None:
-    """Put the project's prefect.toml into the environment, wherever the program was started."""
-    tree = tomllib.loads(resource("prefect.toml").read_text())
-    for name, value in flattened(tree, "PREFECT"):
-        os.environ.setdefault(name, value)
-    os.environ.setdefault("DO_NOT_TRACK", "1")
-    os.environ.setdefault("PREFECT_HOME", str(server_folder()))
-    # runs report to the server; the terminal belongs to our own lines
-    os.environ.setdefault("PREFECT_LOGGING_HANDLERS_CONSOLE_LEVEL", "CRITICAL")
-    os.environ.setdefault("PREFECT_INTERNAL_LOGGING_LEVEL", "CRITICAL")
-
-
-def flattened(tree: dict[str, object], prefix: str) -> Iterator[tuple[str, str]]:
-    """`[server] analytics_enabled = false` as PREFECT_SERVER_ANALYTICS_ENABLED=false."""
-    for key, value in tree.items():
-        name = f"{prefix}_{key.upper()}"
-        if isinstance(value, dict):
-            yield from flattened(value, name)
-        else:
-            yield name, str(value).lower() if isinstance(value, bool) else str(value)
 
 
 @contextmanager

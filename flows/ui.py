@@ -6,8 +6,9 @@ from collections.abc import Callable
 from urllib.parse import urlsplit
 
 from flows.own_requests import LOOPBACK
+from flows.prefect_settings import apply_settings
 from flows.relay import relay
-from flows.server import apply_settings, check_port, port_of, prefect_server, running_url, server_folder, server_host
+from flows.server import check_port, port_of, prefect_server, running_url, server_folder, server_host
 
 
 def serve_pages(port: int, announce: Callable[[str], None]) -> None:
