@@ -43,8 +43,6 @@ class SampleJob:
     session: Session
     run: WatchedRun
     """The run that it belongs to."""
-    limits: frozenset[str] = frozenset()
-    """Limits that the run keeps."""
 
     def to_json(self) -> JsonObject:
         """Plain form."""
@@ -56,25 +54,22 @@ class SampleJob:
                 "run": self.run.name,
                 "run_id": str(self.run.id) if self.run.id else None,
                 "repeated": sorted(self.run.repeated),
-                "limits": sorted(self.limits),
             }
         )
 
     @classmethod
     def from_json(cls, tree: JsonObject) -> "SampleJob":
         """The job that `to_json` wrote."""
-        sample, session, repeated, limits = (tree[name] for name in ("sample", "session", "repeated", "limits"))
+        sample, session, repeated = (tree[name] for name in ("sample", "session", "repeated"))
         assert isinstance(sample, dict)
         assert isinstance(session, dict)
         assert isinstance(repeated, list)
-        assert isinstance(limits, list)
         run_id = tree["run_id"]
         return cls(
             sample=sample_from_json(sample),
             config=PlaceConfig.model_validate(tree["config"]),
             session=Session(**session),
             run=WatchedRun(str(tree["run"]), UUID(str(run_id)) if run_id else None, frozenset(map(str, repeated))),
-            limits=frozenset(map(str, limits)),
         )
 
 
@@ -86,7 +81,7 @@ def place_job(tree: JsonObject) -> JsonObject:
 
 def placed(job: SampleJob, *, in_own_run: bool = True) -> FinishedSample | FailedSample:
     """The sample of a job, placed here in a flow run of its own or in the one that this is called in."""
-    context = RunContext(session=job.session, server=server_of_process(), limits=job.limits)
+    context = RunContext(session=job.session, server=server_of_process())
     return try_sample(job.sample, job.config, context=context, run=job.run, in_own_run=in_own_run)
 
 

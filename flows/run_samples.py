@@ -21,6 +21,7 @@ from flows.output import write_placement
 from flows.place import PlaceConfig
 from flows.runners import LOOK_SECONDS, RunnerName, SampleRunner
 from flows.sample_run import FailedSample, FinishedSample, Plan, heavy_modules, try_sample
+from flows.server import is_own_server
 from flows.watching import SettledSample, Watch
 from tasks.runner.context import RunContext
 from tasks.runner.limits import set_limits
@@ -55,9 +56,9 @@ def run_all(
             settle(plan.settled, plan.finished is not None)
     if not waiting:
         return
-    set_limits(runner.limits)
+    set_limits(runner.limits, alone=is_own_server())
     if runner.name is RunnerName.LOCAL:
-        placed = placed_here(waiting, config, session, workers, display, watch, frozenset(runner.limits))
+        placed = placed_here(waiting, config, session, workers, display, watch)
     else:
         placed = placed_elsewhere(waiting, config, session, workers, display, watch, runner)
     with closing(placed):
@@ -74,7 +75,6 @@ def placed_here(
     workers: int,
     display: Display,
     watch: Watch,
-    limits: frozenset[str],
 ) -> Generator[Sequence[FinishedSample | FailedSample]]:
     """Samples as they end, placed by threads of this program."""
     slots = Semaphore(workers) if session.batch else None
@@ -85,7 +85,7 @@ def placed_here(
         threads(at_a_time) as pool,
         asking_queue(session, display),
     ):
-        context = RunContext(session=session, slots=slots, server=server, limits=limits)
+        context = RunContext(session=session, slots=slots, server=server)
         left: set[Future[FinishedSample | FailedSample]] = {
             pool.submit(
                 try_sample, one.sample, config, context=context, listener=display.listener(one.sample), run=watch.run
@@ -116,7 +116,7 @@ def placed_elsewhere(
     """Samples as they end, placed by other processes that share the store."""
     assert watch.run is not None
     by_sample = {plan.sample: plan for plan in plans}
-    jobs = [SampleJob(one, config, session, watch.run, frozenset(runner.limits)) for one in by_sample]
+    jobs = [SampleJob(one, config, session, watch.run) for one in by_sample]
     try:
         for told in runner.place(jobs, workers, display.say):
             yield [fetched(by_sample[sample], config, tree) for sample, tree in told]

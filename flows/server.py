@@ -119,6 +119,11 @@ def server_answers() -> bool:
     return is_healthy(given) if given else running_url(server_folder()) != ""
 
 
+def is_own_server() -> bool:
+    """Whether the server of this run is that of the data folder, not a team's."""
+    return os.environ.get("PREFECT_API_URL") == known(server_folder()).get("url", "")
+
+
 def lock_users(folder: Path) -> int:
     """Lock the file that every user of the server holds shared, even if killed only as long as it lives; waits for a
     server that is ending."""

@@ -104,8 +104,6 @@ class RunContext:
     """Which task run returned which reference, in the flow run of one sample."""
     tags: tuple[str, ...] = ()
     """Of the task runs."""
-    limits: frozenset[str] = frozenset()
-    """Names of the limits that this run keeps (limits.py)."""
     call: StageCall | None = None
     """Of the stage that runs now: Prefect is told the names of its inputs only."""
 

@@ -1,38 +1,61 @@
 """How many stages of a kind compute at a time on all machines of one Prefect server.
 
 A limit is one of Prefect's global concurrency limits, held inside the body of a stage: a cached stage waits for
-nothing. A process that is killed gives its slot back when its lease ends, after a minute or two.
+nothing. It bounds every run on the server that has it, whoever asked for it. A process that is killed gives its slot
+back when its lease ends, after a minute or two.
 """
 
+import os
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-
-from tasks.runner.context import current_context
+from contextlib import contextmanager, suppress
 
 SIMULATIONS, MODEL_CALLS = "dcap-simulations", "dcap-model-calls"
 """Stages that simulate; stages that ask a model."""
+LIMITS = (SIMULATIONS, MODEL_CALLS)
 LEASE_SECONDS = 60.0
 """Who lives renews it in time; Prefect allows no less."""
 
 
-def set_limits(limits: Mapping[str, int]) -> None:
-    """Tell the server of a run its limits by name; other runs on the same server have them, too."""
+def set_limits(limits: Mapping[str, int], *, alone: bool) -> None:
+    """Tell the server of a run its limits by name. A server that serves this data folder `alone` forgets those that are
+    no longer wanted; on a team's they stay until somebody changes them there."""
     from prefect.client.orchestration import get_client
+    from prefect.exceptions import ObjectNotFound
 
-    if limits:
-        with get_client(sync_client=True) as client:
-            for name, most in limits.items():
-                client.upsert_global_concurrency_limit_by_name(name, most)
+    if not limits and not alone:
+        return
+    with get_client(sync_client=True) as client:
+        for name, most in limits.items():
+            client.upsert_global_concurrency_limit_by_name(name, most)
+        for name in LIMITS if alone else ():
+            if name not in limits:
+                with suppress(ObjectNotFound):
+                    client.delete_global_concurrency_limit_by_name(name)
 
 
 @contextmanager
 def slot_of(name: str) -> Iterator[None]:
-    """A slot of a limit, waited for; nothing if the run has no such limit."""
-    if name not in current_context().limits:
+    """A slot of a limit, waited for; nothing where the server has no such limit."""
+    if not name or not is_limited(name):
         yield
         return
     from prefect.concurrency.sync import concurrency
 
     # a lease that could not be renewed, as of a machine that slept, may let one more begin; it ends nothing
-    with concurrency(name, strict=True, lease_duration=LEASE_SECONDS, raise_on_lease_renewal_failure=False):
+    with concurrency(name, lease_duration=LEASE_SECONDS, raise_on_lease_renewal_failure=False):
         yield
+
+
+def is_limited(name: str) -> bool:
+    """Whether the server of this run has a limit."""
+    from prefect.client.orchestration import get_client
+    from prefect.exceptions import ObjectNotFound
+
+    if not os.environ.get("PREFECT_API_URL"):
+        return False
+    with get_client(sync_client=True) as client:
+        try:
+            client.read_global_concurrency_limit_by_name(name)
+        except ObjectNotFound:
+            return False
+    return True

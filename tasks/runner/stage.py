@@ -212,7 +212,7 @@ class Stage(Generic[P, ValueT_co]):
             inputs, config = call.deciders["inputs"], call.settings
             context.on_event(StageEvent(self.name, Event.STARTED))
             begin = time.perf_counter()
-            with slot_of(self._limit(config)), context.slots or nullcontext():
+            with slot_of(self.limit(config)), context.slots or nullcontext():
                 if self._needs_process(inputs):
                     job, on_progress = self.job(inputs, config, context.session), progress_to(log, context, self.name)
                     done = run_in_process(job, on_progress, context.server, self.kind(config))
@@ -246,7 +246,7 @@ class Stage(Generic[P, ValueT_co]):
         body.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
         return body
 
-    def _limit(self, settings: object) -> str:
+    def limit(self, settings: object) -> str:
         """Name of the limit that it falls under, if any."""
         if self.simulates:
             return SIMULATIONS
