@@ -26,6 +26,7 @@ from urllib.parse import urlsplit
 
 from dcap.packages import module_command
 from dcap.scene.errors import DcapError, InputError
+from dcap.scene.secrets import redacted
 from dcap.scene.settings import cache_root
 from dcap.scene.whole_files import write_whole
 from flows.own_requests import LOOPBACK, is_loopback, url_host
@@ -46,6 +47,8 @@ then."""
 DELIVER_SECONDS = 15.0
 WATCH_SECONDS = 0.5
 """How often a run looks whether its server lives."""
+HEALTHY = b"true"
+"""What a server of Prefect says of its health; pages of any kind may answer, too."""
 LEAST_ROOM = 8 << 20
 """A new database with its journal takes 5 MB."""
 ROOM = "make room, or name a folder on another disk with DCAP_DATA"
@@ -58,7 +61,7 @@ def prefect_server(port: int | None = None) -> Iterator[str]:
     given = os.environ.get("PREFECT_API_URL")
     if given:
         if not is_healthy(given):
-            raise DcapError(f"PREFECT_API_URL={given}: no server answers there; start it or unset the variable")
+            raise DcapError(f"PREFECT_API_URL={redacted(given)}: {unanswered(given)}")
         notice_settings()
         yield given
         return
@@ -168,10 +171,10 @@ def start_again(folder: Path, url: str) -> None:
             start(folder, server_host(), port_of(url))
 
 
-def wait_for_server() -> None:
-    """Wait until the server of this run answers again."""
+def wait_for_server(patience: float = START_SECONDS) -> None:
+    """Wait until the server of this run answers again; DcapError if it does not within `patience` [s]."""
     url = os.environ.get("PREFECT_API_URL", "")
-    deadline = time.monotonic() + START_SECONDS
+    deadline = time.monotonic() + patience
     while not is_healthy(url):
         if time.monotonic() > deadline:
             raise DcapError(f"the Prefect server {url} is gone; {why_gone(server_folder())}")
@@ -228,12 +231,20 @@ def known_pid(folder: Path) -> int:
 
 
 def is_healthy(url: str) -> bool:
-    """Whether a server answers."""
+    """Whether a server of Prefect answers."""
     try:
         with urllib.request.urlopen(f"{url}/health", timeout=2) as answer:
-            return bool(answer.status == 200)
+            return bool(answer.status == 200 and answer.read(len(HEALTHY) + 1) == HEALTHY)
     except (urllib.error.URLError, OSError, ValueError):
         return False
+
+
+def unanswered(url: str) -> str:
+    """Why a server that was named cannot be used, and what to do."""
+    whole = f"{url.rstrip('/')}/api"
+    if is_healthy(whole):
+        return f"the address of Prefect's server ends in /api: {redacted(whole)}"
+    return "no server of Prefect answers there; start it or unset the variable"
 
 
 def free_port() -> int:

@@ -4,7 +4,9 @@ import json
 import os
 import subprocess
 import sys
+import threading
 import time
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +14,7 @@ import httpx
 import pytest
 from foreign_names import LIBRARIES, OURS, foreign_folder, marks
 
+from dcap.scene.errors import DcapError
 from dcap.scene.settings import PROJECT_ROOT
 from flows.server import is_healthy, is_server, prefect_server
 from perf.workflow import chain
@@ -116,3 +119,33 @@ def test_nobody_is_told_to_ask_again(tmp_path: Path, monkeypatch: pytest.MonkeyP
             assert client.get(queue).json()["status"] == "PAUSED"
     assert 201 in answers
     assert 503 not in answers
+
+
+class SomePages(BaseHTTPRequestHandler):
+    """Answers whatever is asked, as pages of an application do; like Prefect's server below /api, if that is wanted."""
+
+    prefect = False
+
+    def do_GET(self) -> None:
+        """Any page."""
+        self.send_response(200)
+        self.end_headers()
+        self.wfile.write(b"true" if self.prefect and self.path == "/api/health" else b"<html></html>")
+
+    def log_message(self, *words: object) -> None:
+        """Say nothing."""
+
+
+@pytest.mark.parametrize(
+    ("prefect", "said"),
+    [(False, "no server of Prefect answers there"), (True, "the address of Prefect's server ends in /api: http://127")],
+)
+def test_an_address_that_is_no_servers(prefect: bool, said: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is refused in a line before anything is sent there, also where something else answers."""
+    monkeypatch.setattr(SomePages, "prefect", prefect)
+    with ThreadingHTTPServer(("127.0.0.1", 0), SomePages) as pages:
+        threading.Thread(target=pages.serve_forever, daemon=True).start()
+        monkeypatch.setenv("PREFECT_API_URL", f"http://127.0.0.1:{pages.server_port}")
+        with pytest.raises(DcapError, match=said), prefect_server():
+            raise AssertionError
+        pages.shutdown()
