@@ -4,11 +4,13 @@ Parameters are plain values with defaults, because Prefect's pages make a form o
 store and server from its own environment and `dcap.yaml`.
 """
 
+import math
 import os
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 from uuid import UUID
 
 from prefect import flow
@@ -17,10 +19,12 @@ from prefect.client.schemas.objects import State
 from prefect.exceptions import ObjectNotFound
 from prefect.runtime import flow_run
 from prefect.states import Completed, Crashed, Failed
+from pydantic import Field
 
 from dcap.cores import available_cores
 from dcap.evaluation.methods import methods_of
 from dcap.scene.errors import DcapError
+from dcap.scene.machine_errors import as_machine_errors
 from flows.benchmark import rerun_sample, run_benchmark
 from flows.benchmark_config import benchmark_config, runner_of
 from flows.configure import with_threads
@@ -29,9 +33,10 @@ from flows.elsewhere import SampleJob, placed
 from flows.flow_runs import NOBODY_WAITS, PROGRAM
 from flows.output import result_line
 from flows.programs import Program
-from flows.sample_flow import ending_of
+from flows.sample_flow import TIMES, ending_of, server_lost
 from flows.sample_pictures import show_pictures
 from flows.sample_run import FailedSample
+from flows.server import wait_for_server
 from flows.settings.own import run_settings
 from flows.work_pool import WORKER, worker_tag
 
@@ -45,7 +50,12 @@ def place_sample(job: dict[str, Any]) -> State[Any]:
         return Crashed(message=NOBODY_WAITS)
     if not mine.config.drop.threads:
         mine = replace(mine, config=with_threads(mine.config, available_cores()))
-    result = placed(mine, in_own_run=False)
+    for _ in range(TIMES):
+        result = placed(mine, in_own_run=False)
+        # a worker has nothing better to do than to wait; it could not tell how this ends, either
+        wait_for_server(math.inf)
+        if not (isinstance(result, FailedSample) and server_lost(result.error)):
+            break
     if isinstance(result, FailedSample):
         return Failed(message=result.message)
     assert flow_run.id
@@ -76,40 +86,51 @@ def told_where() -> None:
 @flow(name="benchmark on a worker", persist_result=False)
 def benchmark(
     dataset: str = "",
-    methods: str = "dcap",
+    methods: str = "",
     scenes: str = "",
-    limit: int | None = None,
-    workers: int = 2,
+    limit: Annotated[int, Field(ge=1)] | None = None,
+    workers: Annotated[int, Field(ge=1, le=64)] | None = None,
     only_failed: bool = False,
 ) -> State[Any]:
     """Place the samples of a data set (a path of the worker's machine; empty: the embedded rooms) and write the run's
-    folder there."""
-    given = run_settings({"workers": workers, "methods": methods})
-    asked = given.model_copy(update={"runner": "local", "cluster": ""})  # on this worker, whatever its file says
-    try:
+    folder there. What is left empty is as the worker's `dcap.yaml` says."""
+
+    def work() -> State[Any]:
+        told = {"methods": methods or None, "workers": workers, "runner": "local", "cluster": ""}  # on this worker
+        asked = run_settings({name: one for name, one in told.items() if one is not None})
         config, language = benchmark_config({}, asked)
         run = run_benchmark(
             Path(dataset) if dataset else None,
             config,
             language,
             limit=limit,
-            workers=workers,
+            workers=asked.workers,
             only_failed=only_failed,
-            methods=methods_of(methods),
+            methods=methods_of(asked.methods),
             scenes=scenes,
             runner=runner_of(asked),
         )
-    except DcapError as error:
-        return Failed(message=str(error))
-    line = f"{run.folder.name}: {summary_line(run.summary)}"
-    return Failed(message=line) if run.failed else Completed(message=line)
+        line = f"{run.folder.name}: {summary_line(run.summary)}"
+        return Failed(message=line) if run.failed else Completed(message=line)
+
+    return state_of(work)
 
 
 @flow(name="rerun", persist_result=False)
 def rerun(run: str = "last", sample: str = "", stage: str = "drop") -> State[Any]:
     """Compute a stage of a sample of a run again; later stages follow where their inputs changed."""
-    try:
+
+    def work() -> State[Any]:
         tree, page = rerun_sample(run, sample, stage)
+        return Completed(message=f"{result_line(tree)}; report: {page}")
+
+    return state_of(work)
+
+
+def state_of(work: Callable[[], State[Any]]) -> State[Any]:
+    """What it comes to; what a person or the machine can mend is a line in the state, as it is in a terminal."""
+    try:
+        with as_machine_errors():
+            return work()
     except DcapError as error:
         return Failed(message=str(error))
-    return Completed(message=f"{result_line(tree)}; report: {page}")

@@ -4,19 +4,22 @@ A worker that is lost with its machine tells nobody. Each sample says which work
 heartbeat any more ends as Crashed, and waits in the pool again.
 """
 
+import math
 import time
-from collections.abc import Iterator, Sequence
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from datetime import timedelta
+from datetime import datetime, timedelta
 from typing import Any
 from uuid import UUID
 
+import httpx
 from prefect.client.orchestration import SyncPrefectClient, get_client
 from prefect.client.schemas.actions import WorkPoolCreate
 from prefect.client.schemas.filters import FlowRunFilter
 from prefect.client.schemas.objects import FlowRun, WorkerStatus
 from prefect.deployments import run_deployment
-from prefect.exceptions import ObjectNotFound, PrefectHTTPStatusError
+from prefect.exceptions import ObjectNotFound, PrefectException, PrefectHTTPStatusError
 from prefect.flows import Flow, load_flow_from_entrypoint
 from prefect.utilities.callables import parameter_schema
 
@@ -26,6 +29,8 @@ from dcap.scene.settings import resource
 from flows.elsewhere import SampleJob, Told, told_of
 from flows.flow_runs import IN_A_REQUEST, WAS_INTERRUPTED, end_as_crashed
 from flows.run_names import sample_tags
+from flows.sample_flow import server_lost
+from flows.server import wait_for_server
 
 POOL = "dcap"
 SAMPLE = "place/sample"
@@ -36,6 +41,9 @@ TIMES = 4
 """How often a sample may begin again because its worker was lost."""
 LAST_BEAT_SECONDS = 15.0
 """A worker that claims a run has sent a heartbeat at most so long before."""
+LATE_SECONDS = 120.0
+"""So long after a loss of the server, a worker's silence says nothing: its requests are tried again after up to half a
+minute, and more of them than one may have failed."""
 
 
 def register() -> None:
@@ -68,6 +76,10 @@ class WorkPool:
     def __init__(self) -> None:
         self.begun: dict[str, int] = {}
         """How often each sample has begun."""
+        self.waiting: dict[UUID, SampleJob] = {}
+        """Samples that are in the pool, by their flow runs."""
+        self.heard_since = -math.inf
+        """When the server was there again, as the last of its losses ended."""
 
     def served(self) -> bool:
         """Whether any worker is there; the pool's deployments are registered if they were not."""
@@ -79,34 +91,52 @@ class WorkPool:
             return bool(online(client))
 
     def placed(self, jobs: Sequence[SampleJob], look_seconds: float) -> Iterator[Sequence[Told]]:
-        """Put all samples into the pool, and yield them as they end."""
-        waiting: dict[UUID, SampleJob] = {}
+        """Put all samples into the pool, and yield them as they end. A server that is lost meanwhile is waited for: the
+        pool is in its database."""
+        left = deque(jobs)
         with get_client(sync_client=True) as client:
             try:
-                for job in jobs:
-                    waiting[self.asked(client, job)] = job
-                while waiting:
-                    time.sleep(look_seconds)
+                while left or self.waiting:
                     told: list[Told] = []
-                    for run in self.known(client, list(waiting)):
-                        job = waiting[run.id]
-                        if run.state is not None and run.state.is_final():
-                            del waiting[run.id]
-                            told.append((job.sample, told_by(run)))
-                        elif lost(client, run):
-                            del waiting[run.id]
-                            end_as_crashed(client, [run.id], "its worker was lost; the sample begins again")
-                            if self.begun[job.sample.id] < TIMES:
-                                waiting[self.asked(client, job)] = job
-                            else:
-                                told.append((job.sample, told_of(f"its worker was lost {TIMES} times")))
+                    try:
+                        while left:
+                            self.ask(client, left[0])
+                            left.popleft()
+                        time.sleep(look_seconds)
+                        told.extend(self.ended(client))
+                    except (httpx.TransportError, RuntimeError) as error:
+                        if not server_lost(error):
+                            raise
+                        wait_for_server()
+                        self.heard_since = time.monotonic()
                     yield told
             finally:
-                end_as_crashed(client, waiting, WAS_INTERRUPTED)
+                with suppress(httpx.HTTPError, PrefectException, RuntimeError):  # who ends does not wait for a server
+                    end_as_crashed(client, self.waiting, WAS_INTERRUPTED)
 
-    def asked(self, client: SyncPrefectClient, job: SampleJob) -> UUID:
-        """Put a sample into the pool; the id of its flow run."""
-        self.begun[job.sample.id] = self.begun.get(job.sample.id, 0) + 1
+    def ended(self, client: SyncPrefectClient) -> Iterator[Told]:
+        """The samples that have ended since the last look; those of lost workers are asked for again."""
+        runs = {run.id: run for run in self.known(client, list(self.waiting))}
+        gone = lost_workers(client) if time.monotonic() - self.heard_since > LATE_SECONDS else {}
+        for one, job in list(self.waiting.items()):
+            run = runs.get(one)
+            if run is None:
+                del self.waiting[one]
+                yield job.sample, told_of("somebody has deleted its flow run")
+            elif run.state is not None and run.state.is_final():
+                del self.waiting[one]
+                yield job.sample, told_by(run)
+            elif lost(run, gone):
+                again = self.begun[job.sample.id] < TIMES
+                if again:
+                    self.ask(client, job)
+                del self.waiting[one]
+                end_as_crashed(client, [one], "its worker was lost" + "; the sample begins again" * again)
+                if not again:
+                    yield job.sample, told_of(f"its worker was lost {TIMES} times")
+
+    def ask(self, client: SyncPrefectClient, job: SampleJob) -> None:
+        """Put a sample into the pool."""
         run: FlowRun = run_deployment(  # type: ignore[assignment]  # a coroutine only in a loop
             SAMPLE,
             parameters={"job": job.to_json()},
@@ -114,10 +144,11 @@ class WorkPool:
             tags=sample_tags(job.sample, job.run.name),
             timeout=0,
         )
+        self.waiting[run.id] = job
+        self.begun[job.sample.id] = self.begun.get(job.sample.id, 0) + 1
         if run.parent_task_run_id is not None:  # stands for it in the benchmark's flow run, with a name of Prefect's
             with suppress(PrefectHTTPStatusError, ObjectNotFound):
                 client.set_task_run_name(run.parent_task_run_id, job.run.title(job.sample))
-        return run.id
 
     @staticmethod
     def known(client: SyncPrefectClient, ids: Sequence[UUID]) -> Iterator[FlowRun]:
@@ -133,13 +164,17 @@ def online(client: SyncPrefectClient) -> set[str]:
     return {one.name for one in workers if one.status is WorkerStatus.ONLINE}
 
 
-def lost(client: SyncPrefectClient, run: FlowRun) -> bool:
+def lost_workers(client: SyncPrefectClient) -> dict[str, datetime | None]:
+    """Names of the workers that send no heartbeats any more, and when they sent the last one."""
+    workers = client.read_workers_for_work_pool(POOL)
+    return {one.name: one.last_heartbeat_time for one in workers if one.status is not WorkerStatus.ONLINE}
+
+
+def lost(run: FlowRun, gone: Mapping[str, datetime | None]) -> bool:
     """Whether a flow run goes on only on paper: its worker is gone, or one that may have claimed it and did not get so
     far as to say so."""
     if run.state is None or run.state.is_scheduled():
         return False
-    workers = client.read_workers_for_work_pool(POOL)
-    gone = {one.name: one.last_heartbeat_time for one in workers if one.status is not WorkerStatus.ONLINE}
     names = [tag.partition(":")[2] for tag in run.tags if tag.startswith(worker_tag(""))]
     if names:
         return names[-1] in gone

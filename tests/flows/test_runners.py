@@ -7,7 +7,7 @@ import signal
 import subprocess
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -24,9 +24,10 @@ from s3_server import s3_server
 from dcap.packages import module_command
 from dcap.scene.errors import InputError
 from flows.cli.app import main
+from flows.own_requests import LOOPBACK
 from flows.runners import RunnerName, check_runner
 from flows.sample_records import RECORDS
-from flows.server import prefect_server
+from flows.server import is_server, known_pid, port_of, prefect_server, server_folder, start
 
 PATIENCE = 240.0
 """For machines that are busy [s]."""
@@ -256,6 +257,50 @@ def test_a_worker_that_is_killed_after_each_stage_loses_nothing(tmp_path: Path) 
 @pytest.mark.slow
 @pytest.mark.long
 @pytest.mark.timeout(900)
+@pytest.mark.parametrize("seconds", [0.0, 45.0], ids=["for a moment", "longer than heartbeats are waited for"])
+def test_a_server_that_is_lost_is_waited_for(
+    dataset: Path, at_home: object, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seconds: float
+) -> None:
+    """By the benchmark and its workers, each sample is placed once, and none of them counts as lost. It is the server
+    of others: nobody here starts it again."""
+    monkeypatch.setattr("flows.server.kept_alive", lambda *_: nullcontext())
+    with data_folder(tmp_path / "team"), prefect_server() as url, pytest.MonkeyPatch.context() as patch:
+        pages, team, pid = PrefectPages(url), server_folder(), known_pid(server_folder())
+        patch.setenv("DCAP_DATA", str(tmp_path / "data"))
+        patch.setenv("PREFECT_API_URL", url)
+        command = module_command("flows.cli", "benchmark", "--dataset", str(dataset), "--runner", "pool")
+        with a_worker(1), subprocess.Popen(command, stdout=subprocess.DEVNULL) as benchmark:
+            wait_until(lambda: any(run["state_type"] == "RUNNING" for run in taken(pages)))
+            os.kill(pid, signal.SIGKILL)
+            wait_until(lambda: not is_server(pid))
+            time.sleep(seconds)
+            start(team, LOOPBACK, port_of(url))
+            assert benchmark.wait(PATIENCE) == 0
+        assert [run["state_type"] for run in taken(pages)] == ["COMPLETED"] * len(SAMPLES)
+        assert kept_results() == at_home
+
+
+@pytest.mark.slow
+@pytest.mark.long
+@pytest.mark.timeout(900)
+def test_a_flow_run_that_somebody_has_deleted_is_not_waited_for(dataset: Path, tmp_path: Path) -> None:
+    """Its sample has failed, and the benchmark says so."""
+    with data_folder(tmp_path), prefect_server() as url:
+        pages = PrefectPages(url)
+        command = module_command(
+            "flows.cli", "benchmark", "--dataset", str(dataset), "--runner", "pool", "--limit", "1"
+        )
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as benchmark:
+            wait_until(lambda: waiting(pages))
+            pages.delete(f"/flow_runs/{waiting(pages)[0]}")
+            said, _ = benchmark.communicate(timeout=PATIENCE)
+        assert benchmark.returncode == 1
+        assert "somebody has deleted its flow run" in said
+
+
+@pytest.mark.slow
+@pytest.mark.long
+@pytest.mark.timeout(900)
 @pytest.mark.parametrize("kind", [signal.SIGKILL, signal.SIGTERM], ids=lambda kind: kind.name)
 def test_a_worker_ends_with_all_that_it_has_started(dataset: Path, tmp_path: Path, kind: signal.Signals) -> None:
     """Even killed alone it leaves no process that goes on with its sample, or asks for others."""
@@ -294,6 +339,9 @@ def test_a_benchmark_and_a_rerun_are_started_from_the_pages(dataset: Path, at_ho
                 wrong = started(pages, "rerun", {"sample": "nobody"})
                 assert wrong["state"]["type"] == "FAILED"
                 assert "nobody" in wrong["state"]["message"]
+                none = started(pages, "benchmark", {"dataset": str(tmp_path)})
+                assert none["state"]["type"] == "FAILED"
+                assert none["state"]["message"].startswith(f"{tmp_path}: ")
 
 
 def started(

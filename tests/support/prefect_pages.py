@@ -30,6 +30,11 @@ class PrefectPages:
         with urlopen(f"{self.url}{path}", timeout=30) as answer:
             return dict(json.load(answer))
 
+    def delete(self, path: str) -> None:
+        """Delete one thing."""
+        with urlopen(Request(f"{self.url}{path}", method="DELETE"), timeout=30):
+            pass
+
     def flow_runs(self, parent: str = "") -> list[dict[str, object]]:
         """Flow runs that are no children, newest first; or the children of one, by their names."""
         if parent:
