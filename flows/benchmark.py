@@ -9,7 +9,7 @@ import os
 import platform
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -108,15 +108,17 @@ def run_benchmark(
     if only_failed:
         samples = failed_before(path, samples, config)
     language = language or LanguageOptions()
-    folder = new_run_folder(path, samples, config, language)
     with Display(samples) as display:
         plans = plan_all(samples, config, display)
         asked: dict[str, object] = {"dataset": str(path), "workers": workers, "runner": runner.name}
-        with watched(folder, plans, display, asked) as watch:
-            run_all(plans, config, folder, language.session(folder), workers, display, watch, runner)
-            rows = scored_rows(folder, samples, path)
-            run = finish(folder, rows, time.monotonic() - begin)
-            watch.finished(run.failed == 0, summary_line(run.summary))
+        # a run begins once its server answers: what is refused before leaves none behind
+        with served(plans, display) as shown:
+            folder = new_run_folder(path, samples, config, language)
+            with watched(folder, plans, asked) if shown else nullcontext(Watch()) as watch:
+                run_all(plans, config, folder, language.session(folder), workers, display, watch, runner)
+                rows = scored_rows(folder, samples, path)
+                run = finish(folder, rows, time.monotonic() - begin)
+                watch.finished(run.failed == 0, summary_line(run.summary))
     print_table(run.rows, run.summary, folder, {plan.sample.id for plan in plans if plan.finished})
     if run.table:
         print_lines(shown_lines(run.table))
@@ -167,21 +169,24 @@ def plan_all(samples: Sequence[Sample], config: PlaceConfig, display: Display) -
 
 
 @contextmanager
-def watched(folder: Path, plans: Sequence[Plan], display: Display, asked: dict[str, object]) -> Iterator[Watch]:
-    """A block as the flow run of the whole benchmark. Where all is cached, no server is started for it: then it is
+def served(plans: Sequence[Plan], display: Display) -> Iterator[bool]:
+    """A block with a server, and whether there is one. Where all is cached, none is started: then the benchmark is
     shown only if one runs already."""
     work = any(plan.settled is None for plan in plans)
     if not work and not server_answers():
-        yield Watch()
+        yield False
         return
     with prefect_server() as url:
         if work:
             display.serving(url)
+        yield True
 
-        from flows.benchmark_flow import benchmark_run  # imports Prefect, after the server's address is known
 
-        with benchmark_run(folder, [plan.sample for plan in plans], asked) as watch:
-            yield watch
+def watched(folder: Path, plans: Sequence[Plan], asked: dict[str, object]) -> AbstractContextManager[Watch]:
+    """A block as the flow run of the whole benchmark."""
+    from flows.benchmark_flow import benchmark_run  # imports Prefect, after the server's address is known
+
+    return benchmark_run(folder, [plan.sample for plan in plans], asked)
 
 
 def new_run_folder(dataset: Path, samples: Sequence[Sample], config: PlaceConfig, language: LanguageOptions) -> Path:

@@ -30,9 +30,11 @@ from flows.benchmark_config import benchmark_config, runner_of
 from flows.configure import with_threads
 from flows.display import summary_line
 from flows.elsewhere import SampleJob, placed
+from flows.find_run import find_run
 from flows.flow_runs import NOBODY_WAITS, PROGRAM
 from flows.output import result_line
 from flows.programs import Program
+from flows.run_names import benchmark_tags, shown
 from flows.sample_flow import TIMES, ending_of, server_lost
 from flows.sample_pictures import show_pictures
 from flows.sample_run import FailedSample
@@ -77,13 +79,28 @@ def is_left(benchmark: UUID) -> bool:
 
 def told_where() -> None:
     """Say in this flow run which worker has it, so that one that is lost with its worker is found."""
-    name = os.environ.get(WORKER)
-    if name and flow_run.id:
+    if name := os.environ.get(WORKER):
+        add_tags(worker_tag(name))
+
+
+def add_tags(*tags: str) -> None:
+    """Tag this flow run."""
+    if flow_run.id:
         with get_client(sync_client=True) as client:
-            client.update_flow_run(flow_run.id, tags=[*(flow_run.tags or []), worker_tag(name)])
+            client.update_flow_run(flow_run.id, tags=[*client.read_flow_run(UUID(flow_run.id)).tags, *tags])
 
 
-@flow(name="benchmark on a worker", persist_result=False)
+def benchmark_name() -> str:
+    """Name of a flow run of a benchmark on a worker: what it is asked to place."""
+    return shown(f"benchmark of {flow_run.parameters.get('dataset') or 'the embedded rooms'}")
+
+
+def rerun_name() -> str:
+    """Name of a flow run of a rerun: run, sample and stage."""
+    return shown(" / ".join(("rerun", *(str(flow_run.parameters.get(name)) for name in ("run", "sample", "stage")))))
+
+
+@flow(name="benchmark on a worker", flow_run_name=benchmark_name, persist_result=False)
 def benchmark(
     dataset: str = "",
     methods: str = "",
@@ -110,17 +127,19 @@ def benchmark(
             scenes=scenes,
             runner=runner_of(asked),
         )
+        add_tags(*benchmark_tags(run.folder.name, methods_of(asked.methods)))
         line = f"{run.folder.name}: {summary_line(run.summary)}"
         return Failed(message=line) if run.failed else Completed(message=line)
 
     return state_of(work)
 
 
-@flow(name="rerun", persist_result=False)
+@flow(name="rerun", flow_run_name=rerun_name, persist_result=False)
 def rerun(run: str = "last", sample: str = "", stage: str = "drop") -> State[Any]:
     """Compute a stage of a sample of a run again; later stages follow where their inputs changed."""
 
     def work() -> State[Any]:
+        add_tags(*benchmark_tags(find_run(run).name, ()))
         tree, page = rerun_sample(run, sample, stage)
         return Completed(message=f"{result_line(tree)}; report: {page}")
 

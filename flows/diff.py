@@ -16,7 +16,7 @@ from dcap.scene.errors import InputError
 from dcap.scene.settings import runs_root
 from flows.find_run import RUN, find_run
 from flows.results import read_json
-from flows.run_files import PLACEMENT, sample_from_json
+from flows.run_files import PLACEMENT, UNFINISHED, sample_from_json
 from flows.scoring import scored_row
 from tasks.runner.stage import deciding
 from tasks.runner.why import flattened
@@ -113,7 +113,7 @@ def row_without_table(asked: Mapping[str, Any], tree: dict[str, Any] | None, fol
     """The row of a sample by its own files."""
     if not asked:
         return {"verdict": (tree or {}).get("verdict", "failed"), "reason": (tree or {}).get("reason") or ""}
-    return asdict(scored_row(sample_from_json(asked), tree, "did not finish", None, folder))
+    return asdict(scored_row(sample_from_json(asked), tree, UNFINISHED, None, folder))
 
 
 def asked_words(asked: Mapping[str, Any]) -> Iterator[tuple[str, object]]:

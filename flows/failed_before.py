@@ -1,7 +1,7 @@
 """Which samples `benchmark --only-failed` takes: of the newest run of the same dataset by the same methods."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ from dcap.scene.types.sample import Sample
 from flows.display import print_lines
 from flows.find_run import RUN
 from flows.place import PlaceConfig
-from flows.run_files import read_result
+from flows.run_files import UNFINISHED, read_result
 from flows.sample_run import plan_sample
 
 SHOWN = 5
@@ -24,13 +24,14 @@ def failed_before(dataset: Path, samples: Sequence[Sample], config: PlaceConfig)
     as far as nothing of them would have to run."""
     folder, asked = last_run(dataset, methods_of_samples(samples))
     known = [sample for sample in samples if sample.id in asked]
-    left = {one.id for one in known if read_result(sample_folder(folder, one.id))[0] is None}
+    results = {one.id: read_result(sample_folder(folder, one.id)) for one in known}
+    left = {name: error for name, (tree, error) in results.items() if tree is None}
     if not left:
         raise InputError(f"nothing failed in {folder.name}; run without --only-failed")
     done = [one for one in known if one.id not in left]
     cached = {one.id for one in done if plan_sample(one, config).finished is not None}
-    print_lines(taken_lines(folder.name, list(left), len(cached), len(done) - len(cached)))
-    return [one for one in known if one.id in left | cached]
+    print_lines(taken_lines(folder.name, left, len(cached), len(done) - len(cached)))
+    return [one for one in known if one.id in left or one.id in cached]
 
 
 def methods_of_samples(samples: Sequence[Sample]) -> set[str]:
@@ -63,12 +64,19 @@ def run_tree(path: Path) -> dict[str, Any]:
     return tree if isinstance(tree, dict) else {}
 
 
-def taken_lines(run: str, left: Sequence[str], cached: int, changed: int) -> list[str]:
-    """What is taken, and what is not and why."""
-    more = f" and {len(left) - SHOWN} more" if len(left) > SHOWN else ""
-    failed = f"{len(left)} failed ({', '.join(left[:SHOWN])}{more})"
-    lines = [f"of {run}: {failed} and run again, {cached} finished and come from the cache"]
+def taken_lines(run: str, left: Mapping[str, str], cached: int, changed: int) -> list[str]:
+    """What is taken, and what is not and why; `left` are the samples without a result, and what went wrong."""
+    broken = [name for name, error in left.items() if error != UNFINISHED]
+    unfinished = [name for name, error in left.items() if error == UNFINISHED]
+    groups = (("failed", broken), (UNFINISHED, unfinished))
+    told = [f"{len(some)} {word} ({listed(some)})" for word, some in groups if some]
+    lines = [f"of {run}: {' and '.join(told)} and run again, {cached} finished and come from the cache"]
     if changed:
-        told = "finished with other code or settings; without --only-failed they run, too"
-        lines.append(f"left out: {changed} that {told}")
+        others = "finished with other code or settings; without --only-failed they run, too"
+        lines.append(f"left out: {changed} that {others}")
     return lines
+
+
+def listed(names: Sequence[str]) -> str:
+    """The first of some names, and how many more there are."""
+    return ", ".join(names[:SHOWN]) + (f" and {len(names) - SHOWN} more" if len(names) > SHOWN else "")

@@ -28,6 +28,7 @@ from flows.language_options import language_options
 from flows.one_sample import sample_of, show
 from flows.options import PlaceOptions
 from flows.place import PlaceConfig, SceneRefs, scene_of
+from flows.run_names import plain_name, scene_tags, shown
 from flows.sample_run import recorded
 from flows.server import prefect_server
 from tasks.requests.badges import paint
@@ -68,10 +69,11 @@ def found_scene(sample: Sample, config: PlaceConfig, session: Session, *, quiet:
     except NotCachedError:
         pass
     with console.status("starting") as status, prefect_server():
-        from prefect import Flow  # once the server's address is known
+        from prefect import Flow, tags  # once the server's address is known
 
-        flow = Flow(scene_of, name="label", validate_parameters=False, persist_result=False)
-        with recorded(sample, RunContext(session=session), partial(show, console, status)):
+        name = shown(f"label / {plain_name(sample.scene)}")
+        flow = Flow(scene_of, name="label", flow_run_name=lambda: name, validate_parameters=False, persist_result=False)
+        with tags(*scene_tags(sample)), recorded(sample, RunContext(session=session), partial(show, console, status)):
             return flow(sample, config)
 
 

@@ -27,6 +27,8 @@ from flows.placement_json import Values
 from flows.sample_run import FinishedSample, plan_sample
 
 PLACEMENT = "sample.json"
+UNFINISHED = "did not finish"
+"""What there is to say of a sample that was not placed to its end."""
 DAMAGED = "the file is damaged, or of another version of dcap; run it again"
 SHOWN = 200
 """Characters of what is wrong with a file that are shown."""
@@ -83,7 +85,7 @@ def read_result(folder: Path) -> tuple[JsonObject | None, str]:
     if (folder / "error.txt").is_file():
         return None, next(iter((folder / "error.txt").read_text().splitlines()), "failed without a word")
     if not (folder / "placement.json").is_file():
-        return None, "did not finish"
+        return None, UNFINISHED
     try:
         return kept(folder / "placement.json"), ""
     except InputError as damaged:

@@ -45,6 +45,11 @@ def sample_tags(sample: Sample, run: str = "") -> tuple[str, ...]:
     return tuple(shown(f"{key}:{value}") for key, value in named if value)
 
 
+def scene_tags(sample: Sample) -> tuple[str, ...]:
+    """Tags of a flow run that only reads a scene."""
+    return (shown(f"scene:{plain_name(sample.scene)}"),)
+
+
 def benchmark_tags(run: str, methods: Sequence[str]) -> tuple[str, ...]:
     """Tags of a benchmark's flow run."""
     return (shown(f"run:{run}"), *(f"method:{method}" for method in methods))

@@ -19,6 +19,7 @@ from dcap.scene.store.ref import Ref
 from dcap.scene.types.sample import Sample
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
 from flows.place import PlaceConfig
+from flows.run_names import scene_tags, shown
 from flows.sample_run import recorded
 from flows.server import prefect_server
 from tasks.mesh.stage import mesh_object_task, mesh_scene_task
@@ -110,13 +111,14 @@ def computed(
     told: Callable[[int], None],
 ) -> dict[str, RefT]:
     """Those that are not, each in a flow run of its own."""
-    from prefect import Flow  # once the server's address is known
+    from prefect import Flow, tags  # once the server's address is known
 
     def one(name: str) -> RefT | None:
         sample = samples[name]
-        flow = Flow(function, name="read", validate_parameters=False, persist_result=False)
+        title = shown(f"read / {name}")
+        flow = Flow(function, name="read", flow_run_name=lambda: title, validate_parameters=False, persist_result=False)
         try:
-            with recorded(sample, RunContext(session=replace(session, sample=name))):
+            with tags(*scene_tags(sample)), recorded(sample, RunContext(session=replace(session, sample=name))):
                 return flow(sample, config)
         except DcapError as error:
             failed[name] = " ".join(str(error).split())

@@ -103,7 +103,8 @@ def server_host() -> str:
     """The address that a server listens on: this machine alone, unless $PREFECT_SERVER_API_HOST says otherwise;
     InputError for one that others would reach without a word."""
     host = os.environ.get(HOST) or LOOPBACK
-    if not is_loopback(host) and not os.environ.get(AUTH_STRING):
+    name, _, password = os.environ.get(AUTH_STRING, "").partition(":")
+    if not is_loopback(host) and not (name and password):
         raise InputError(
             f"{HOST}={host}: others would reach a server without a log-in; set {AUTH_STRING}=NAME:PASSWORD, or leave "
             "the host out"
@@ -154,7 +155,7 @@ def kept_alive(folder: Path, url: str) -> Iterator[None]:
         while not done.wait(WATCH_SECONDS):
             if not is_server(known_pid(folder)):
                 with suppress(DcapError, OSError):  # tried again; who needs the server says what is wrong with it
-                    start_again(folder, url)
+                    start_again(folder, url, done)
 
     thread = threading.Thread(target=watch, name="server watch", daemon=True)
     thread.start()
@@ -164,11 +165,11 @@ def kept_alive(folder: Path, url: str) -> Iterator[None]:
         done.set()
 
 
-def start_again(folder: Path, url: str) -> None:
-    """Start a server that has died, unless another of its users has done so."""
+def start_again(folder: Path, url: str, done: threading.Event) -> None:
+    """Start a server that has died, unless another of its users has done so or nobody needs it any more."""
     with one_at_a_time(folder):
-        if running_url(folder) != url:
-            start(folder, server_host(), port_of(url))
+        if running_url(folder) != url and not done.is_set():
+            start(folder, server_host(), port_of(url), done)
 
 
 def wait_for_server(patience: float = START_SECONDS) -> None:
@@ -278,8 +279,8 @@ def start_anew(folder: Path, host: str, port: int) -> str:
     return start(folder, host, port)
 
 
-def start(folder: Path, host: str, port: int) -> str:
-    """Start a server, wait until it is healthy, and return its URL."""
+def start(folder: Path, host: str, port: int, done: threading.Event | None = None) -> str:
+    """Start a server, wait until it is healthy, and return its URL; once it is `done`, nobody waits."""
     free = shutil.disk_usage(folder).free
     if free < LEAST_ROOM and not (folder / "prefect.db").exists():
         raise DcapError(f"{folder}: {free >> 20} MiB are free, too few for Prefect's database; {ROOM}")
@@ -288,7 +289,7 @@ def start(folder: Path, host: str, port: int) -> str:
     write_whole(folder / "server.json", json.dumps({"url": url, "pid": process.pid}).encode())
     deadline = time.monotonic() + START_SECONDS
     while not is_healthy(url):
-        if process.poll() is not None or time.monotonic() > deadline:
+        if process.poll() is not None or time.monotonic() > deadline or (done is not None and done.is_set()):
             stop(folder, 0.0)
             raise DcapError(f"the Prefect server on port {port} did not start; {why_gone(folder)}")
         time.sleep(0.2)

@@ -4,9 +4,11 @@ import hashlib
 import importlib
 import json
 import shutil
+import sys
 from collections.abc import Iterator
 from contextlib import nullcontext
 from pathlib import Path
+from typing import Any
 
 import jsonschema
 import pyarrow.parquet as pq
@@ -21,6 +23,7 @@ from flows.cli.app import main
 from flows.language_options import LanguageOptions
 from flows.place import PlaceConfig
 from flows.sample_run import FailedSample
+from flows.server import free_port
 from tasks.runner.records import records_root
 
 
@@ -69,6 +72,18 @@ def check_maps(run: Path, folder: Path, capsys: pytest.CaptureFixture[str]) -> N
 def stamps_of_records() -> dict[str, int]:
     """When each record was written."""
     return {path.name: path.stat().st_mtime_ns for path in records_root().iterdir()}
+
+
+def check_changed_rerun(folder: Path, before: dict[str, Any], capsys: pytest.CaptureFixture[str]) -> None:
+    """A stage that comes to something else now: what depends on it follows, and nothing else."""
+    (folder / "nudged").touch()
+    records = stamps_of_records()
+    assert main(["rerun", "last", "good", "--stage", "drop", "--json"]) == 0
+    (folder / "nudged").unlink()
+    now = json.loads(capsys.readouterr().out)
+    assert now["pose"]["position"][2] == pytest.approx(before["pose"]["position"][2] - 0.1)
+    written = {name for name, stamp in stamps_of_records().items() if records.get(name) != stamp}
+    assert {name.rpartition("-")[0] for name in written} == {"drop", "render"}
 
 
 def check_comparison(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -170,6 +185,8 @@ def test_a_benchmark_from_cold_to_warm(
     assert {name.rpartition("-")[0] for name in written} == {"drop"}  # what follows is cached: the bytes are equal
     assert other.stat().st_mtime_ns == untouched
     assert {**again, "timings": 0} == {**placement, "timings": 0}
+    check_changed_rerun(folder, again, capsys)
+    assert other.stat().st_mtime_ns == untouched
     assert main(["rerun", "last", "none", "--stage", "drop"]) == 3
     assert capsys.readouterr().out.splitlines() == [
         "infeasible: target_not_found; no piano; there is table",
@@ -246,3 +263,49 @@ def test_what_a_run_needs_is_kept(dataset: Path, capsys: pytest.CaptureFixture[s
     capsys.readouterr()
     assert main(["cache", "ls", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["kinds"] == {}
+
+
+def test_samples_of_any_name_stay_in_the_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Names lead nowhere else, however long they are, and show as text; each sample has its row."""
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path / "data"))
+    names = [
+        "x" * 300,
+        "../../out",
+        "/tmp/out",
+        "CON",
+        "a/b",
+        "<script>alert(1)</script>",
+        "two\u202ewords",
+        "é" * 200,
+    ]
+    rows = [{"id": name, "scene": "a", "object": "b", "prompt": "put it"} for name in names]
+    (tmp_path / "set.yaml").write_text(json.dumps(rows))
+    monkeypatch.setattr("flows.sample_run.place_by", lambda sample, config: 1 // 0)
+    before = set(tmp_path.iterdir())
+    assert main(["benchmark", "--dataset", str(tmp_path / "set.yaml"), "--json"]) == 4
+    run = Path(json.loads(capsys.readouterr().out)["run"])
+    assert pq.read_table(run / "results.parquet")["sample"].to_pylist() == names
+    assert len({path.resolve().parent for path in (run / "samples").rglob("error.txt")}) == len(names)
+    assert all(path.resolve().is_relative_to(run / "samples") for path in (run / "samples").rglob("*"))
+    assert set(tmp_path.iterdir()) - before == {tmp_path / "data"}
+    assert "<script>alert" not in (run / "report.html").read_text()
+
+
+def test_what_is_refused_before_it_begins_leaves_no_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Nor does `last` lead to it."""
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path / "data"))
+    monkeypatch.setenv("PREFECT_API_URL", f"http://127.0.0.1:{free_port()}/api")
+    (tmp_path / "fake_pipeline.py").write_text(PIPELINE)
+    (tmp_path / "fine.ply").write_text("fine")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.delitem(sys.modules, "fake_pipeline", raising=False)
+    monkeypatch.setattr("flows.sample_run.place_by", importlib.import_module("fake_pipeline").place)
+    monkeypatch.delitem(sys.modules, "fake_pipeline")
+    (tmp_path / "set.yaml").write_text("- {id: one, scene: fine.ply, object: fine.ply, prompt: on the table}")
+    assert main(["benchmark", "--dataset", str(tmp_path / "set.yaml")]) == 2
+    assert "no server of Prefect answers there" in capsys.readouterr().err
+    assert not list((tmp_path / "data").glob("runs/*"))

@@ -257,6 +257,11 @@ def test_a_server_for_others_asks_who_they_are(monkeypatch: pytest.MonkeyPatch) 
         ) as told:
             prefect_server().__enter__()
         assert "\n" not in str(told.value)
+    for login in ("team", ":of-ours", "team:"):
+        monkeypatch.setenv("PREFECT_SERVER_API_AUTH_STRING", login)
+        with pytest.raises(InputError, match="PREFECT_SERVER_API_AUTH_STRING=NAME:PASSWORD"):
+            server_host()
+    monkeypatch.delenv("PREFECT_SERVER_API_AUTH_STRING")
     assert not server_folder().exists()
     for host in ("127.0.0.1", "localhost", ""):
         monkeypatch.setenv("PREFECT_SERVER_API_HOST", host)
