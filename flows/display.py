@@ -148,10 +148,9 @@ def work_line(sample: str, stage: str, text: str, since: float) -> str:
     return f"  {sample[:SHOWN_WIDTH]:<{SHOWN_WIDTH}} {stage:<14} {seconds:5.0f} s  {text[:40]}"
 
 
-def print_plan(plans: Sequence[Plan], *, stages: bool = False, beside: bool = False) -> None:
-    """What would run, per sample and perhaps per stage, and a line of totals: on standard output, or `beside` what is
-    printed there."""
-    console = console_on(sys.stderr if beside else sys.stdout)
+def print_plan(plans: Sequence[Plan], *, stages: bool = False, to_stderr: bool = False) -> None:
+    """What would run, per sample and perhaps per stage, and a line of totals, on standard output or error."""
+    console = console_on(sys.stderr if to_stderr else sys.stdout)
     table = Table("sample", "cached", "would run", "why", box=None)
     for plan in plans:
         count = "all" if plan.finished else ("-" if plan.failed else f"{len(plan.cached)} of {plan.stage_count}")

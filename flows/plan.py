@@ -37,14 +37,14 @@ def plan_benchmark(
     methods: Sequence[str] = (DCAP,),
     scenes: str = "",
     stages: bool = False,
-    beside: bool = False,
+    to_stderr: bool = False,
 ) -> list[PlanRow]:
-    """Print what would run and why, with a line for each of the `stages` if they are wanted; `beside` what goes to
-    standard output, or there."""
+    """Print what would run and why, with a line for each of the `stages` if they are wanted, on standard output or
+    error."""
     _, samples = dataset_samples(dataset, methods, limit, scenes)
     config = measured_config(config, methods)
     plans = [plan_ahead(sample, config) for sample in samples]
-    print_plan(plans, stages=stages, beside=beside)
+    print_plan(plans, stages=stages, to_stderr=to_stderr)
     return [plan_row(plan) for plan in plans]
 
 

@@ -301,7 +301,7 @@ def plan(
     config = configured(many_options(flags), language=asking.config(plan=True), arch=chosen_arch(asked.arch))
     chosen_methods = methods_of(asked.methods)
     rows = plan_benchmark(
-        dataset, config, limit=limit, methods=chosen_methods, scenes=scenes, stages=stages, beside=as_json
+        dataset, config, limit=limit, methods=chosen_methods, scenes=scenes, stages=stages, to_stderr=as_json
     )
     if as_json:
         print(json.dumps(to_json(rows), indent=2, ensure_ascii=False))
