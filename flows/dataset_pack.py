@@ -115,7 +115,7 @@ def is_archive(path: Path) -> bool:
 def is_pack(folder: Path) -> bool:
     """Whether a folder is an earlier pack."""
     try:
-        tree = json.loads((folder / MANIFEST).read_text())
+        tree = json.loads((folder / MANIFEST).read_bytes())
     except (OSError, ValueError):
         return False
     return isinstance(tree, dict) and tree.get("format") == FORMAT
@@ -149,7 +149,7 @@ def packable(asked: Asked) -> tuple[list[Sample], list[LeftOut]]:
 
 def first_line(path: Path) -> str:
     """The first line of a text."""
-    return next(iter(path.read_text(errors="replace").splitlines()), "")
+    return next(iter(path.read_text(encoding="utf-8", errors="replace").splitlines()), "")
 
 
 def without_paths(message: str, sample: Sample) -> str:
@@ -162,7 +162,7 @@ def without_paths(message: str, sample: Sample) -> str:
 def result_of(folder: Path) -> Mapping[str, JsonValue] | None:
     """placement.json of a folder; None where there is none that can be read."""
     try:
-        tree = json.loads((folder / RESULT).read_text())
+        tree = json.loads((folder / RESULT).read_bytes())
     except (OSError, ValueError):
         return None
     return tree if isinstance(tree, dict) and "verdict" in tree else None
@@ -178,7 +178,7 @@ def files_in(folder: Path) -> list[str]:
 def licences_of(asked: Asked) -> dict[str, str]:
     """The licence of each sample's scene and object as far as it is known, by id."""
     try:
-        given = json.loads((asked.folder / RUN).read_text()).get("dataset", "")
+        given = json.loads((asked.folder / RUN).read_bytes()).get("dataset", "")
     except (OSError, ValueError):
         given = ""
     dataset = Path(str(given))
@@ -240,7 +240,7 @@ def write_draft(
         "samples": rows,
         "left_out": [{"id": one.id, "why": one.why} for one in left],
     }
-    (draft / README).write_text(readme(manifest))
+    (draft / README).write_text(readme(manifest), encoding="utf-8")
     manifest["files"] = [
         {"path": name, "bytes": (draft / name).stat().st_size, "sha256": digest_of_file(draft / name)}
         for name in names_below(draft)

@@ -56,7 +56,7 @@ def check_free(folder: Path, files: Files) -> None:
 def clear_export(folder: Path) -> None:
     """Remove the files of an earlier export, and their folders if nothing else is in them."""
     try:
-        names = list(json.loads((folder / LIST).read_text())["files"])
+        names = list(json.loads((folder / LIST).read_bytes())["files"])
     except (OSError, ValueError, KeyError, TypeError):
         return  # none, or none of ours
     paths = [PurePosixPath(one) for one in names if isinstance(one, str)]

@@ -58,7 +58,7 @@ def last_run(dataset: Path, methods: set[str]) -> tuple[Path, set[str]]:
 def run_tree(path: Path) -> dict[str, Any]:
     """What a run says of itself; nothing where it cannot be read."""
     try:
-        tree = json.loads(path.read_text())
+        tree = json.loads(path.read_bytes())
     except (OSError, ValueError):
         return {}
     return tree if isinstance(tree, dict) else {}

@@ -39,4 +39,4 @@ def write_measures(finished: FinishedSample, out: Path) -> JsonObject | None:
 def read_measures(out: Path) -> Mapping[str, JsonValue]:
     """What `write_measures` wrote; empty where there is nothing."""
     path = out / MEASURES
-    return json.loads(path.read_text()) if path.is_file() else {}
+    return json.loads(path.read_bytes()) if path.is_file() else {}

@@ -52,7 +52,7 @@ def no_settings(*_: object) -> Mapping[str, Any]:
 def apply_settings() -> None:
     """Put the project's prefect.toml into the environment, wherever the program was started. Whoever has imported
     Prefect before has chosen its settings."""
-    tree = tomllib.loads(resource("prefect.toml").read_text())
+    tree = tomllib.loads(resource("prefect.toml").read_text(encoding="utf-8"))
     for name, value in flattened(tree, "PREFECT"):
         os.environ.setdefault(name, value)
     os.environ.setdefault("DO_NOT_TRACK", "1")

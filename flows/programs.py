@@ -64,7 +64,7 @@ def this_host() -> str:
     where the system has such."""
     number = space = ""
     with suppress(OSError):
-        number = MACHINE_ID.read_text().strip()
+        number = MACHINE_ID.read_text(encoding="utf-8").strip()
     with suppress(OSError):
         space = os.readlink(PROC / "self" / "ns" / "pid")
     return " ".join(one for one in (platform.node(), number, space) if one)
@@ -77,8 +77,8 @@ def start_of(pid: int) -> str:
         told = subprocess.run(command, capture_output=True, text=True, check=False, env=fixed)
         return " ".join(told.stdout.split())
     try:
-        fields = (PROC / str(pid) / "stat").read_text(errors="replace").rpartition(")")[2].split()
-        boot = (PROC / "sys" / "kernel" / "random" / "boot_id").read_text().strip()
+        fields = (PROC / str(pid) / "stat").read_text(encoding="utf-8", errors="replace").rpartition(")")[2].split()
+        boot = (PROC / "sys" / "kernel" / "random" / "boot_id").read_text(encoding="utf-8").strip()
     except OSError:
         return ""
     return "" if fields[STATE] in DEAD else f"{boot} {fields[START]}"

@@ -345,7 +345,7 @@ def built(kind: type, values: Mapping[str, Any], path: Path) -> Any:
 def read_json(path: Path) -> dict[str, Any]:
     """The content of a result's file."""
     try:
-        tree = json.loads(path.read_text())
+        tree = json.loads(path.read_bytes())
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from None
     except ValueError as error:

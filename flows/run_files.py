@@ -82,8 +82,10 @@ def asked_of_run(folder: Path) -> Asked:
 
 def read_result(folder: Path) -> tuple[JsonObject | None, str]:
     """placement.json or the error of a sample's folder."""
-    if (folder / "error.txt").is_file():
-        return None, next(iter((folder / "error.txt").read_text().splitlines()), "failed without a word")
+    failure = folder / "error.txt"
+    if failure.is_file():
+        said = failure.read_text(encoding="utf-8", errors="replace")
+        return None, next(iter(said.splitlines()), "failed without a word")
     if not (folder / "placement.json").is_file():
         return None, UNFINISHED
     try:

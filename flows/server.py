@@ -219,7 +219,7 @@ def running_url(folder: Path) -> str:
 def known(folder: Path) -> dict[str, object]:
     """What is written of the server that was started last: its URL and process id."""
     try:
-        tree = json.loads((folder / "server.json").read_text())
+        tree = json.loads((folder / "server.json").read_bytes())
     except (OSError, ValueError):
         return {}
     return tree if isinstance(tree, dict) else {}

@@ -48,7 +48,7 @@ minute, and more of them than one may have failed."""
 
 def register() -> None:
     """Create the pool and its deployments on the server of this program, or bring them up to date."""
-    tree: Any = parse_yaml(resource("prefect.yaml").read_text())
+    tree: Any = parse_yaml(resource("prefect.yaml").read_text(encoding="utf-8"))
     with get_client(sync_client=True) as client:
         client.create_work_pool(WorkPoolCreate(name=POOL, type="process"), overwrite=True)
         for one in tree["deployments"]:

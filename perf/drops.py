@@ -63,7 +63,7 @@ def measured(case: str) -> dict[str, float]:
     """Depth, steps, wall time and peak memory of a drop in a fresh process."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "case.yaml"
-        path.write_text(case)
+        path.write_text(case, encoding="utf-8")
         command = module_command("perf.drops", str(path), str(Path(folder) / "out"))
         output = subprocess.run(command, check=True, capture_output=True, text=True).stdout
     return dict(json.loads(output))
@@ -149,7 +149,7 @@ def main() -> None:
     result = run_case(Path(sys.argv[1]), Path(sys.argv[2]), quiet=True)
     bodies = result["bodies"]
     assert isinstance(bodies, dict)
-    top = json.loads(Path(sys.argv[1]).read_text())["bodies"][0]["shape"]["box"]["size"][2]
+    top = json.loads(Path(sys.argv[1]).read_bytes())["bodies"][0]["shape"]["box"]["size"][2]
     history = pq.read_table(Path(sys.argv[2]) / "history.parquet", columns=["newton", "linear"]).to_pydict()
     kept = {key: result[key] for key in ("wall_s", "particles", "steps")} | {k: sum(v) for k, v in history.items()}
     memory = 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

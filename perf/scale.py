@@ -83,9 +83,9 @@ class Cost:
 def placements(folder: Path) -> list[TimedPlacement]:
     """Those of a run that have times, in its order."""
     found = []
-    for sample in json.loads((folder / RUN).read_text())["samples"]:
+    for sample in json.loads((folder / RUN).read_bytes())["samples"]:
         path = sample_folder(folder, sample["id"]) / "placement.json"
-        timings = timings_of(json.loads(path.read_text())) if path.is_file() else {}
+        timings = timings_of(json.loads(path.read_bytes())) if path.is_file() else {}
         if timings:
             method, name = split_id(sample["id"])
             found.append(TimedPlacement(method, sample["scene"], sample["object"], name, timings))
@@ -127,7 +127,7 @@ def busy_share(folder: Path, stages: Sequence[Computed], workers: int) -> float:
     path = folder / "summary.json"
     if not path.is_file():
         raise InputError(f"{path} is not there: the run has not ended")
-    wall = float(json.loads(path.read_text())["wall_s"])
+    wall = float(json.loads(path.read_bytes())["wall_s"])
     share = sum(one.seconds for one in stages) / (workers * wall)
     if share > 1.0:
         raise InputError(

@@ -115,7 +115,7 @@ def known(path: Path, said: dict[str, object]) -> Iterator[tuple[str, list[objec
     """Nouns and boxes of a third-party room, in its file's frame."""
     names = said.get("names", {})
     if "boxes" in said and isinstance(names, dict):
-        found = json.loads((path.parent / str(said["boxes"])).read_text())["boxes"]
+        found = json.loads((path.parent / str(said["boxes"])).read_bytes())["boxes"]
         for noun, label in names.items():
             yield noun, [one["aabb"] for one in found if one["label"] == label]
     for noun, boxes in said.items():

@@ -58,5 +58,5 @@ def table() -> Table:
 
 def proportional_memory(pid: int) -> int:
     """Resident memory of a process, pages that it shares counted in parts [bytes]."""
-    lines = Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines()
+    lines = Path(f"/proc/{pid}/smaps_rollup").read_text(encoding="utf-8").splitlines()
     return next(int(line.split()[1]) for line in lines if line.startswith("Pss:")) * 1024

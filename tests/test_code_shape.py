@@ -7,6 +7,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("dcap", "tasks", "solver", "flows", "perf")
 MOST_LINES = 450
+TEXT_ARGUMENTS = {"read_text": 0, "write_text": 1}
+"""Methods of `Path`, and how many arguments of theirs stand before the encoding."""
 
 
 def test_a_class_name_stands_for_one_thing() -> None:
@@ -17,6 +19,21 @@ def test_a_class_name_stands_for_one_thing() -> None:
             if isinstance(node, ast.ClassDef):
                 places[node.name].append(f"{path.relative_to(ROOT)}:{node.lineno}")
     assert {name: found for name, found in places.items() if len(found) > 1} == {}
+
+
+def test_texts_are_in_one_encoding() -> None:
+    """Every file that we read or write as text says in which encoding: that of the locale is another elsewhere."""
+    silent = [
+        f"{path.relative_to(ROOT)}:{node.lineno}"
+        for package in PACKAGES
+        for path in sorted((ROOT / package).rglob("*.py"))
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.Call)
+        and isinstance(node.func, ast.Attribute)
+        and len(node.args) <= TEXT_ARGUMENTS.get(node.func.attr, -1)
+        and "encoding" not in {word.arg for word in node.keywords}
+    ]
+    assert silent == []
 
 
 def test_no_file_is_longer_than_its_idea() -> None:

@@ -32,7 +32,7 @@ def version() -> str:
     """Version of this dcap: of the clone it runs from, which may not be installed, else of the installed one."""
     if not in_clone():
         return installed_version("dcap")
-    return str(tomllib.loads((PROJECT_ROOT / "pyproject.toml").read_text())["project"]["version"])
+    return str(tomllib.loads((PROJECT_ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"])
 
 
 def data_root() -> Path:

@@ -20,7 +20,7 @@ def main() -> None:
     modulus, method = float(sys.argv[1]), sys.argv[2]
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "case.yaml"
-        path.write_text(reference(modulus))
+        path.write_text(reference(modulus), encoding="utf-8")
         begin = time.perf_counter()
         run_case(path, Path(folder), solver=method, quiet=True)
         prepare, begin_cpu = time.perf_counter() - begin, time.process_time()

@@ -174,7 +174,7 @@ OWNERS: dict[object, type[BaseModel]] = {
 def read_case(path: Path) -> Case:
     """The checked case of a YAML 1.2 file; raises InputError with file, key and value."""
     try:
-        document = parse_yaml(path.read_text())
+        document = parse_yaml(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
     except BROKEN_YAML as error:

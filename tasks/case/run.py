@@ -159,7 +159,7 @@ def write_case(
             for body, rest in zip(bodies, result.bodies, strict=True):
                 (draft / f"{body.name}.ply").write_bytes(mesh_to_ply(Mesh.of(rest.vertices, body.faces)))
             pq.write_table(history_table(result.history), draft / "history.parquet")
-        (draft / "result.json").write_text(json.dumps(summary, indent=2) + "\n")
+        (draft / "result.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
         written = [path.name for path in sorted(draft.iterdir()) if path.name != "result.json"]
         for old in {*_files_of(out), "result.json", "history.parquet"}.difference(written):
             (out / old).unlink(missing_ok=True)
@@ -175,7 +175,7 @@ def history_table(history: History) -> pa.Table:
 def _files_of(out: Path) -> list[str]:
     """PLY files that an earlier result.json in the folder speaks of."""
     try:
-        bodies = json.loads((out / "result.json").read_text())["bodies"]
+        bodies = json.loads((out / "result.json").read_bytes())["bodies"]
         return [f"{name}.ply" for name in bodies if Path(name).name == name]
     except (OSError, ValueError, KeyError, TypeError):
         return []

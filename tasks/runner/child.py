@@ -84,12 +84,12 @@ def peak_memory() -> int:
     the system cannot begin anew."""
     if sys.platform != "linux":
         return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    lines = Path("/proc/self/status").read_text().splitlines()
+    lines = Path("/proc/self/status").read_text(encoding="utf-8").splitlines()
     peak = next((int(line.split()[1]) for line in lines if line.startswith("VmHWM:")), None)
     if peak is None:  # a sandbox that tells less
         return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * KIB
     with suppress(OSError):  # not allowed in a container that is closed
-        Path("/proc/self/clear_refs").write_text(RESET_PEAK)
+        Path("/proc/self/clear_refs").write_text(RESET_PEAK, encoding="utf-8")
     return peak * KIB
 
 

@@ -196,7 +196,7 @@ def write_record(path: Path, record: Record, store: Store) -> None:
     draft = store.root / DRAFTS / f"record-{uuid.uuid4().hex}"
     for folder in (draft.parent, path.parent):
         folder.mkdir(parents=True, exist_ok=True)
-    draft.write_text(json.dumps({"metadata": metadata, "result": json.dumps(record.to_json())}))
+    draft.write_bytes(json.dumps({"metadata": metadata, "result": json.dumps(record.to_json())}).encode())
     os.replace(draft, path)
 
 

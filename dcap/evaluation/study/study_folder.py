@@ -111,7 +111,7 @@ def tokens_for(folder: Path, raters: Sequence[str]) -> dict[str, str]:
     """The secret word of each rater's link, by rater; made and kept for those who have none."""
     path = folder / TOKENS
     try:
-        known = json.loads(path.read_text()) if path.is_file() else {}
+        known = json.loads(path.read_bytes()) if path.is_file() else {}
         tokens = {str(rater): str(token) for rater, token in known.items()}
     except (OSError, ValueError, AttributeError) as error:
         raise InputError(f"{path}: not the links of a study ({error})") from None

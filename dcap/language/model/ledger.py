@@ -252,7 +252,7 @@ def in_words(total: Spending) -> str:
 
 def read_lines(path: Path) -> list[LedgerLine]:
     """All lines; none if there is no ledger."""
-    return [read_line(text) for text in path.read_text().splitlines()] if path.is_file() else []
+    return [read_line(text) for text in path.read_text(encoding="utf-8").splitlines()] if path.is_file() else []
 
 
 def read_line(text: str) -> LedgerLine:

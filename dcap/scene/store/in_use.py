@@ -54,7 +54,7 @@ def users(descriptor: int) -> str:
     """Other programs that hold a lock on an open file, in words."""
     inode = str(os.fstat(descriptor).st_ino)
     try:
-        lines = [line.split() for line in Path("/proc/locks").read_text().splitlines()]
+        lines = [line.split() for line in Path("/proc/locks").read_text(encoding="utf-8").splitlines()]
     except OSError:  # not on Linux
         lines = []
     holders = (line for line in lines if line[1] == "FLOCK")  # those that wait have an arrow there
