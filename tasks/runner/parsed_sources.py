@@ -16,6 +16,8 @@ from threading import Lock
 
 from dcap.scene.json_tree import JsonObject
 from dcap.scene.settings import cache_root
+from dcap.scene.store.building import free_place
+from dcap.scene.store.digest import is_plain_file
 from dcap.scene.whole_files import write_whole
 
 DATA_SUFFIXES = frozenset({".csv", ".yaml", ".yml", ".json", ".j2", ".txt", ".toml"})
@@ -79,6 +81,7 @@ class KeptSources:
         text = json.dumps(sources, sort_keys=True)
         with suppress(OSError):
             self.path.parent.mkdir(parents=True, exist_ok=True)
+            free_place(self.path)
             tree = {"rules": RULES, "check": _digest(text.encode()), "sources": text}
             write_whole(self.path, json.dumps(tree).encode())
 
@@ -128,6 +131,8 @@ def _digest(data: bytes) -> str:
 
 
 def _read(path: Path) -> dict[str, ParsedModule]:
+    if not is_plain_file(path):  # of a pipe, reading would not end
+        return {}
     try:
         tree: JsonObject = json.loads(path.read_bytes())
         text = str(tree["sources"])

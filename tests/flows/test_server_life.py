@@ -122,6 +122,27 @@ def test_an_interrupted_benchmark_ends_at_once(data: Path, kind: signal.Signals,
 
 @pytest.mark.slow
 @pytest.mark.long
+def test_all_samples_of_an_interrupted_benchmark_are_shown_as_crashed(
+    data: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However few of those at work the server tells at a time."""
+    monkeypatch.setenv("PREFECT_SERVER_API_DEFAULT_LIMIT", "2")
+    with prefect_server():
+        from prefect import Flow
+        from prefect.client.orchestration import get_client
+
+        from flows.benchmark_flow import benchmark_run
+        from flows.flow_runs import PLACE, FlowRunNames, created, the_block
+
+        with benchmark_run(data, [], {}) as watch, get_client(sync_client=True) as client:
+            names = [FlowRunNames(PLACE, f"{number}", (), {}) for number in range(5)]
+            children = [created(client, Flow(the_block, name=PLACE), one, watch.run.id).id for one in names]
+            watch.interrupted()
+            assert {client.read_flow_run(one).state_type for one in children} == {"CRASHED"}
+
+
+@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(900)
 def test_flow_runs_of_a_killed_program_end_as_crashed_with_the_next_run(
     data: Path, monkeypatch: pytest.MonkeyPatch

@@ -5,7 +5,7 @@ import shutil
 from pathlib import Path
 
 from dcap.scene.errors import StoreError
-from dcap.scene.store.digest import digest_of_folder
+from dcap.scene.store.digest import digest_of_folder, is_plain_file
 
 HOLDERS = 3
 """Folders of the store around an artifact: objects/KIND/aa."""
@@ -69,6 +69,12 @@ def check_folder(folder: Path) -> None:
     """StoreError where something else stands in the place of a folder that people may have linked to a disk."""
     if os.path.lexists(folder) and not folder.is_dir():
         raise StoreError(f"{folder} is no folder; remove it, or mount what it leads to")
+
+
+def free_place(path: Path) -> None:
+    """Remove what stands in the place of a file and is none: a folder, a link, a pipe at which a writer would wait."""
+    if os.path.lexists(path) and not is_plain_file(path):
+        remove(path)
 
 
 def make_folder(folder: Path, discarded: Path) -> None:

@@ -8,15 +8,21 @@ damaged costs time alone.
 import hashlib
 import json
 import shutil
+import uuid
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from dcap.scene.settings import cache_root
+from dcap.scene.store.building import free_place, make_folder
 from dcap.scene.store.digest import digest_of_file, is_plain_file
 from dcap.scene.whole_files import write_whole
 
 FOLDER = "earlier"
+CHECK = "check"
+"""Key of a note under which the digest of all else in it stands: nothing but that binds the files to what they are."""
+DAMAGED = (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError)
+"""What reading a note raises that is damaged."""
 
 
 def copy_earlier(key: str, folder: Path) -> dict[str, str]:
@@ -35,7 +41,7 @@ def copy_earlier(key: str, folder: Path) -> dict[str, str]:
             shutil.copyfile(Path(note["folder"], name), folder / name)
             if digest_of_file(folder / name) != note["sha256"][name]:
                 return {}
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+    except DAMAGED:
         return {}
     return files
 
@@ -45,8 +51,10 @@ def note_files(key: str, folder: Path, files: Mapping[str, str]) -> None:
     digests = {name: digest_of_file(folder / name) for name in files.values()}
     path = note_of(key)
     tree = {"key": path.stem, "folder": str(folder.resolve()), "files": dict(files), "sha256": digests}
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_whole(path, json.dumps(tree).encode())
+    note = {**tree, CHECK: check_of(tree)}
+    make_folder(path.parent, path.parent.with_name(f"{FOLDER}-{uuid.uuid4().hex}"))
+    free_place(path)
+    write_whole(path, json.dumps(note).encode())
 
 
 def note_of(key: str) -> Path:
@@ -55,10 +63,19 @@ def note_of(key: str) -> Path:
 
 
 def read_note(path: Path) -> Any:
-    """What a note says; ValueError for what is no file: of a pipe, reading would not end."""
+    """What a note says; ValueError for one that is damaged, and for what is no file: of a pipe, reading would not
+    end."""
     if not is_plain_file(path):
         raise ValueError(f"{path} is no plain file")
-    return json.loads(path.read_bytes())
+    note = json.loads(path.read_bytes())
+    if note[CHECK] != check_of({name: one for name, one in note.items() if name != CHECK}):
+        raise ValueError(f"{path} does not match its own digest")
+    return note
+
+
+def check_of(tree: Mapping[str, object]) -> str:
+    """Digest of what a note says."""
+    return hashlib.sha256(json.dumps(tree, sort_keys=True).encode()).hexdigest()
 
 
 def lost_notes() -> list[Path]:
@@ -71,5 +88,5 @@ def is_there(note: Path) -> bool:
     """Whether the folder that a note names is still there."""
     try:
         return Path(read_note(note)["folder"]).is_dir()
-    except (OSError, ValueError, KeyError, TypeError):
+    except DAMAGED:
         return False
