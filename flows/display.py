@@ -20,6 +20,7 @@ from dcap.evaluation.run_summary import RunSummary
 from dcap.language.model.ledger import in_words
 from dcap.scene.types.sample import Sample
 from flows.sample_run import STAGE_NAMES, Plan
+from flows.server import pages_of
 from tasks.runner.context import Event, OnEvent, StageEvent
 
 SHOWN_WIDTH = 46
@@ -91,7 +92,7 @@ class Display:
 
     def serving(self, url: str) -> None:
         """Work begins; the runs can be watched at `url`."""
-        self.console.print(f"Prefect: {url.removesuffix('/api')}")
+        self.console.print(f"Prefect: {pages_of(url)}")
         self.begin = time.monotonic()
         self.progress.reset(self.bar, total=len(self.stages), description="placing", left="")
 

@@ -13,6 +13,7 @@ from dcap.evaluation.run_folder import sample_folder
 from dcap.language.model.batch import batch_queue
 from dcap.language.protocol.session import Session
 from dcap.scene.json_tree import JsonObject
+from dcap.scene.team_server import team_server
 from dcap.scene.whole_files import write_whole
 from flows.display import Display
 from flows.elsewhere import SampleJob, fetched
@@ -21,7 +22,6 @@ from flows.output import write_placement
 from flows.place import PlaceConfig
 from flows.runners import LOOK_SECONDS, RunnerName, SampleRunner
 from flows.sample_run import FailedSample, FinishedSample, Plan, heavy_modules, try_sample
-from flows.server import is_own_server
 from flows.watching import SettledSample, Watch
 from tasks.runner.context import RunContext
 from tasks.runner.limits import set_limits
@@ -56,7 +56,7 @@ def run_all(
             settle(plan.settled, plan.finished is not None)
     if not waiting:
         return
-    set_limits(runner.limits, alone=is_own_server())
+    set_limits(runner.limits, alone=not team_server())
     if runner.name is RunnerName.LOCAL:
         placed = placed_here(waiting, config, session, workers, display, watch)
     else:

@@ -9,7 +9,6 @@ alone.
 import fcntl
 import json
 import os
-import shutil
 import signal
 import socket
 import subprocess
@@ -26,8 +25,10 @@ from urllib.parse import urlsplit
 
 from dcap.packages import module_command
 from dcap.scene.errors import DcapError, InputError
-from dcap.scene.secrets import redacted
+from dcap.scene.machine_errors import free_space
+from dcap.scene.redaction import redacted
 from dcap.scene.settings import cache_root
+from dcap.scene.team_server import API_URL, OWN_URL, team_server
 from dcap.scene.whole_files import write_whole
 from flows.own_requests import LOOPBACK, is_loopback, url_host
 from flows.prefect_settings import apply_settings
@@ -58,10 +59,10 @@ ROOM = "make room, or name a folder on another disk with DCAP_DATA"
 def prefect_server(port: int | None = None) -> Iterator[str]:
     """URL of a healthy server, also in $PREFECT_API_URL, as long as the block runs."""
     apply_settings()
-    given = os.environ.get("PREFECT_API_URL")
+    given = os.environ.get(API_URL)
     if given:
         if not is_healthy(given):
-            raise DcapError(f"PREFECT_API_URL={redacted(given)}: {unanswered(given)}")
+            raise DcapError(f"{API_URL}={redacted(given)}: {unanswered(given)}")
         notice_settings()
         yield given
         return
@@ -74,7 +75,7 @@ def prefect_server(port: int | None = None) -> Iterator[str]:
         except BaseException:
             os.close(users)
             raise
-    os.environ["PREFECT_API_URL"] = url
+    os.environ[API_URL] = os.environ[OWN_URL] = url
     own_login = AUTH_STRING in os.environ and LOGIN not in os.environ
     if own_login:  # what this server asks for
         os.environ[LOGIN] = os.environ[AUTH_STRING]
@@ -90,7 +91,8 @@ def prefect_server(port: int | None = None) -> Iterator[str]:
         patience = STOP_SECONDS
         raise
     finally:
-        os.environ.pop("PREFECT_API_URL", None)
+        for name in (API_URL, OWN_URL):
+            os.environ.pop(name, None)
         if own_login:
             os.environ.pop(LOGIN, None)
         with one_at_a_time(folder):
@@ -119,13 +121,8 @@ def server_folder() -> Path:
 
 def server_answers() -> bool:
     """Whether a run would find a server without starting one."""
-    given = os.environ.get("PREFECT_API_URL")
+    given = os.environ.get(API_URL)
     return is_healthy(given) if given else running_url(server_folder()) != ""
-
-
-def is_own_server() -> bool:
-    """Whether the server of this run is that of the data folder, not a team's."""
-    return os.environ.get("PREFECT_API_URL") == known(server_folder()).get("url", "")
 
 
 def lock_users(folder: Path) -> int:
@@ -172,13 +169,14 @@ def start_again(folder: Path, url: str, done: threading.Event) -> None:
             start(folder, server_host(), port_of(url), done)
 
 
-def wait_for_server(patience: float = START_SECONDS) -> None:
-    """Wait until the server of this run answers again; DcapError if it does not within `patience` [s]."""
-    url = os.environ.get("PREFECT_API_URL", "")
-    deadline = time.monotonic() + patience
+def wait_for_server(patience: float | None = None) -> None:
+    """Wait until the server of this run answers again; DcapError if it does not within `patience` [s], as long as a
+    start may take where none is given."""
+    url = os.environ.get(API_URL, "")
+    deadline = time.monotonic() + (START_SECONDS if patience is None else patience)
     while not is_healthy(url):
         if time.monotonic() > deadline:
-            raise DcapError(f"the Prefect server {url} is gone; {why_gone(server_folder())}")
+            raise DcapError(f"the Prefect server {redacted(url)} is gone; {why_gone(server_folder())}")
         time.sleep(0.2)
 
 
@@ -255,6 +253,11 @@ def free_port() -> int:
         return int(one.getsockname()[1])
 
 
+def pages_of(url: str) -> str:
+    """Where the pages of a server are that answers at `url`, as people are told: without who signs in there."""
+    return redacted(url.removesuffix("/api"))
+
+
 def port_of(url: str) -> int:
     """The port in an address."""
     return urlsplit(url).port or 80
@@ -281,7 +284,7 @@ def start_anew(folder: Path, host: str, port: int) -> str:
 
 def start(folder: Path, host: str, port: int, done: threading.Event | None = None) -> str:
     """Start a server, wait until it is healthy, and return its URL; once it is `done`, nobody waits."""
-    free = shutil.disk_usage(folder).free
+    free = free_space(folder)
     if free < LEAST_ROOM and not (folder / "prefect.db").exists():
         raise DcapError(f"{folder}: {free >> 20} MiB are free, too few for Prefect's database; {ROOM}")
     url = f"http://{url_host(host)}:{port}/api"
@@ -298,7 +301,9 @@ def start(folder: Path, host: str, port: int, done: threading.Event | None = Non
 
 def why_gone(folder: Path) -> str:
     """What may have ended a server."""
-    free = shutil.disk_usage(folder).free
+    if team_server():
+        return f"{API_URL} names it: see there, or unset the variable"
+    free = free_space(folder)
     full = f"the disk of {folder} has {free >> 20} MiB left ({ROOM}); " if free < LEAST_ROOM else ""
     return f"{full}its log is {folder / 'server.log'}"
 
@@ -312,7 +317,7 @@ def launch(folder: Path, host: str, port: int) -> "subprocess.Popen[bytes]":
         "PREFECT_UI_API_URL": "/api",  # of whichever address the pages came from
         "PYTHONSAFEPATH": "1",  # what the server starts takes nothing from the working directory either
     }
-    environment.pop("PREFECT_API_URL", None)
+    environment.pop(API_URL, None)
     (folder / "concurrency_leases" / "expirations.lock").unlink(missing_ok=True)  # of a server that was killed
     with (folder / "server.log").open("ab") as log:
         return subprocess.Popen(

@@ -5,10 +5,19 @@ import signal
 from collections.abc import Callable
 from urllib.parse import urlsplit
 
+from dcap.scene.team_server import API_URL
 from flows.own_requests import LOOPBACK
 from flows.prefect_settings import apply_settings
 from flows.relay import relay
-from flows.server import check_port, port_of, prefect_server, running_url, server_folder, server_host
+from flows.server import (
+    check_port,
+    pages_of,
+    port_of,
+    prefect_server,
+    running_url,
+    server_folder,
+    server_host,
+)
 
 
 def serve_pages(port: int, announce: Callable[[str], None]) -> None:
@@ -18,7 +27,7 @@ def serve_pages(port: int, announce: Callable[[str], None]) -> None:
     $PREFECT_API_URL names has an address of its own.
     """
     apply_settings()
-    own = "PREFECT_API_URL" not in os.environ
+    own = not os.environ.get(API_URL)
     there = running_url(server_folder())
     if own and not (there and port_of(there) == port):
         check_port(port, LOOPBACK if there else server_host())
@@ -27,5 +36,5 @@ def serve_pages(port: int, announce: Callable[[str], None]) -> None:
             host = urlsplit(url).hostname or LOOPBACK
             relay(port, port_of(url), lambda: announce(f"http://{LOOPBACK}:{port}"), host)
         else:
-            announce(url.removesuffix("/api"))
+            announce(pages_of(url))
             signal.pause()

@@ -20,7 +20,7 @@ from dcap.cores import SHARE, available_cores
 from dcap.packages import module_command
 from dcap.scene.errors import DcapError
 from dcap.scene.settings import data_root, shared_store_url
-from flows.server import prefect_server
+from flows.server import pages_of, prefect_server
 from flows.settings.given import FILE_VARIABLE, settings_file
 from flows.worker_program import kill, started_by
 
@@ -53,9 +53,9 @@ def serve_pool(at_a_time: int, announce: Callable[[str], None]) -> None:
         process = subprocess.Popen(
             module_command(WORKER_MODULE, str(os.getpid()), *words), env=environment, cwd=folder, start_new_session=True
         )
-        announce(f"worker {name} of the pool {POOL!r}, server {url.removesuffix('/api')}, {at_a_time} at a time")
         started = list[psutil.Process]()
         try:
+            announce(f"worker {name} of the pool {POOL!r}, server {pages_of(url)}, {at_a_time} at a time")
             while process.poll() is None:
                 started = started_by(process.pid) or started
                 with suppress(subprocess.TimeoutExpired):

@@ -18,6 +18,7 @@ from dcap.scene.errors import DcapError, InputError, MachineError
 from dcap.scene.given_text import shortened
 from dcap.scene.secrets import redacted
 from dcap.scene.settings import data_root
+from dcap.scene.team_server import team_server
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
 REFUSED = (errno.EACCES, errno.EPERM, errno.EROFS)
@@ -49,7 +50,7 @@ def machine_error(error: BaseException) -> MachineError | None:
     if isinstance(error, SubprocessError):
         return MachineError(redacted(_words(error)))
     if _of_server(error):
-        return MachineError(redacted(f"the Prefect server: {_words(error)}; {_full() or _log()}"))
+        return MachineError(redacted(f"the Prefect server: {_words(error)}; {_of_the_server()}"))
     return None
 
 
@@ -115,11 +116,11 @@ def _room() -> str:
     data = _data_root()
     places = [("DCAP_DATA", data)] if data else []
     places += [("TMPDIR", Path(tempfile.gettempdir())), ("the working directory", Path(os.curdir))]
-    told = [f"{_free(path) / 2**20:.0f} MiB in {name} ({path})" for name, path in places]
+    told = [f"{free_space(path) / 2**20:.0f} MiB in {name} ({path})" for name, path in places]
     return f"free are {', '.join(told)}; make room, or set DCAP_DATA, TMPDIR or --out to another disk"
 
 
-def _free(path: Path) -> int:
+def free_space(path: Path) -> int:
     """Bytes that are free on the disk of a folder, which need not be there yet; 0 where it cannot be told."""
     nearest = next((one for one in (path, *path.absolute().parents) if os.path.isdir(one)), Path(os.sep))
     try:
@@ -128,16 +129,22 @@ def _free(path: Path) -> int:
         return 0
 
 
+def _of_the_server() -> str:
+    """What to look at where the server of the runs does not do its part."""
+    team = team_server()
+    return f"PREFECT_API_URL names {team}: see there, or unset the variable" if team else _full() or _log()
+
+
 def _full() -> str:
-    """That the server's disk is full, if it is."""
+    """That the disk of our own server is full, if it is."""
     data = _data_root()
-    if data is None or _free(data) > ROOMY:
+    if data is None or (free := free_space(data)) > ROOMY:
         return ""
-    return f"its disk has {_free(data) / 2**20:.0f} MiB left: make room in {data}, or set DCAP_DATA to another disk"
+    return f"its disk has {free / 2**20:.0f} MiB left: make room in {data}, or set DCAP_DATA to another disk"
 
 
 def _log() -> str:
-    """Where the server says more."""
+    """Where our own server says more."""
     data = _data_root()
     return f"its log is {data / 'cache' / 'prefect' / 'server.log'}" if data else "see its log"
 

@@ -63,8 +63,23 @@ def test_the_server_is_known_by_its_errors(monkeypatch: pytest.MonkeyPatch, tmp_
 
     monkeypatch.setenv("DCAP_DATA", str(tmp_path))
     assert "server.log" in str(machine_error(httpx.ConnectError("all connection attempts failed")))
-    monkeypatch.setattr("dcap.scene.machine_errors._free", lambda path: 3 << 20)
+    monkeypatch.setattr("dcap.scene.machine_errors.free_space", lambda path: 3 << 20)
     assert f"3 MiB left: make room in {tmp_path}" in str(machine_error(httpx.ReadTimeout("no answer")))
+
+
+def test_a_server_of_a_team_has_its_log_elsewhere(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Neither our own server's log nor our own disk is named for it, but its address, without who signs in there; one
+    that we have started has ours, wherever its address stands."""
+    import httpx
+
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path))
+    monkeypatch.setenv("PREFECT_API_URL", "http://team:of-ours@192.0.2.7:4200/api")
+    monkeypatch.setattr("dcap.scene.machine_errors.free_space", lambda path: 3 << 20)
+    line = str(machine_error(httpx.ConnectError("all connection attempts failed")))
+    assert line.endswith("; PREFECT_API_URL names http://***@192.0.2.7:4200/api: see there, or unset the variable")
+    monkeypatch.setattr("dcap.scene.machine_errors.free_space", lambda path: 3 << 30)
+    monkeypatch.setenv("DCAP_OWN_SERVER", "http://team:of-ours@192.0.2.7:4200/api")
+    assert "server.log" in str(machine_error(httpx.ConnectError("all connection attempts failed")))
 
 
 def test_the_knob_is_that_of_the_place(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

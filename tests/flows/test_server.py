@@ -16,7 +16,10 @@ from foreign_names import LIBRARIES, OURS, foreign_folder, marks
 
 from dcap.scene.errors import DcapError
 from dcap.scene.settings import PROJECT_ROOT
-from flows.server import is_healthy, is_server, prefect_server
+from flows.display import Display
+from flows.server import is_healthy, is_server, prefect_server, wait_for_server
+from flows.ui import serve_pages
+from flows.worker import serve_pool
 from perf.workflow import chain
 
 OTHER = """
@@ -149,3 +152,50 @@ def test_an_address_that_is_no_servers(prefect: bool, said: str, monkeypatch: py
         with pytest.raises(DcapError, match=said), prefect_server():
             raise AssertionError
         pages.shutdown()
+
+
+def test_a_server_of_a_team_that_is_gone_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By its address, without who signs in there; our own log says nothing of it, nor need our own folder be there."""
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path / "data"))
+    monkeypatch.setenv("PREFECT_HOME", str(tmp_path))
+    monkeypatch.setenv("PREFECT_API_URL", "http://team:of-ours@127.0.0.1:1/api")
+    monkeypatch.setattr("flows.server.START_SECONDS", 0.0)
+    with pytest.raises(DcapError) as told:
+        wait_for_server()
+    assert str(told.value) == (
+        "the Prefect server http://***@127.0.0.1:1/api is gone; PREFECT_API_URL names it: see there, or unset the "
+        "variable"
+    )
+    with pytest.raises(
+        DcapError, match=r"PREFECT_API_URL=http://\*\*\*@127\.0\.0\.1:1/api: no server of Prefect answers"
+    ):
+        prefect_server().__enter__()
+
+
+def test_nobody_is_shown_who_signs_in_at_a_server(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Neither by a benchmark, nor by the pages, nor by a worker."""
+    url = "http://team:of-ours@127.0.0.1:1/api"
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path))
+    monkeypatch.setenv("PREFECT_HOME", str(tmp_path))
+    monkeypatch.setenv("PREFECT_API_URL", url)
+    monkeypatch.setattr("flows.server.is_healthy", lambda asked: True)
+    monkeypatch.setattr("flows.worker.module_command", lambda *words: ["sleep", "60"])
+    monkeypatch.setattr("flows.work_pool.register", lambda: None)
+    monkeypatch.setattr("signal.pause", lambda: None)
+    Display([]).serving(url)
+    told = [capsys.readouterr().err]
+    serve_pages(4200, told.append)
+    with pytest.raises(InterruptedError):
+        serve_pool(1, lambda line: interrupted(told, line))
+    assert len(told) == 3
+    for line in told:
+        assert "http://***@127.0.0.1:1" in line
+        assert "of-ours" not in line
+
+
+def interrupted(told: list[str], line: str) -> None:
+    """Somebody ends the program as soon as a line is said."""
+    told.append(line)
+    raise InterruptedError

@@ -8,8 +8,9 @@ from time import sleep
 import pytest
 
 from dcap.language.protocol.client import ClientName
+from dcap.scene.team_server import team_server
 from flows.place import PlaceConfig
-from flows.server import is_own_server, prefect_server
+from flows.server import prefect_server
 from tasks.drop.stage import drop_task
 from tasks.intent.stage import intent_task
 from tasks.runner.limits import MODEL_CALLS, SIMULATIONS, is_limited, set_limits, slot_of
@@ -45,7 +46,7 @@ def test_a_limit_bounds_whoever_computes_on_its_server(
     monkeypatch.setenv("PREFECT_HOME", str(tmp_path))
     monkeypatch.delenv("PREFECT_API_URL", raising=False)
     with prefect_server(), ThreadPoolExecutor(3) as threads:
-        assert is_own_server()
+        assert not team_server()
 
         def meet(together: Barrier) -> None:
             with slot_of(name):

@@ -1,0 +1,19 @@
+"""Whose the server of the runs is: one that this project has started, or a team's, which somebody else looks after.
+
+Either stands in $PREFECT_API_URL while work runs, for this process and all that it starts.
+"""
+
+import os
+
+from dcap.scene.redaction import redacted
+
+API_URL = "PREFECT_API_URL"
+"""Prefect's variable with the address of the server to ask."""
+OWN_URL = "DCAP_OWN_SERVER"
+"""Variable with the address of the server that this project has started."""
+
+
+def team_server() -> str:
+    """Address of a team's server, as it may be shown; empty where the server is our own or there is none."""
+    url = os.environ.get(API_URL, "")
+    return "" if url == os.environ.get(OWN_URL) else redacted(url)
