@@ -6,7 +6,7 @@ BIN := .venv/bin
 READY := .venv/.ready
 CLUSTERS := build/clusters/bin
 # All that the program and its server import: in an environment that tells Python to write nothing, as many containers
-# are, it would be compiled with each start, which is five seconds of ten.
+# are, it would be compiled with each start, which is five seconds of ten. Prefect makes its folder as it is imported.
 COMPILE := import importlib, pkgutil, prefect.server.api.server; [importlib.import_module(module.name) \
 	for package in ("dcap", "solver", "tasks", "flows") for module in pkgutil.walk_packages([package], package + ".") \
 	if not module.name.endswith("__main__")]
@@ -40,7 +40,8 @@ $(READY): requirements.lock pyproject.toml
 	$(BIN)/python -m pip install --quiet --no-deps --no-compile --require-hashes -r requirements.lock
 	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --config-settings editable_mode=compat --editable .
 	$(BIN)/python -m pip --quiet check
-	PYTHONDONTWRITEBYTECODE= $(BIN)/python -c '$(COMPILE)' >/dev/null
+	@mkdir -p build
+	PYTHONDONTWRITEBYTECODE= PREFECT_HOME=build/prefect $(BIN)/python -c '$(COMPILE)' >/dev/null
 	@touch $(READY)
 
 system-libraries: ## install the few system libraries that Open3D loads, or print the command

@@ -14,9 +14,9 @@ MARKERS = ("slow", "long", "third_party", "gpu", "sweep")
 TARGETS = ("check", "rest", "long")
 
 
-def dry_run(target: str, **environment: str) -> str:
+def dry_run(target: str, option: str = "--old-file=.venv/.ready", **environment: str) -> str:
     """What make would run, whatever was given to a make that runs these tests."""
-    command = ["make", "--dry-run", "--old-file=.venv/.ready", target]
+    command = ["make", "--dry-run", option, target]
     own = {name: value for name, value in os.environ.items() if not name.startswith(("MAKE", "MFLAGS"))} | environment
     return subprocess.run(command, cwd=ROOT, env=own, capture_output=True, text=True, check=True).stdout
 
@@ -29,6 +29,15 @@ def test_targets_follow_the_data_folder(target: str, words: str) -> None:
     said = dry_run(target, DCAP_DATA="/far away")
     assert words in said
     assert " data/" not in said
+
+
+def test_setup_leaves_nothing_in_the_home_folder() -> None:
+    """Prefect makes its own folder there when it is imported, unless it is told another; the one above it must be."""
+    said = dry_run("setup", "--what-if=requirements.lock").splitlines()
+    number, line = next((number, line) for number, line in enumerate(said) if "prefect.server" in line)
+    above, _, name = re.findall(r"PREFECT_HOME=(\S+)", line)[-1].rpartition("/")
+    assert name
+    assert f"mkdir -p {above}" in said[:number]
 
 
 def selects(target: str, marks: tuple[str, ...]) -> bool:
