@@ -129,5 +129,5 @@ def placed_by_workers(jobs: Sequence[SampleJob], say: Callable[[str], None]) -> 
 
     pool = WorkPool()
     if not pool.served():
-        say("no worker serves the pool yet; start one: dcap worker")
+        say("no worker serves the pool yet; one that is starting is waited for, else start one: dcap worker")
     yield from pool.placed(jobs, LOOK_SECONDS)

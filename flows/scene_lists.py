@@ -15,6 +15,8 @@ from dcap.scene.spelling import did_you_mean
 from dcap.scene.types.sample import Sample
 
 SPLIT_SUFFIX = ".txt"
+SHOWN = 5
+"""Scenes that a message lists."""
 
 
 def named_scenes(text: str, folder: Path) -> tuple[str, ...]:
@@ -69,9 +71,15 @@ def named_paths(paths: Sequence[str], names: Sequence[str]) -> set[str]:
         meant = with_name(paths, name)
         if not meant:
             known = sorted({Path(path).stem for path in paths})
-            raise InputError(f"--scenes: no scene is named {name!r}{did_you_mean(name, known)}")
+            raise InputError(f"--scenes: no scene is named {name!r}{did_you_mean(name, known) or there_are(known)}")
         chosen |= meant
     return chosen
+
+
+def there_are(names: Sequence[str]) -> str:
+    """The end of a message that lists the first names, and says how many more there are."""
+    more = len(names) - SHOWN
+    return f"; there are {', '.join(names[:SHOWN])}" + (f" and {more} more" if more > 0 else "")
 
 
 def of_scenes(samples: Sequence[Sample], text: str, folder: Path) -> list[Sample]:

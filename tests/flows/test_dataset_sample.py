@@ -148,6 +148,20 @@ def test_a_split_is_not_what_has_its_names_elsewhere(tmp_path: Path) -> None:
         of_scenes(samples, "room", tmp_path)
 
 
+def test_where_no_name_is_near_the_scenes_are_listed(tmp_path: Path) -> None:
+    """The first ones, and how many more there are; of one that is near, that alone."""
+    rooms = [f"bedroom_0{number}" for number in range(1, 8)]
+    samples = [Sample(one, str(tmp_path / f"{one}.glb"), "mug.glb", "Put it there.") for one in rooms]
+    with pytest.raises(InputError) as told:
+        of_scenes(samples, "nosuch", tmp_path)
+    first = "bedroom_01, bedroom_02, bedroom_03, bedroom_04, bedroom_05"
+    assert str(told.value) == f"--scenes: no scene is named 'nosuch'; there are {first} and 2 more"
+    with pytest.raises(InputError, match=r"'bedrom_07'; did you mean 'bedroom_07'\?$"):
+        of_scenes(samples, "bedrom_07", tmp_path)
+    with pytest.raises(InputError, match=r"'nosuch'; there are bedroom_01, bedroom_02$"):
+        of_scenes(samples[:2], "nosuch", tmp_path)
+
+
 def test_scenes_by_name(tmp_path: Path) -> None:
     """Names, a file of names, and a split beside the data set choose samples; an unknown name is refused."""
     write_tiny_rooms(tmp_path / "rooms", 2)
