@@ -72,8 +72,8 @@ class Why:
     """Against the closest earlier result."""
     told: str = ""
     """The reason where nothing has changed."""
-    file: bool = False
-    """Whether it is a file that a person has given."""
+    file: str = ""
+    """Name of the file that a person has given, if that is it."""
 
 
 def why_not_cached(wanted: Deciders, store: Store) -> Why:
@@ -87,18 +87,23 @@ def why_not_cached(wanted: Deciders, store: Store) -> Why:
     if not changes:
         return Why(told="artifact missing or damaged" if not store.has(record.ref) else "asked for")
     why = Why(tuple(followed(change, store, index, MOST_STEPS) for change in changes))
-    return why if {Cause.VALUE, Cause.FILE} - set(causes(why)) else Why(told="no earlier result of this sample")
+    given = list(given_otherwise(why))
+    if {Cause.VALUE, Cause.FILE} - {cause for cause, _ in given}:
+        return why
+    words = dict.fromkeys(words for _, words in sorted(given, key=lambda one: one[0] is Cause.FILE))
+    return Why(told=f"no earlier result with {listed([*words])}")
 
 
-def causes(why: Why) -> Iterator[Cause]:
-    """What a person has given otherwise; a record with another value and another file is of another sample."""
+def given_otherwise(why: Why) -> Iterator[tuple[Cause, str]]:
+    """What a person gives now and the earlier record has otherwise. One with another value and another file may be of
+    another sample: what it has instead is no reason then."""
     for change in why.changes:
         if change.origin is not None:
-            yield from causes(change.origin)
+            yield from given_otherwise(change.origin)
         elif change.kind is ChangeKind.INPUT and not change.is_reference:
-            yield Cause.VALUE
+            yield Cause.VALUE, f"{change.name} {shown(change.new)}"
     if why.file:
-        yield Cause.FILE
+        yield Cause.FILE, f"file {why.file}"
 
 
 def closest(records: list[Record], new: Mapping[str, Any]) -> tuple[Record, list[Change]]:
@@ -166,7 +171,8 @@ def followed(change: Change, store: Store, index: RecordIndex, steps: int) -> Ch
     if new is None or old is None:
         return change
     if new.kind == Source.__name__:
-        return replace(change, origin=Why(told=f"new or changed file {source_name(new, store)}", file=True))
+        name = source_name(new, store)
+        return replace(change, origin=Why(told=f"new or changed file {name}", file=name))
     makers = [one for one in index.making(new) if one.deciders.get("stage")]
     earlier = [one for maker in makers[:1] for one in index.making(old) if same_stage(one, maker)]
     if not earlier:

@@ -103,6 +103,19 @@ def test_a_file_that_was_given_is_named(tmp_path: Path) -> None:
     assert told(deciders("mesh_object", {"source": new})) == "input source: new or changed file ball.obj"
 
 
+def test_what_is_given_otherwise_is_named_where_both_a_value_and_a_file_are(tmp_path: Path) -> None:
+    """By what it is now: whether the record with another sentence and another file is an earlier one of this sample
+    cannot be told."""
+    (tmp_path / "ball.obj").write_text("v 0 0 0\n")
+    old = Store.default().add_source(tmp_path / "ball.obj")
+    write_record(deciders("mesh_object", {"options": {"unit": "m"}, "source": old}), SCAN)
+    (tmp_path / "ball.obj").write_text("v 0 0 1\n")
+    new = Store.default().add_source(tmp_path / "ball.obj")
+    assert told(deciders("mesh_object", {"options": {"unit": "mm"}, "source": new}, {"weld": 2})) == (
+        'no earlier result with options {"unit": "mm"}, file ball.obj'
+    )
+
+
 def test_a_record_of_another_sample_is_no_reason(tmp_path: Path) -> None:
     """Neither its sentence nor its file was ever this sample's: what this one had is no longer there."""
     for name, letter in (("ball", "4"), ("bear", "5")):
@@ -111,7 +124,7 @@ def test_a_record_of_another_sample_is_no_reason(tmp_path: Path) -> None:
         write_record(deciders("mesh_object", {"source": source}), ref_of("Scan", letter))
     write_record(deciders("intent", {"item": ref_of("Scan", "5"), "prompt": "the bear on the bed"}), WISH)
     ball = {"item": ref_of("Scan", "4"), "prompt": "the ball on the bed"}
-    assert told(deciders("intent", ball)) == "no earlier result of this sample"
+    assert told(deciders("intent", ball)) == "no earlier result with prompt the ball on the bed, file ball.obj"
     bear = {"item": ref_of("Scan", "5"), "prompt": "the bear on the desk"}
     assert told(deciders("intent", bear)) == "prompt changed (the bear on the bed -> the bear on the desk)"
 
