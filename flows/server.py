@@ -1,9 +1,9 @@
 """A real local Prefect server for as long as work runs: Prefect's built-in temporary one loses history.
 
-The server keeps its database in the cache and listens on a free port of this machine only. Programs that run at the
-same time share it; the last one to leave stops it, and it ends itself where the last one was killed. One that dies
-under a run is started again, on the same database and port. A server that $PREFECT_API_URL names is used and left
-alone.
+The server keeps its database in the cache, unless one is named, and listens on a free port of this machine only.
+Programs that run at the same time share it; the last one to leave stops it, and it ends itself where the last one was
+killed. One that dies under a run is started again, on the same database and port. A server that $PREFECT_API_URL names
+is used and left alone.
 """
 
 import fcntl
@@ -39,6 +39,8 @@ HOST, AUTH_STRING = "PREFECT_SERVER_API_HOST", "PREFECT_SERVER_API_AUTH_STRING"
 """Prefect's settings of a server: the address that it listens on, and `NAME:PASSWORD` of who may ask."""
 LOGIN = "PREFECT_API_AUTH_STRING"
 """The same of a program that asks."""
+DATABASES = "PREFECT_SERVER_DATABASE_CONNECTION_URL", "PREFECT_API_DATABASE_CONNECTION_URL"
+"""Prefect's setting of a server's database, by its new and its old name; where neither is set, it is a file."""
 START_SECONDS = 300.0
 """A first start creates the database, which takes 8 s on two idle cores; more than a minute on busy ones."""
 STOP_SECONDS = 10.0
@@ -311,12 +313,13 @@ def why_gone(folder: Path) -> str:
 def launch(folder: Path, host: str, port: int) -> "subprocess.Popen[bytes]":
     """The server's process, in a session and folder of its own: a working directory's settings are not the server's."""
     environment = os.environ | {
-        "PREFECT_API_DATABASE_CONNECTION_URL": f"sqlite+aiosqlite:///{folder / 'prefect.db'}",
         "PREFECT_SERVER_API_PORT": str(port),
         "PREFECT_HOME": str(folder),  # leases of limits belong to this database
         "PREFECT_UI_API_URL": "/api",  # of whichever address the pages came from
         "PYTHONSAFEPATH": "1",  # what the server starts takes nothing from the working directory either
     }
+    if not any(os.environ.get(name) for name in DATABASES):
+        environment[DATABASES[0]] = f"sqlite+aiosqlite:///{folder / 'prefect.db'}"
     environment.pop(API_URL, None)
     (folder / "concurrency_leases" / "expirations.lock").unlink(missing_ok=True)  # of a server that was killed
     with (folder / "server.log").open("ab") as log:

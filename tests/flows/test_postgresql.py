@@ -1,17 +1,19 @@
-"""Prefect over PostgreSQL: a benchmark shows there as it does over its own database."""
+"""The server of a team, over PostgreSQL: runs are kept there, and nobody is told of them without a log-in."""
 
 import os
 import shutil
+import signal
 import subprocess
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from urllib.error import HTTPError
+from urllib.request import Request, urlopen
 
 import pytest
 from desk_room import desk_dataset
-from prefect_pages import PrefectPages
 
 from dcap.packages import module_command
 from flows.cli.app import main
@@ -20,6 +22,7 @@ from flows.server import free_port, is_healthy
 PATIENCE = 240.0
 """For machines that are busy [s]."""
 DATABASE, OWNER = "prefect", "postgres"
+LOG_IN = "team:of-ours"
 SAMPLES = {"mug": "put the mug on the desk", "lost": "put the mug on the piano"}
 
 
@@ -58,48 +61,60 @@ def database() -> Iterator[int]:
 
 
 @contextmanager
-def server_over(database: int, folder: Path) -> Iterator[str]:
-    """Prefect's own server, as docs/formats.md says; its API's address."""
-    port = free_port()
-    own = {
-        "PREFECT_HOME": str(folder),
-        "PREFECT_SERVER_DATABASE_CONNECTION_URL": f"postgresql+asyncpg://{OWNER}@127.0.0.1:{database}/{DATABASE}",
-        "PREFECT_SERVER_ANALYTICS_ENABLED": "false",
-    }
-    words = ("server", "start", "--host", "127.0.0.1", "--port", str(port), "--no-ui")
-    folder.mkdir()
-    said = folder / "said.txt"
+def program_of_ours(words: Sequence[str], said: Path, **own: str) -> Iterator["subprocess.Popen[bytes]"]:
+    """A command of dcap that goes on until it is interrupted, with variables of its own."""
     with said.open("wb") as told:
         process = subprocess.Popen(
-            module_command("prefect", *words), env=os.environ | own, stdout=told, stderr=told, start_new_session=True
+            module_command("flows.cli", *words), env=os.environ | own, stdout=told, stderr=told, start_new_session=True
         )
     try:
-        url, deadline = f"http://127.0.0.1:{port}/api", time.monotonic() + PATIENCE
+        yield process
+    finally:
+        process.send_signal(signal.SIGTERM)
+        process.wait(60)
+
+
+@contextmanager
+def server_over(database: int, folder: Path) -> Iterator[str]:
+    """The server of a team as docs/workflow.md starts it; its API's address."""
+    port, said = free_port(), folder / "server.txt"
+    own = {
+        "DCAP_DATA": str(folder / "server"),
+        "PREFECT_SERVER_DATABASE_CONNECTION_URL": f"postgresql+asyncpg://{OWNER}@127.0.0.1:{database}/{DATABASE}",
+        "PREFECT_SERVER_API_HOST": "0.0.0.0",
+        "PREFECT_SERVER_API_AUTH_STRING": LOG_IN,
+    }
+    url = f"http://127.0.0.1:{port}/api"
+    with program_of_ours(("ui", "--port", str(port)), said, **own) as process:
+        deadline = time.monotonic() + PATIENCE
         while not is_healthy(url):
             assert process.poll() is None, said.read_text()
             assert time.monotonic() < deadline, said.read_text()
             time.sleep(0.2)
         yield url
-    finally:
-        process.terminate()
-        process.wait(60)
 
 
 @pytest.mark.slow
 @pytest.mark.long
 @pytest.mark.timeout(900)
-def test_a_benchmark_is_kept_by_postgresql(database: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A run with its samples is on the pages of a server over PostgreSQL, and in its tables."""
+def test_a_team_s_server_keeps_its_runs_in_postgresql(
+    database: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What a worker has placed is in its tables; who does not sign in is told nothing, nor is a page of others."""
     monkeypatch.setenv("DCAP_DATA", str(tmp_path / "data"))
+    monkeypatch.setenv("DCAP_RENDER__SIZE", "256")  # nothing here is seen in the pictures
     monkeypatch.setenv("PREFECT_HOME", str(tmp_path / "home"))
     dataset = desk_dataset(tmp_path, SAMPLES)
-    with server_over(database, tmp_path / "server") as url:
+    with server_over(database, tmp_path) as url:
         monkeypatch.setenv("PREFECT_API_URL", url)
-        assert main(["benchmark", "--dataset", str(dataset), "--workers", "2"]) == 0
-        pages = PrefectPages(url)
-        (benchmark,) = pages.flow_runs()
-        children = pages.flow_runs(str(benchmark["id"]))
-        assert {run["state_name"] for run in children} == {"Completed", "Infeasible"}
-    asked = "select count(*) from flow_run"
+        monkeypatch.setenv("PREFECT_API_AUTH_STRING", LOG_IN)
+        with program_of_ours(("worker",), tmp_path / "worker.txt"):
+            assert main(["benchmark", "--dataset", str(dataset), "--runner", "pool"]) == 0
+        for headers, status in (({}, 401), ({"Origin": "https://evil.example"}, 403)):
+            with pytest.raises(HTTPError) as refused:
+                urlopen(Request(f"{url}/flow_runs/filter", b"{}", headers), timeout=30)
+            assert refused.value.code == status
+    assert not list(tmp_path.rglob("prefect.db"))
+    asked = "select state_name, count(*) from flow_run group by 1 order by 1"
     said = as_owner(program("psql"), "-h", "127.0.0.1", "-p", str(database), "-U", OWNER, "-d", DATABASE, "-tAc", asked)
-    assert int(said) == 1 + len(SAMPLES)
+    assert said.split() == ["Completed|2", "Infeasible|1"]

@@ -17,7 +17,7 @@ from foreign_names import LIBRARIES, OURS, foreign_folder, marks
 from dcap.scene.errors import DcapError
 from dcap.scene.settings import PROJECT_ROOT
 from flows.display import Display
-from flows.server import is_healthy, is_server, prefect_server, wait_for_server
+from flows.server import DATABASES, is_healthy, is_server, launch, prefect_server, wait_for_server
 from flows.ui import serve_pages
 from flows.worker import serve_pool
 from perf.workflow import chain
@@ -199,3 +199,18 @@ def interrupted(told: list[str], line: str) -> None:
     """Somebody ends the program as soon as a line is said."""
     told.append(line)
     raise InterruptedError
+
+
+@pytest.mark.parametrize("name", DATABASES)
+def test_a_server_keeps_its_runs_where_it_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    """By either name of Prefect's setting; a file in its folder is the database only where none is named."""
+    given: list[dict[str, str]] = []
+    monkeypatch.setattr("subprocess.Popen", lambda command, *, env, **_: given.append(env))
+    for one in DATABASES:
+        monkeypatch.delenv(one, raising=False)
+    launch(tmp_path, "127.0.0.1", 1)
+    monkeypatch.setenv(name, "postgresql+asyncpg://db.example/prefect")
+    launch(tmp_path, "127.0.0.1", 1)
+    files, named = ([env[one] for one in DATABASES if one in env] for env in given)
+    assert files == [f"sqlite+aiosqlite:///{tmp_path / 'prefect.db'}"]
+    assert named == ["postgresql+asyncpg://db.example/prefect"]
