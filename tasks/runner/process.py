@@ -63,7 +63,7 @@ def run_in_process(
         if not kept:
             dismiss(process)
         return done
-    except (StageProcessError, json.JSONDecodeError) as error:  # killed in the middle of a line
+    except StageProcessError as error:
         if process in interrupted or (server is not None and server.closed):
             raise InterruptedRunError from error
         raise
@@ -89,6 +89,8 @@ def converse(process: StageProcess, job: str, on_progress: Callable[[float, str]
         process.input.write(job + "\n")
         process.input.flush()
     for line in process.output:
+        if not line.endswith("\n"):  # killed in the middle of it
+            break
         message = json.loads(line)
         if "progress" in message:
             on_progress(float(message["progress"]), str(message.get("text", "")))

@@ -95,6 +95,16 @@ def test_a_segmentation_fault_is_told(folder: Path, method: str, monkeypatch: py
         run_in_process(job("crash", folder / "path"), quiet, server)
 
 
+@pytest.mark.parametrize("method", ["forkserver", "spawn"])
+def test_a_process_that_is_killed_in_the_middle_of_a_line_is_told(
+    folder: Path, method: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As one that is killed at any other time, by a system that is out of memory say; half a report is none."""
+    monkeypatch.setenv(START_METHOD, method)
+    with process_server(["fake_jobs"]) as server, pytest.raises(StageProcessError, match="ended with signal SIGKILL"):
+        run_in_process(job("tear", folder / "path"), quiet, server)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("method", ["forkserver", "spawn"])
 def test_time_up_kills_the_group(folder: Path, method: str, monkeypatch: pytest.MonkeyPatch) -> None:
