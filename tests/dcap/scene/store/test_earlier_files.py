@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from dcap.scene.store.earlier_files import copy_earlier, lost_notes, note_files, note_of
+from dcap.scene.store.earlier_files import CHECK, check_of, copy_earlier, lost_notes, note_files, note_of
 
 FILES = {"scene": "scene.glb", "script": "deep/one.js"}
 
@@ -31,11 +31,15 @@ def test_whole_files_are_copied(made: Path, tmp_path: Path) -> None:
     assert copy_earlier("other", tmp_path / "newer") == {}
 
 
-@pytest.mark.parametrize("damage", ["edited", "deleted", "note", "key", "outside", "absolute", "swapped", "pipe"])
+@pytest.mark.parametrize(
+    "damage",
+    ["edited", "deleted", "note", "key", "outside", "absolute", "swapped", "pipe", "renamed", "deep"],
+)
 def test_nothing_is_told_of_what_is_not_whole(made: Path, tmp_path: Path, damage: str) -> None:
     """Edited by a person, deleted, or noted wrongly: they are made anew, and nothing is written elsewhere."""
     note = note_of("key")
-    tree = json.loads(note.read_text())
+    told = json.loads(note.read_text())
+    del told[CHECK]
     match damage:
         case "edited":
             (made / "scene.glb").write_bytes(b"mine")
@@ -57,14 +61,38 @@ def test_nothing_is_told_of_what_is_not_whole(made: Path, tmp_path: Path, damage
             os.mkfifo(note)
             assert lost_notes() == [note]
         case "outside":
-            tree["files"]["scene"] = "../scene.glb"
-            note.write_text(json.dumps(tree))
+            told["files"]["scene"] = "../scene.glb"
+            note.write_text(json.dumps(told | {CHECK: check_of(told)}))
         case "absolute":
-            tree["files"]["scene"] = str(tmp_path / "scene.glb")
-            note.write_text(json.dumps(tree))
+            told["files"]["scene"] = str(tmp_path / "scene.glb")
+            note.write_text(json.dumps(told | {CHECK: check_of(told)}))
+        case "renamed":
+            note.write_text(note.read_text().replace('"scene":', '"scent":'))
+        case "deep":
+            note.write_text("[" * 100_000)
+            assert lost_notes() == [note]
     assert copy_earlier("key", tmp_path / "new" / "folder") == {}
     assert not list(tmp_path.glob("**/new/*.glb"))
     assert not (tmp_path / "scene.glb").exists()
+
+
+@pytest.mark.parametrize("kind", ["pipe", "loop", "folder", "file for folder"])
+def test_a_note_takes_the_place_of_what_is_none(made: Path, tmp_path: Path, kind: str) -> None:
+    """Nobody waits at a pipe, and what stands there is no error."""
+    note = note_of("key")
+    note.unlink()
+    match kind:
+        case "pipe":
+            os.mkfifo(note)
+        case "loop":
+            note.symlink_to(note.name)
+        case "folder":
+            (note / "inner").mkdir(parents=True)
+        case "file for folder":
+            note.parent.rmdir()
+            note.parent.write_text("no folder")
+    note_files("key", made, FILES)
+    assert copy_earlier("key", tmp_path / "new") == FILES
 
 
 def test_notes_of_what_is_gone_are_lost(made: Path) -> None:
