@@ -4,10 +4,14 @@ import json
 import os
 import random
 import shutil
+import stat
 import uuid
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+
+from dcap.scene.store.earlier_files import FOLDER
+from tasks.runner.parsed_sources import KEPT
 
 JSON_TEXTS = (
     "", "null", "[]", "{}", "0", '"text"', "[" * 100_000, '{"result": ' + "9" * 5000 + "}", '{"metadata": {}}',
@@ -36,6 +40,7 @@ class Vandal:
 
     def __init__(self, cache: Path, seed: int) -> None:
         self.cache = cache
+        self.notes = cache / FOLDER
         self.random = random.Random(seed)
         self.done: dict[str, int] = {}
         """How often each kind of damage was done."""
@@ -43,7 +48,7 @@ class Vandal:
             self.flip, self.cut, self.lengthen, self.empty, self.remove, self.overwrite, self.swap, self.copy,
             self.link, self.loop, self.pipe, self.folder_for_file, self.file_for_folder, self.link_for_folder,
             self.remove_folder, self.swap_folders, self.add_to_folder, self.link_into_folder, self.odd_record,
-            self.swap_references, self.swap_kinds, self.lock_away, self.replace_locks,
+            self.odd_note,             self.swap_references, self.swap_kinds, self.socket, self.replace_locks,
         )  # fmt: skip
 
     def strike(self) -> str:
@@ -59,13 +64,15 @@ class Vandal:
         return name
 
     def files(self) -> list[Path]:
-        """All plain files of records and artifacts, in a fixed order."""
-        roots = (self.cache / "records", self.cache / "store" / "objects")
-        return sorted(path for root in roots for path in root.rglob("*") if path.is_file() and not path.is_symlink())
+        """All plain files of records, artifacts and notes, and of parsed sources, in a fixed order."""
+        roots = (self.cache / "records", self.cache / "store" / "objects", self.notes)
+        paths = [path for root in roots for path in root.rglob("*")] + [self.cache / KEPT]
+        return sorted(path for path in paths if path.is_file() and not path.is_symlink())
 
     def folders(self) -> list[Path]:
-        """Artifacts, and the folders around them."""
-        return sorted(path for path in (self.cache / "store" / "objects").rglob("*") if path.is_dir())
+        """Artifacts, the folders around them, and that of the notes."""
+        paths = [*(self.cache / "store" / "objects").rglob("*"), self.notes]
+        return sorted(path for path in paths if path.is_dir())
 
     def file(self) -> Path:
         """One of the files; records are as likely as all files of artifacts together."""
@@ -135,7 +142,7 @@ class Vandal:
         self.stand_in(self.random.choice(self.folders())).write_text("no folder")
 
     def link_for_folder(self) -> None:
-        folders = self.folders()
+        folders = [path for path in self.folders() if path != self.notes]  # people may link that one to a disk
         path, target = self.random.choice(folders), self.random.choice([*folders, Path("nowhere")])
         if target in path.parents:
             raise ValueError("a folder in itself")
@@ -170,6 +177,12 @@ class Vandal:
             inner[name] = value
         path.write_text(json.dumps(tree | {"result": json.dumps(inner)}))
 
+    def odd_note(self) -> None:
+        path = self.random.choice(sorted(self.notes.glob("*.json")))
+        tree = json.loads(path.read_text())
+        tree[self.random.choice(sorted(tree))] = self.random.choice(ODD_VALUES)
+        path.write_text(json.dumps(tree))
+
     def swap_references(self) -> None:
         (one, tree), (_, other) = self.record(), self.record()
         tree["result"]["ref"] = other["result"]["ref"]
@@ -182,9 +195,9 @@ class Vandal:
         os.rename(other, one)
         os.rename(draft, other)
 
-    def lock_away(self) -> None:
-        """Take the permission to read; root can read it nevertheless."""
-        self.file().chmod(0)
+    def socket(self) -> None:
+        """What nobody can open, root neither."""
+        os.mknod(self.stand_in(self.file()), stat.S_IFSOCK | 0o600)
 
     def replace_locks(self) -> None:
         locks = self.cache / "locks"
