@@ -94,9 +94,16 @@ def test_an_interrupted_benchmark_ends_at_once(data: Path, kind: signal.Signals,
     run = fake_benchmark(data, [f"put the ball on the {where} table"])
     try:
         wait_until((data / "begun").exists)
-        server, children = known_pid(server_folder()), descendants(run.pid)
+        folder = server_folder()
+        server, children, pages = known_pid(folder), descendants(run.pid), PrefectPages(str(known(folder)["url"]))
         assert server
-        time.sleep(2.0)  # Prefect's server keeps what begins a little later
+        (child,) = pages.flow_runs(str(pages.flow_runs()[0]["id"]))
+
+        def at_work() -> bool:
+            states = stage_states(pages, child["id"])
+            return states.pop("intent s0", None) == "RUNNING" and {*states.values()} == {"COMPLETED"}
+
+        wait_until(at_work)  # the server hears of what begins a little later
         begin = time.monotonic()
         os.kill(run.pid, kind)
         run.wait(PATIENCE)
@@ -114,7 +121,7 @@ def test_an_interrupted_benchmark_ends_at_once(data: Path, kind: signal.Signals,
         assert parent["state_type"] == "CRASHED"
         (child,) = pages.flow_runs(str(parent["id"]))
         assert child["state_type"] == "CRASHED"
-        states = {str(one["name"]): one["state_type"] for one in pages.task_runs(child["id"])}
+        states = stage_states(pages, child["id"])
         assert states["intent s0"] == "CRASHED", states
         assert {*states.values()} == {"COMPLETED", "CRASHED"}
         assert [one["state_type"] for one in pages.task_runs(parent["id"])] == ["CRASHED"]
@@ -185,6 +192,11 @@ def test_flow_runs_of_a_killed_program_end_as_crashed_with_the_next_run(
         assert {pages.get(f"/flow_runs/{one}")["state_type"] for one in others} == {"RUNNING"}
         newest = pages.flow_runs()[0]
         assert newest["state_type"] == "COMPLETED"
+
+
+def stage_states(pages: PrefectPages, flow_run: object) -> dict[str, object]:
+    """How the stages of a sample stand, by their names."""
+    return {str(one["name"]): one["state_type"] for one in pages.task_runs(flow_run)}
 
 
 def at_intent(pages: PrefectPages, child: object) -> list[object]:
