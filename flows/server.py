@@ -8,6 +8,7 @@ is used and left alone.
 
 import fcntl
 import json
+import logging
 import os
 import signal
 import socket
@@ -60,6 +61,24 @@ ROOM = "make room, or name a folder on another disk with DCAP_DATA"
 @contextmanager
 def prefect_server(port: int | None = None) -> Iterator[str]:
     """URL of a healthy server, also in $PREFECT_API_URL, as long as the block runs."""
+    with quiet_logging(), some_server(port) as url:
+        yield url
+
+
+@contextmanager
+def quiet_logging() -> Iterator[None]:
+    """What a server does not take of logs, its disk being full, is dropped without a word: Prefect's client would write
+    each time to the terminal, and what is wrong is told by what else was asked of the server."""
+    before, logging.raiseExceptions = logging.raiseExceptions, False
+    try:
+        yield
+    finally:
+        logging.raiseExceptions = before
+
+
+@contextmanager
+def some_server(port: int | None) -> Iterator[str]:
+    """The server that $PREFECT_API_URL names, the one of this data folder, or a new one."""
     apply_settings()
     given = os.environ.get(API_URL)
     if given:

@@ -137,16 +137,22 @@ def _of_the_server() -> str:
 
 def _full() -> str:
     """That the disk of our own server is full, if it is."""
-    data = _data_root()
-    if data is None or (free := free_space(data)) > ROOMY:
+    folder = _server_folder()
+    if folder is None or (free := free_space(folder)) > ROOMY:
         return ""
-    return f"its disk has {free / 2**20:.0f} MiB left: make room in {data}, or set DCAP_DATA to another disk"
+    return f"its disk has {free / 2**20:.0f} MiB left: make room in {folder}, or set DCAP_DATA to another disk"
 
 
 def _log() -> str:
     """Where our own server says more."""
+    folder = _server_folder()
+    return f"its log is {folder / 'server.log'}" if folder else "see its log"
+
+
+def _server_folder() -> Path | None:
+    """Where our own server has its database, which may be a disk of its own; None where there is no data folder."""
     data = _data_root()
-    return f"its log is {data / 'cache' / 'prefect' / 'server.log'}" if data else "see its log"
+    return data / "cache" / "prefect" if data else None
 
 
 def _knob_of_memory() -> str:

@@ -64,7 +64,9 @@ def test_the_server_is_known_by_its_errors(monkeypatch: pytest.MonkeyPatch, tmp_
     monkeypatch.setenv("DCAP_DATA", str(tmp_path))
     assert "server.log" in str(machine_error(httpx.ConnectError("all connection attempts failed")))
     monkeypatch.setattr("dcap.scene.machine_errors.free_space", lambda path: 3 << 20)
-    assert f"3 MiB left: make room in {tmp_path}" in str(machine_error(httpx.ReadTimeout("no answer")))
+    assert f"3 MiB left: make room in {tmp_path / 'cache' / 'prefect'}" in str(
+        machine_error(httpx.ReadTimeout("no answer"))
+    )
 
 
 def test_a_server_of_a_team_has_its_log_elsewhere(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
