@@ -166,9 +166,7 @@ def test_a_server_of_a_team_that_is_gone_is_named(tmp_path: Path, monkeypatch: p
         "the Prefect server http://***@127.0.0.1:1/api is gone; PREFECT_API_URL names it: see there, or unset the "
         "variable"
     )
-    with pytest.raises(
-        DcapError, match=r"^PREFECT_API_URL=http://\*\*\*@127\.0\.0\.1:1/api: no server of"
-    ):
+    with pytest.raises(DcapError, match=r"^PREFECT_API_URL=http://\*\*\*@127\.0\.0\.1:1/api: no server of"):
         prefect_server().__enter__()
 
 
