@@ -62,6 +62,7 @@ def test_the_server_is_known_by_its_errors(monkeypatch: pytest.MonkeyPatch, tmp_
     import httpx
 
     monkeypatch.setenv("DCAP_DATA", str(tmp_path))
+    monkeypatch.delenv("PREFECT_API_URL", raising=False)
     assert "server.log" in str(machine_error(httpx.ConnectError("all connection attempts failed")))
     monkeypatch.setattr("dcap.scene.machine_errors.free_space", lambda path: 3 << 20)
     assert f"3 MiB left: make room in {tmp_path / 'cache' / 'prefect'}" in str(

@@ -95,7 +95,7 @@ def data_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         patch.delenv("PREFECT_API_URL", raising=False)
         with prefect_server():
             patch.undo()
-            patch.delenv("PREFECT_API_URL", raising=False)
+            os.environ.pop("PREFECT_API_URL", None)  # the patch would bring it back when the server is gone
             yield folder
 
 
