@@ -8,9 +8,11 @@ import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from filecmp import cmp
+from pathlib import Path
 from typing import Any
 
-from dcap.scene.store.artifacts import Source, Store, json_file
+from dcap.scene.store.artifacts import FILES_FOLDER, Source, Store, json_file
 from dcap.scene.store.codec import VALUE_FILE
 from dcap.scene.store.ref import Ref
 from tasks.runner.record_index import SHARED, RecordIndex, record_index
@@ -171,7 +173,7 @@ def followed(change: Change, store: Store, index: RecordIndex, steps: int) -> Ch
     if new is None or old is None:
         return change
     if new.kind == Source.__name__:
-        name = source_name(new, store)
+        name = source_name(old, new, store)
         return replace(change, origin=Why(told=f"new or changed file {name}", file=name))
     makers = [one for one in index.making(new) if one.deciders.get("stage")]
     earlier = [one for maker in makers[:1] for one in index.making(old) if same_stage(one, maker)]
@@ -194,13 +196,24 @@ def reference(value: object) -> Ref[Any] | None:
     return Ref.from_json(tree) if isinstance(tree, Mapping) else None
 
 
-def source_name(ref: Ref[Any], store: Store) -> str:
-    """Name of the file that a person gave; of a folder its digest."""
+def source_name(old: Ref[Any], new: Ref[Any], store: Store) -> str:
+    """Name of the file that a person gave; of a folder those that are not as in the earlier one, or its digest."""
     try:
-        main = str(json_file(store.folder(ref) / VALUE_FILE)["main"])
+        main = str(json_file(store.folder(new) / VALUE_FILE)["main"])
+        if main != ".":
+            return main
+        changed = different_files(store.folder(old) / FILES_FOLDER, store.folder(new) / FILES_FOLDER)
     except (OSError, ValueError, KeyError):
-        return ref.sha256[:12]
-    return main if main != "." else f"in the folder ({ref.sha256[:12]})"
+        return new.sha256[:12]
+    return f"{listed(changed) or new.sha256[:12]} in the folder"
+
+
+def different_files(old: Path, new: Path) -> list[str]:
+    """Names of the files that are not the same in two folders, or in one of them only."""
+    names = {path.relative_to(folder).as_posix() for folder in (old, new) for path in folder.rglob("*")
+             if path.is_file()}  # fmt: skip
+    both = {name for name in names if (old / name).is_file() and (new / name).is_file()}
+    return sorted(name for name in names if name not in both or not cmp(old / name, new / name, shallow=False))
 
 
 def in_words(why: Why, key_of: KeyOf = lambda stage, name: f"{stage}.{name}") -> str:

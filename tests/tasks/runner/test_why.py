@@ -137,3 +137,17 @@ def test_records_that_come_later_are_seen() -> None:
     assert record_index().making(WISH) == [first]
     write_record(deciders("intent", {"prompt": "b"}), WISH)
     assert len(record_index().making(WISH)) == 2
+
+
+def test_the_files_of_a_folder_that_changed_are_named(tmp_path: Path) -> None:
+    """Those that are other, gone or new; what is the same is not."""
+    (room := tmp_path / "room").mkdir()
+    (room / "mesh.ply").write_text("mesh")
+    (room / "labels.json").write_text("[1]")
+    (room / "info.txt").write_text("old")
+    store = Store.default()
+    write_record(deciders("mesh", {"source": store.add_source(str(room))}), SCAN)
+    (room / "labels.json").write_text("[2]")
+    (room / "info.txt").unlink()
+    wanted = deciders("mesh", {"source": store.add_source(str(room))})
+    assert told(wanted) == "input source: new or changed file info.txt, labels.json in the folder"
