@@ -1,5 +1,6 @@
 """Runs the stages of one sample: first a look at what is there, then a Prefect flow if anything is missing."""
 
+import os
 import traceback
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -8,7 +9,7 @@ from enum import StrEnum
 
 from dcap.scene.errors import DcapError
 from dcap.scene.secrets import redacted
-from dcap.scene.store.artifacts import Store
+from dcap.scene.store.artifacts import FILES_FOLDER, Store
 from dcap.scene.types.sample import Sample
 from flows.methods import measuring, place_by
 from flows.place import SECTIONS, STAGES, PlaceConfig, PlacementRefs
@@ -262,6 +263,10 @@ def in_users_words(message: str, sample: Sample) -> str:
     store = Store.default()
     for given in (sample.scene, sample.object):
         inside = store.source_path(given)
-        if inside is not None:
-            message = message.replace(str(inside), given)
+        if inside is None:
+            continue
+        message = message.replace(str(inside), given)
+        if inside.name != FILES_FOLDER:  # not a whole folder: what lies beside the file was named by it
+            beside = os.path.join(os.path.dirname(given), "")
+            message = message.replace(os.path.join(inside.parent, ""), beside)
     return message
