@@ -26,6 +26,18 @@ FILL = """
                 except OSError:
                     pass
 """
+FILL_DATABASE = """
+        import json, urllib.error, urllib.request, uuid
+        answer = 200
+        while answer != 500:
+            body = json.dumps({"name": uuid.uuid4().hex, "tags": ["x" * 100_000]}).encode()
+            url = os.environ["PREFECT_API_URL"] + "/flows/"
+            try:
+                urllib.request.urlopen(urllib.request.Request(url, body, {"content-type": "application/json"}))
+            except urllib.error.HTTPError as error:
+                answer = error.code
+"""
+"""What its file still takes on a full disk; then the server answers 500."""
 DISK_BYTES = 48 << 20
 """What a run of one sample and its server write is 15 MB; the ballast takes the rest."""
 Mount = Callable[..., None]
@@ -105,6 +117,7 @@ def refusal(process: "subprocess.Popen[str]") -> str:
         ("benchmark", "", "elsewhere"),
         ("place", "", "on it"),
         ("benchmark", "", "on it"),
+        ("place", "cache/prefect", "on it"),
     ],
 )
 def test_a_disk_that_is_full_in_the_middle_is_told(
@@ -125,7 +138,8 @@ def test_a_disk_that_is_full_in_the_middle_is_told(
     asked = words(command, tmp_path, out)
     with ExitStack() as running:
         url = running.enter_context(server_elsewhere(tmp_path / "server")) if server == "elsewhere" else ""
-        line = refusal(started(tmp_path, data, url, "drop", FILL.strip(), *asked))
+        fill = FILL if url else FILL + FILL_DATABASE
+        line = refusal(started(tmp_path, data, url, "drop", fill.strip(), *asked))
         assert str(disk) in line
         assert "0 MiB" in line
         assert not out.exists()
