@@ -20,6 +20,7 @@ from flows.flow_runs import (
     ShownFlowRun,
     end_as_crashed,
     end_stages,
+    every_flow_run,
     flow_run,
 )
 from flows.run_artifacts import RunArtifacts, plain_text, table_data
@@ -96,8 +97,7 @@ class FlowRunWatch(Watch):
         )
         try:
             with get_client(sync_client=True) as client:
-                children = client.read_flow_runs(flow_run_filter=own)
-                end_as_crashed(client, [child.id for child in children], WAS_INTERRUPTED)
+                end_as_crashed(client, [child.id for child in every_flow_run(client, own)], WAS_INTERRUPTED)
                 end_stages(client, {"id": {"any_": [self._id]}}, WAS_INTERRUPTED)  # which stand for children
         except (httpx.HTTPError, PrefectException, RuntimeError):
             return  # who interrupts a run does not wait for its server

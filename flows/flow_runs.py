@@ -120,11 +120,7 @@ def end_left_runs(client: SyncPrefectClient) -> None:
     """Say of flow runs that their program is gone, where it was killed on this machine before it could do so itself.
     What the server refuses of that is left: it is no matter of the run that begins."""
     unended = FlowRunFilter.model_validate({"state": {"type": {"any_": ["PENDING", "RUNNING"]}}})
-    runs: list[FlowRun] = []
-    with suppress(PrefectHTTPStatusError):
-        while page := client.read_flow_runs(flow_run_filter=unended, offset=len(runs)):  # as many as the server gives
-            runs += page
-    for one in runs:
+    for one in every_flow_run(client, unended):
         program = Program.from_json(one.context.get(PROGRAM))
         if program is not None and program.is_gone:
             gone = f"its program, process {program.pid} of {program.host}, is gone"
@@ -141,10 +137,15 @@ def waiting_children(client: SyncPrefectClient, parent: UUID) -> list[UUID]:
     wanted = FlowRunFilter.model_validate(
         {"parent_flow_run_id": {"any_": [parent]}, "state": {"type": {"any_": ["SCHEDULED"]}}}
     )
-    found: list[UUID] = []
+    return [one.id for one in every_flow_run(client, wanted)]
+
+
+def every_flow_run(client: SyncPrefectClient, wanted: FlowRunFilter) -> list[FlowRun]:
+    """The flow runs that a filter lets through, however few the server tells at a time; what it refuses is left."""
+    found: list[FlowRun] = []
     with suppress(PrefectHTTPStatusError):
-        while page := client.read_flow_runs(flow_run_filter=wanted, offset=len(found)):  # as many as the server gives
-            found += [one.id for one in page]
+        while page := client.read_flow_runs(flow_run_filter=wanted, offset=len(found)):
+            found += page
     return found
 
 
