@@ -9,7 +9,7 @@ import sys
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
-from importlib.util import spec_from_file_location
+from importlib.util import find_spec, spec_from_file_location
 from types import ModuleType
 from typing import Any
 
@@ -17,6 +17,8 @@ from dcap.scene.settings import cache_root, resource
 
 SOURCES = "prefect.settings.sources"
 """The module of Prefect that reads files of settings."""
+READERS = {"FilteredDotEnvSettingsSource": "_read_env_files", "TomlConfigSettingsSourceBase": "_read_files"}
+"""Its classes that read such files, and by which method."""
 LOGGING_FILE = ("PREFECT_LOGGING_CONFIG_PATH", "PREFECT_LOGGING_SETTINGS_PATH")
 """Prefect's names for the same setting."""
 
@@ -27,9 +29,10 @@ class OwnSourcesLoader(SourceFileLoader):
     def exec_module(self, module: ModuleType) -> None:
         """Run the module, then replace what reads such files."""
         super().exec_module(module)
-        loaded: Any = module
-        loaded.FilteredDotEnvSettingsSource._read_env_files = no_settings
-        loaded.TomlConfigSettingsSourceBase._read_files = no_settings
+        for source, reads in READERS.items():
+            if not hasattr(getattr(module, source, None), reads):
+                raise ImportError(f"{self.name} has no {source}.{reads}: this version of Prefect reads files otherwise")
+            setattr(getattr(module, source), reads, no_settings)
 
 
 class OwnSourcesFinder:
@@ -42,6 +45,14 @@ class OwnSourcesFinder:
         if found is None or found.origin is None:
             return None
         return spec_from_file_location(name, found.origin, loader=OwnSourcesLoader(name, found.origin))
+
+
+def own_logging_file() -> str:
+    """The file for Python's logging that comes with Prefect."""
+    found = find_spec("prefect")
+    if found is None or found.origin is None:
+        raise ImportError("prefect is not installed", name="prefect")
+    return os.path.join(os.path.dirname(found.origin), "logging", "logging.yml")
 
 
 def no_settings(*_: object) -> Mapping[str, Any]:
@@ -59,8 +70,8 @@ def apply_settings() -> None:
     home = os.environ.setdefault("PREFECT_HOME", str(cache_root() / "prefect"))
     # the environment is asked first, also in processes that others start here: those of a cluster
     os.environ.setdefault("PREFECT_PROFILES_PATH", os.path.join(home, "profiles.toml"))
-    if not any(name in os.environ for name in LOGGING_FILE):
-        os.environ[LOGGING_FILE[0]] = os.path.join(home, "logging.yml")
+    if not any(name in os.environ for name in LOGGING_FILE):  # nor one of the data folder, which a data set may choose
+        os.environ[LOGGING_FILE[0]] = own_logging_file()
     # runs report to the server; the terminal belongs to our own lines
     os.environ.setdefault("PREFECT_LOGGING_HANDLERS_CONSOLE_LEVEL", "CRITICAL")
     os.environ.setdefault("PREFECT_INTERNAL_LOGGING_LEVEL", "CRITICAL")

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flows.own_requests import OwnRequests, OwnRequestsOnly
+from flows.prefect_settings import apply_settings
 
 if TYPE_CHECKING:
     from collections.abc import AsyncGenerator
@@ -36,6 +37,7 @@ END_SECONDS = 3.0
 def main() -> None:
     """Serve until interrupted, or until nobody uses the server."""
     folder, host, port = Path(sys.argv[1]), sys.argv[2], sys.argv[3]
+    apply_settings()
     threading.Thread(target=end_when_unused, args=(folder / USERS,), daemon=True).start()
     answer_own_requests(host)
     lock_before_reading()

@@ -16,12 +16,15 @@ from contextlib import suppress
 
 import psutil
 
+from flows.prefect_settings import apply_settings
+
 POLL_SECONDS = 0.5
 
 
 def main() -> None:
     """Work until interrupted, or until the parent has gone."""
     threading.Thread(target=end_with, args=(int(sys.argv[1]),), daemon=True).start()
+    apply_settings()
     sys.argv = ["prefect", *sys.argv[2:]]
     runpy.run_module("prefect", run_name="__main__", alter_sys=True)
 

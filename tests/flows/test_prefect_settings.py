@@ -51,9 +51,22 @@ def test_processes_of_others_run_no_file_that_is_named_there(tmp_path: Path, nam
     start = (
         "import subprocess, sys; subprocess.run([sys.executable, '-P', '-c', 'from prefect import Flow'], check=True)"
     )
+    assert told(tmp_path, start, PREFECT_HOME=str(tmp_path)).returncode == 0
+    assert marks(tmp_path)  # so it is where nothing is set
+    (tmp_path / "mark").unlink()
     done = told(tmp_path, APPLY + start)
     assert (done.returncode, done.stderr) == (0, "")
     assert marks(tmp_path) == ""
+
+
+def test_no_file_of_the_data_folder_is_run(tmp_path: Path) -> None:
+    """A `dcap.yaml` of the working directory may choose that folder."""
+    home = tmp_path / "data" / "cache" / "prefect"
+    home.mkdir(parents=True)
+    foreign_folder(home, ())
+    done = told(tmp_path, APPLY + FLOW + TELL)
+    assert (done.stdout, done.stderr) == ("5 False\n", "")
+    assert marks(home) == ""
 
 
 def test_the_environment_wins(tmp_path: Path) -> None:
