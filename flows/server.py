@@ -16,11 +16,11 @@ import subprocess
 import sys
 import threading
 import time
-import urllib.error
 import urllib.request
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
+from http.client import HTTPException
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -194,6 +194,8 @@ def wait_for_server(patience: float | None = None) -> None:
     """Wait until the server of this run answers again; DcapError if it does not within `patience` [s], as long as a
     start may take where none is given."""
     url = os.environ.get(API_URL, "")
+    if not url:  # Prefect has it from elsewhere
+        return
     deadline = time.monotonic() + (START_SECONDS if patience is None else patience)
     while not is_healthy(url):
         if time.monotonic() > deadline:
@@ -255,12 +257,14 @@ def is_healthy(url: str) -> bool:
     try:
         with urllib.request.urlopen(f"{url}/health", timeout=2) as answer:
             return bool(answer.status == 200 and answer.read(len(HEALTHY) + 1) == HEALTHY)
-    except (urllib.error.URLError, OSError, ValueError):
+    except (OSError, ValueError, HTTPException):  # none, no address, or something else that speaks there
         return False
 
 
 def unanswered(url: str) -> str:
     """Why a server that was named cannot be used, and what to do."""
+    if "@" in urlsplit(url).netloc:
+        return f"an address holds no log-in; give it as {LOGIN}=NAME:PASSWORD"
     whole = f"{url.rstrip('/')}/api"
     if is_healthy(whole):
         return f"the address of Prefect's server ends in /api: {redacted(whole)}"
@@ -306,7 +310,8 @@ def start_anew(folder: Path, host: str, port: int) -> str:
 def start(folder: Path, host: str, port: int, done: threading.Event | None = None) -> str:
     """Start a server, wait until it is healthy, and return its URL; once it is `done`, nobody waits."""
     free = free_space(folder)
-    if free < LEAST_ROOM and not (folder / "prefect.db").exists():
+    here = not any(os.environ.get(name) for name in DATABASES)
+    if here and free < LEAST_ROOM and not (folder / "prefect.db").exists():
         raise DcapError(f"{folder}: {free >> 20} MiB are free, too few for Prefect's database; {ROOM}")
     url = f"http://{url_host(host)}:{port}/api"
     process = launch(folder, host, port)

@@ -2,10 +2,12 @@
 
 import json
 import os
+import socket
 import subprocess
 import sys
 import threading
 import time
+from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
@@ -154,6 +156,27 @@ def test_an_address_that_is_no_servers(prefect: bool, said: str, monkeypatch: py
         pages.shutdown()
 
 
+@pytest.mark.parametrize(
+    "url", ["http://team:of-ours@127.0.0.1/api", "http://127.0.0.1:{port}/api", "127.0.0.1:{port}", "?"]
+)
+def test_what_speaks_otherwise_is_no_server(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An address that is none, or a port where another protocol is spoken: one line, which says no password."""
+    with socket.create_server(("127.0.0.1", 0)) as other:
+
+        def greet() -> None:
+            with suppress(OSError):
+                while True:
+                    with other.accept()[0] as one:
+                        one.sendall(b"SSH-2.0-Some\r\n")
+
+        threading.Thread(target=greet, daemon=True).start()
+        monkeypatch.setenv("PREFECT_API_URL", url.format(port=other.getsockname()[1]))
+        with pytest.raises(DcapError) as told, prefect_server():
+            raise AssertionError
+        assert "\n" not in str(told.value)
+        assert "of-ours" not in str(told.value)
+
+
 def test_a_server_of_a_team_that_is_gone_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """By its address, without who signs in there; our own log says nothing of it, nor need our own folder be there."""
     monkeypatch.setenv("DCAP_DATA", str(tmp_path / "data"))
@@ -166,7 +189,7 @@ def test_a_server_of_a_team_that_is_gone_is_named(tmp_path: Path, monkeypatch: p
         "the Prefect server http://***@127.0.0.1:1/api is gone; PREFECT_API_URL names it: see there, or unset the "
         "variable"
     )
-    with pytest.raises(DcapError, match=r"^PREFECT_API_URL=http://\*\*\*@127\.0\.0\.1:1/api: no server of"):
+    with pytest.raises(DcapError, match=r"^PREFECT_API_URL=http://\*\*\*@127\.0\.0\.1:1/api: .* log-in"):
         prefect_server().__enter__()
 
 
