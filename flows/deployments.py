@@ -13,10 +13,11 @@ from pathlib import Path
 from typing import Annotated, Any
 from uuid import UUID
 
+import httpx
 from prefect import flow
 from prefect.client.orchestration import get_client
 from prefect.client.schemas.objects import State
-from prefect.exceptions import ObjectNotFound
+from prefect.exceptions import ObjectNotFound, PrefectException
 from prefect.runtime import flow_run
 from prefect.states import Completed, Crashed, Failed
 from pydantic import Field
@@ -37,7 +38,7 @@ from flows.programs import Program
 from flows.run_names import benchmark_tags, shown
 from flows.sample_flow import TIMES, ending_of, server_lost
 from flows.sample_pictures import show_pictures
-from flows.sample_run import FailedSample
+from flows.sample_run import FailedSample, FinishedSample
 from flows.server import wait_for_server
 from flows.settings.own import run_settings
 from flows.work_pool import WORKER, worker_tag
@@ -46,24 +47,34 @@ from flows.work_pool import WORKER, worker_tag
 @flow(name="place", persist_result=False, validate_parameters=False)
 def place_sample(job: dict[str, Any]) -> State[Any]:
     """Place the sample of a job (flows/elsewhere.py) and leave its results in the store."""
-    told_where()
     mine = SampleJob.from_json(job)
-    if mine.run.id is not None and is_left(mine.run.id):
-        return Crashed(message=NOBODY_WAITS)
     if not mine.config.drop.threads:
         mine = replace(mine, config=with_threads(mine.config, available_cores()))
     for _ in range(TIMES):
-        result = placed(mine, in_own_run=False)
+        result = placed_for(mine)
         # a worker has nothing better to do than to wait; it could not tell how this ends, either
         wait_for_server(math.inf)
         if not (isinstance(result, FailedSample) and server_lost(result.error)):
             break
+    if result is None:
+        return Crashed(message=NOBODY_WAITS)
     if isinstance(result, FailedSample):
         return Failed(message=result.message)
     assert flow_run.id
     show_pictures(result.placement, UUID(flow_run.id))
     name, why = ending_of(result.placement)
     return Completed(name=name, message=why or None)
+
+
+def placed_for(job: SampleJob) -> FinishedSample | FailedSample | None:
+    """The sample of a job, placed in this flow run; None if nobody waits for it."""
+    try:
+        told_where()
+        if job.run.id is not None and is_left(job.run.id):
+            return None
+    except (httpx.HTTPError, RuntimeError) as error:
+        return FailedSample(job.sample, error)
+    return placed(job, in_own_run=False)
 
 
 def is_left(benchmark: UUID) -> bool:
@@ -87,7 +98,8 @@ def add_tags(*tags: str) -> None:
     """Tag this flow run."""
     if flow_run.id:
         with get_client(sync_client=True) as client:
-            client.update_flow_run(flow_run.id, tags=[*client.read_flow_run(UUID(flow_run.id)).tags, *tags])
+            known = client.read_flow_run(UUID(flow_run.id)).tags
+            client.update_flow_run(flow_run.id, tags=list(dict.fromkeys([*known, *tags])))
 
 
 def benchmark_name() -> str:
@@ -127,7 +139,8 @@ def benchmark(
             scenes=scenes,
             runner=runner_of(asked),
         )
-        add_tags(*benchmark_tags(run.folder.name, methods_of(asked.methods)))
+        with suppress(httpx.HTTPError, PrefectException, RuntimeError):  # the run is there, whether it is found by them
+            add_tags(*benchmark_tags(run.folder.name, methods_of(asked.methods)))
         line = f"{run.folder.name}: {summary_line(run.summary)}"
         return Failed(message=line) if run.failed else Completed(message=line)
 

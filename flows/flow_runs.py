@@ -155,7 +155,8 @@ def end_as_crashed(client: SyncPrefectClient, runs: Iterable[UUID], why: str) ->
     for begin in range(0, len(ended), IN_A_REQUEST):  # first: who is interrupted here leaves the rest to be found
         end_stages(client, {"id": {"any_": ended[begin : begin + IN_A_REQUEST]}}, why)
     for one in ended:
-        client.set_flow_run_state(one, Crashed(message=why), force=True)
+        with suppress(PrefectHTTPStatusError, ObjectNotFound):  # not ours to end, or deleted meanwhile
+            client.set_flow_run_state(one, Crashed(message=why), force=True)
 
 
 def end_stages(client: SyncPrefectClient, within: Mapping[str, object], why: str) -> None:

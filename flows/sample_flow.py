@@ -26,6 +26,8 @@ from tasks.runner.task_runs import INFEASIBLE
 
 TIMES = 4
 """How often a sample begins again because the server was lost."""
+AWAY = (502, 503, 504)
+"""Statuses of HTTP: no answer from the server behind, or not now."""
 NO_SERVER = "Failed to reach API"
 """How the plain RuntimeError of Prefect's client begins."""
 
@@ -82,7 +84,7 @@ def flow_runs_of(sample: Sample, run: WatchedRun | None = None) -> Iterator[Samp
                 yield block
                 if block.error is not None:
                     raise block.error
-        except (httpx.TransportError, RuntimeError) as error:
+        except (httpx.HTTPError, RuntimeError) as error:
             if not server_lost(error):
                 raise
             wait_for_server()
@@ -94,5 +96,7 @@ def flow_runs_of(sample: Sample, run: WatchedRun | None = None) -> Iterator[Samp
 
 
 def server_lost(error: Exception) -> bool:
-    """Whether an error says that no server answers."""
+    """Whether an error says that no server answers; a web server before it says so by its status."""
+    if isinstance(error, httpx.HTTPStatusError):
+        return error.response.status_code in AWAY
     return isinstance(error, httpx.TransportError) or NO_SERVER in str(error)

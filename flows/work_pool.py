@@ -78,6 +78,8 @@ class WorkPool:
         """How often each sample has begun."""
         self.waiting: dict[UUID, SampleJob] = {}
         """Samples that are in the pool, by their flow runs."""
+        self.lost: dict[UUID, str] = {}
+        """Flow runs that were lost with their workers and are not ended yet, and why they are to be."""
         self.heard_since = -math.inf
         """When the server was there again, as the last of its losses ended."""
 
@@ -104,7 +106,7 @@ class WorkPool:
                             left.popleft()
                         time.sleep(look_seconds)
                         told.extend(self.ended(client))
-                    except (httpx.TransportError, RuntimeError) as error:
+                    except (httpx.HTTPError, RuntimeError) as error:
                         if not server_lost(error):
                             raise
                         wait_for_server()
@@ -112,17 +114,20 @@ class WorkPool:
                     yield told
             finally:
                 with suppress(httpx.HTTPError, PrefectException, RuntimeError):  # who ends does not wait for a server
+                    self.end_lost(client)
                     end_as_crashed(client, self.waiting, WAS_INTERRUPTED)
 
     def ended(self, client: SyncPrefectClient) -> Iterator[Told]:
         """The samples that have ended since the last look; those of lost workers are asked for again."""
+        self.end_lost(client)
         runs = {run.id: run for run in self.known(client, list(self.waiting))}
         gone = lost_workers(client) if time.monotonic() - self.heard_since > LATE_SECONDS else {}
         for one, job in list(self.waiting.items()):
             run = runs.get(one)
             if run is None:
-                del self.waiting[one]
-                yield job.sample, told_of("somebody has deleted its flow run")
+                if is_deleted(client, one):
+                    del self.waiting[one]
+                    yield job.sample, told_of("somebody has deleted its flow run")
             elif run.state is not None and run.state.is_final():
                 del self.waiting[one]
                 yield job.sample, told_by(run)
@@ -130,32 +135,55 @@ class WorkPool:
                 again = self.begun[job.sample.id] < TIMES
                 if again:
                     self.ask(client, job)
+                self.lost[one] = "its worker was lost" + "; the sample begins again" * again
                 del self.waiting[one]
-                end_as_crashed(client, [one], "its worker was lost" + "; the sample begins again" * again)
                 if not again:
                     yield job.sample, told_of(f"its worker was lost {TIMES} times")
+        self.end_lost(client)
+
+    def end_lost(self, client: SyncPrefectClient) -> None:
+        """Say of the flow runs that were lost with their workers that they will not go on."""
+        for one, why in list(self.lost.items()):
+            end_as_crashed(client, [one], why)
+            del self.lost[one]
 
     def ask(self, client: SyncPrefectClient, job: SampleJob) -> None:
-        """Put a sample into the pool."""
+        """Put a sample into the pool; once, also where an answer is lost on its way."""
+        begun = self.begun.get(job.sample.id, 0)
         run: FlowRun = run_deployment(  # type: ignore[assignment]  # a coroutine only in a loop
             SAMPLE,
             parameters={"job": job.to_json()},
             flow_run_name=job.run.title(job.sample),
             tags=sample_tags(job.sample, job.run.name),
             timeout=0,
+            idempotency_key=f"{job.run.id}/{job.sample.id}/{begun}",
         )
         self.waiting[run.id] = job
-        self.begun[job.sample.id] = self.begun.get(job.sample.id, 0) + 1
+        self.begun[job.sample.id] = begun + 1
         if run.parent_task_run_id is not None:  # stands for it in the benchmark's flow run, with a name of Prefect's
             with suppress(PrefectHTTPStatusError, ObjectNotFound):
                 client.set_task_run_name(run.parent_task_run_id, job.run.title(job.sample))
 
     @staticmethod
     def known(client: SyncPrefectClient, ids: Sequence[UUID]) -> Iterator[FlowRun]:
-        """What the server knows of these flow runs."""
+        """What the server knows of these flow runs, however few it tells at a time."""
         for begin in range(0, len(ids), IN_A_REQUEST):
             some = FlowRunFilter.model_validate({"id": {"any_": list(ids[begin : begin + IN_A_REQUEST])}})
-            yield from client.read_flow_runs(flow_run_filter=some)
+            count = 0
+            while page := client.read_flow_runs(flow_run_filter=some, offset=count):
+                yield from page
+                count += len(page)
+                if count >= min(IN_A_REQUEST, len(ids) - begin):
+                    break
+
+
+def is_deleted(client: SyncPrefectClient, run: UUID) -> bool:
+    """Whether the server knows nothing of a flow run."""
+    try:
+        client.read_flow_run(run)
+    except ObjectNotFound:
+        return True
+    return False
 
 
 def online(client: SyncPrefectClient) -> set[str]:

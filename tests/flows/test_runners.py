@@ -7,7 +7,7 @@ import signal
 import subprocess
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -242,7 +242,8 @@ def test_a_worker_that_is_killed_after_each_stage_loses_nothing(tmp_path: Path) 
             with a_worker() as worker, subprocess.Popen(command, stdout=subprocess.DEVNULL) as benchmark:
                 wait_until(lambda known=known: len(kept_records(tmp_path / "broken")) > known)  # type: ignore[misc]
                 for pid in (benchmark.pid, *reversed(descendants(worker.pid))):
-                    os.kill(pid, signal.SIGKILL)
+                    with suppress(ProcessLookupError):  # of a stage that has ended meanwhile
+                        os.kill(pid, signal.SIGKILL)
             now = kept_records(tmp_path / "broken")
             assert now.items() >= done.items()
             if len(now) == stages:

@@ -1,0 +1,72 @@
+"""What a benchmark makes of what a server tells of its samples in the pool."""
+
+from collections.abc import Sequence
+from uuid import UUID, uuid4
+
+import httpx
+import pytest
+from prefect.client.schemas.filters import FlowRunFilter
+from prefect.client.schemas.objects import FlowRun
+from prefect.exceptions import ObjectNotFound, PrefectHTTPStatusError
+from prefect.states import Completed, Failed, Running, State
+
+from dcap.language.protocol.session import Session
+from dcap.scene.types.sample import Sample
+from flows.elsewhere import SampleJob, told_of
+from flows.place import PlaceConfig
+from flows.run_names import WatchedRun
+from flows.sample_flow import server_lost
+from flows.work_pool import WorkPool
+
+
+class FewAtATime:
+    """A server that tells two flow runs at a time."""
+
+    def __init__(self, runs: dict[UUID, State]) -> None:
+        self.runs = runs
+
+    def read_flow_runs(self, flow_run_filter: FlowRunFilter, offset: int = 0) -> list[FlowRun]:
+        """A page of those that are wanted."""
+        assert flow_run_filter.id is not None
+        wanted = [one for one in flow_run_filter.id.any_ or () if one in self.runs]
+        return [FlowRun(id=one, flow_id=uuid4(), state=self.runs[one]) for one in wanted[offset : offset + 2]]
+
+    def read_flow_run(self, run: UUID) -> FlowRun:
+        """One of them."""
+        if run not in self.runs:
+            raise ObjectNotFound(KeyError(run))
+        return FlowRun(id=run, flow_id=uuid4(), state=self.runs[run])
+
+    def read_workers_for_work_pool(self, pool: str) -> Sequence[object]:
+        """There are none, and none was lost."""
+        return []
+
+
+def job(name: str) -> SampleJob:
+    """A sample to place."""
+    return SampleJob(Sample(name, "room", "mug", "put it there"), PlaceConfig(), Session(), WatchedRun("run"))
+
+
+def test_each_sample_is_told_of_once_however_few_the_server_tells_at_a_time() -> None:
+    """One whose flow run is deleted has failed; one that runs is waited for."""
+    ids = {name: uuid4() for name in ("done", "broken", "at work", "done too", "deleted", "at work too")}
+    states: dict[UUID, State] = {
+        ids["done"]: Completed(), ids["broken"]: Failed(message="a defect"), ids["at work"]: Running(),
+        ids["done too"]: Completed(), ids["at work too"]: Running(),
+    }  # fmt: skip
+    pool = WorkPool()
+    pool.waiting = {one: job(name) for name, one in ids.items()}
+    told = {sample.id: what for sample, what in pool.ended(FewAtATime(states))}  # type: ignore[arg-type]
+    assert told == {
+        "done": told_of(""), "broken": told_of("a defect"), "done too": told_of(""),
+        "deleted": told_of("somebody has deleted its flow run"),
+    }  # fmt: skip
+    assert {one.sample.id for one in pool.waiting.values()} == {"at work", "at work too"}
+
+
+@pytest.mark.parametrize(("status", "lost"), [(502, True), (503, True), (504, True), (500, False), (409, False)])
+def test_a_web_server_before_it_says_that_a_server_is_away(status: int, lost: bool) -> None:
+    """By its status; what the server itself refuses is no loss of it."""
+    request = httpx.Request("GET", "http://127.0.0.1/api/health")
+    answer = httpx.Response(status, request=request)
+    assert server_lost(PrefectHTTPStatusError("no", request=request, response=answer)) is lost
