@@ -13,7 +13,6 @@ from dcap.evaluation.run_folder import sample_folder
 from dcap.language.model.batch import batch_queue
 from dcap.language.protocol.session import Session
 from dcap.scene.json_tree import JsonObject
-from dcap.scene.team_server import team_server
 from dcap.scene.whole_files import write_whole
 from flows.display import Display
 from flows.elsewhere import SampleJob, fetched
@@ -42,8 +41,8 @@ def run_all(
     watch: Watch,
     runner: SampleRunner,
 ) -> None:
-    """Place the samples and leave in the run's folder what each ended with. Nothing of it stays in memory: a long run
-    takes no more than a short one."""
+    """Place the samples and leave in the run's folder what each ended with. A result is not kept in memory: the
+    report reads it again."""
     waiting = [plan for plan in plans if plan.settled is None]
 
     def settle(result: FinishedSample | FailedSample, cached: bool) -> None:
@@ -56,7 +55,8 @@ def run_all(
             settle(plan.settled, plan.finished is not None)
     if not waiting:
         return
-    set_limits(runner.limits, alone=not team_server())
+    for name, most in set_limits(runner.limits).items():
+        display.say(f"the server bounds {name} to {most}; change that on its page Concurrency")
     if runner.name is RunnerName.LOCAL:
         placed = placed_here(waiting, config, session, workers, display, watch)
     else:

@@ -16,21 +16,21 @@ LEASE_SECONDS = 60.0
 """Who lives renews it in time; Prefect allows no less."""
 
 
-def set_limits(limits: Mapping[str, int], *, alone: bool) -> None:
-    """Tell the server of a run its limits by name. A server that serves this data folder `alone` forgets those that are
-    no longer wanted; on a team's they stay until somebody changes them there."""
+def set_limits(limits: Mapping[str, int]) -> dict[str, int]:
+    """Tell the server of a run its limits by name; others that the server has already are returned. They stay, since
+    others may compute by them."""
     from prefect.client.orchestration import get_client
     from prefect.exceptions import ObjectNotFound
 
-    if not limits and not alone:
-        return
+    left: dict[str, int] = {}
     with get_client(sync_client=True) as client:
-        for name, most in limits.items():
-            client.upsert_global_concurrency_limit_by_name(name, most)
-        for name in LIMITS if alone else ():
-            if name not in limits:
-                with suppress(ObjectNotFound):
-                    client.delete_global_concurrency_limit_by_name(name)
+        for name in LIMITS:
+            if name in limits:
+                client.upsert_global_concurrency_limit_by_name(name, limits[name])
+                continue
+            with suppress(ObjectNotFound):
+                left[name] = client.read_global_concurrency_limit_by_name(name).limit
+    return left
 
 
 @contextmanager

@@ -8,7 +8,6 @@ from time import sleep
 import pytest
 
 from dcap.language.protocol.client import ClientName
-from dcap.scene.team_server import team_server
 from flows.place import PlaceConfig
 from flows.server import prefect_server
 from tasks.drop.stage import drop_task
@@ -40,30 +39,25 @@ class Inside:
 def test_a_limit_bounds_whoever_computes_on_its_server(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Also a run that does not know of it; without one, all compute at once. A server of a data folder forgets a limit
-    that its next run does not have, a team's does not."""
+    """Also a run that does not know of it, and is told; without one, all compute at once."""
     monkeypatch.setenv("DCAP_DATA", str(tmp_path))
     monkeypatch.setenv("PREFECT_HOME", str(tmp_path))
     monkeypatch.delenv("PREFECT_API_URL", raising=False)
     with prefect_server(), ThreadPoolExecutor(3) as threads:
-        assert not team_server()
 
         def meet(together: Barrier) -> None:
             with slot_of(name):
                 together.wait(60.0)
 
         list(threads.map(meet, [Barrier(3)] * 3))
-        set_limits({name: 1}, alone=False)
+        assert set_limits({name: 1}) == {}
         inside = Inside()
         list(threads.map(lambda _: inside.stay(name), range(3)))
         assert (inside.most, inside.times) == (1, 3)
-        set_limits({name: 2}, alone=True)
+        assert set_limits({name: 2}) == {}
         list(threads.map(meet, [Barrier(2)] * 2))
-        set_limits({}, alone=False)
+        assert set_limits({}) == {name: 2}
         assert is_limited(name)
-        set_limits({}, alone=True)
-        assert not is_limited(name)
-        list(threads.map(meet, [Barrier(3)] * 3))
 
 
 @pytest.mark.parametrize(
