@@ -202,6 +202,8 @@ def source_name(old: Ref[Any], new: Ref[Any], store: Store) -> str:
         main = str(json_file(store.folder(new) / VALUE_FILE)["main"])
         if main != ".":
             return main
+        if not store.is_here(old):
+            return f"{new.sha256[:12]} in the folder"
         changed = different_files(store.folder(old) / FILES_FOLDER, store.folder(new) / FILES_FOLDER)
     except (OSError, ValueError, KeyError):
         return new.sha256[:12]

@@ -29,7 +29,7 @@ FILL = """
 FILL_DATABASE = """
         import json, urllib.error, urllib.request, uuid
         answer = 200
-        while answer != 500:
+        while answer < 500:
             body = json.dumps({"name": uuid.uuid4().hex, "tags": ["x" * 100_000]}).encode()
             url = os.environ["PREFECT_API_URL"] + "/flows/"
             try:
@@ -141,7 +141,7 @@ def test_a_disk_that_is_full_in_the_middle_is_told(
         fill = FILL if url else FILL + FILL_DATABASE
         line = refusal(started(tmp_path, data, url, "drop", fill.strip(), *asked))
         assert str(disk) in line
-        assert "0 MiB" in line
+        assert " 0 MiB" in line
         assert not out.exists()
         for path in (data / "runs").rglob("*.json"):
             json.loads(path.read_bytes())
