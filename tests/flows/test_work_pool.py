@@ -6,9 +6,9 @@ from uuid import UUID, uuid4
 import httpx
 import pytest
 from prefect.client.schemas.filters import FlowRunFilter
-from prefect.client.schemas.objects import FlowRun
+from prefect.client.schemas.objects import FlowRun, State
 from prefect.exceptions import ObjectNotFound, PrefectHTTPStatusError
-from prefect.states import Completed, Failed, Running, State
+from prefect.states import Completed, Failed, Running
 
 from dcap.language.protocol.session import Session
 from dcap.scene.types.sample import Sample
