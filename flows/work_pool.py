@@ -41,6 +41,8 @@ TIMES = 4
 """How often a sample may begin again because its worker was lost."""
 LAST_BEAT_SECONDS = 15.0
 """A worker that claims a run has sent a heartbeat at most so long before."""
+SLOW_SECONDS = 5.0
+"""A server that answers only after so long was not there: Prefect's client has asked it again and again."""
 LATE_SECONDS = 120.0
 """So long after a loss of the server, a worker's silence says nothing: its requests are tried again after up to half a
 minute, and more of them than one may have failed."""
@@ -120,8 +122,13 @@ class WorkPool:
     def ended(self, client: SyncPrefectClient) -> Iterator[Told]:
         """The samples that have ended since the last look; those of lost workers are asked for again."""
         self.end_lost(client)
+        begin = time.monotonic()
         runs = {run.id: run for run in self.known(client, list(self.waiting))}
-        gone = lost_workers(client) if time.monotonic() - self.heard_since > LATE_SECONDS else {}
+        silent = lost_workers(client)
+        now = time.monotonic()
+        if now - begin > SLOW_SECONDS:
+            self.heard_since = now
+        gone = silent if now - self.heard_since > LATE_SECONDS else {}
         for one, job in list(self.waiting.items()):
             run = runs.get(one)
             if run is None:

@@ -70,3 +70,37 @@ def test_a_web_server_before_it_says_that_a_server_is_away(status: int, lost: bo
     request = httpx.Request("GET", "http://127.0.0.1/api/health")
     answer = httpx.Response(status, request=request)
     assert server_lost(PrefectHTTPStatusError("no", request=request, response=answer)) is lost
+
+
+def test_no_worker_counts_as_lost_for_an_outage(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Prefect's client asks again until the server answers: a look that took long was an outage, and for a while after
+    it the silence of a worker says nothing."""
+    clock = [1000.0]
+    monkeypatch.setattr("flows.work_pool.time.monotonic", lambda: clock[0])
+    monkeypatch.setattr("flows.work_pool.lost_workers", lambda client: {"one": None})
+    asked: list[str] = []
+    monkeypatch.setattr(WorkPool, "ask", lambda pool, client, again: asked.append(again.sample.id))
+    monkeypatch.setattr("flows.work_pool.end_as_crashed", lambda *_: None)
+    run, pool = uuid4(), WorkPool()
+    pool.begun["a"] = 1
+
+    class Slow(FewAtATime):
+        """It answers after so many seconds."""
+
+        seconds = 0.0
+
+        def read_flow_runs(self, flow_run_filter: FlowRunFilter, offset: int = 0) -> list[FlowRun]:
+            clock[0] += self.seconds
+            self.seconds = 0.0
+            return [FlowRun(id=run, flow_id=uuid4(), state=Running(), tags=["worker:one"])][offset:]
+
+    server = Slow({run: Running()})
+    pool.waiting = {run: job("a")}
+    server.seconds = 45.0
+    assert list(pool.ended(server)) == []  # type: ignore[arg-type]
+    clock[0] += 60.0
+    assert list(pool.ended(server)) == []  # type: ignore[arg-type]
+    assert asked == []
+    clock[0] += 61.0
+    assert list(pool.ended(server)) == []  # type: ignore[arg-type]
+    assert asked == ["a"]
