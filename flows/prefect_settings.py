@@ -47,12 +47,12 @@ class OwnSourcesFinder:
         return spec_from_file_location(name, found.origin, loader=OwnSourcesLoader(name, found.origin))
 
 
-def own_logging_file() -> str:
-    """The file for Python's logging that comes with Prefect."""
+def of_prefect(*place: str) -> str:
+    """A file that comes with Prefect."""
     found = find_spec("prefect")
     if found is None or found.origin is None:
         raise ImportError("prefect is not installed", name="prefect")
-    return os.path.join(os.path.dirname(found.origin), "logging", "logging.yml")
+    return os.path.join(os.path.dirname(found.origin), *place)
 
 
 def no_settings(*_: object) -> Mapping[str, Any]:
@@ -67,11 +67,14 @@ def apply_settings() -> None:
     for name, value in flattened(tree, "PREFECT"):
         os.environ.setdefault(name, value)
     os.environ.setdefault("DO_NOT_TRACK", "1")
-    home = os.environ.setdefault("PREFECT_HOME", str(cache_root() / "prefect"))
     # the environment is asked first, also in processes that others start here: those of a cluster
-    os.environ.setdefault("PREFECT_PROFILES_PATH", os.path.join(home, "profiles.toml"))
-    if not any(name in os.environ for name in LOGGING_FILE):  # nor one of the data folder, which a data set may choose
-        os.environ[LOGGING_FILE[0]] = own_logging_file()
+    chosen = os.environ.get("PREFECT_HOME")
+    os.environ.setdefault("PREFECT_HOME", str(cache_root() / "prefect"))
+    # none of the data folder, which a data set may choose
+    profiles = os.path.join(chosen, "profiles.toml") if chosen else of_prefect("settings", "profiles.toml")
+    os.environ.setdefault("PREFECT_PROFILES_PATH", profiles)
+    if not any(name in os.environ for name in LOGGING_FILE):
+        os.environ[LOGGING_FILE[0]] = of_prefect("logging", "logging.yml")
     # runs report to the server; the terminal belongs to our own lines
     os.environ.setdefault("PREFECT_LOGGING_HANDLERS_CONSOLE_LEVEL", "CRITICAL")
     os.environ.setdefault("PREFECT_INTERNAL_LOGGING_LEVEL", "CRITICAL")

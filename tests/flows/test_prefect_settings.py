@@ -51,7 +51,7 @@ def test_processes_of_others_run_no_file_that_is_named_there(tmp_path: Path, nam
     start = (
         "import subprocess, sys; subprocess.run([sys.executable, '-P', '-c', 'from prefect import Flow'], check=True)"
     )
-    assert told(tmp_path, start, PREFECT_HOME=str(tmp_path)).returncode == 0
+    assert told(tmp_path, start, PREFECT_HOME=str(tmp_path / "home")).returncode == 0
     assert marks(tmp_path)  # so it is where nothing is set
     (tmp_path / "mark").unlink()
     done = told(tmp_path, APPLY + start)
