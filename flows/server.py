@@ -263,7 +263,7 @@ def is_healthy(url: str) -> bool:
 
 def unanswered(url: str) -> str:
     """Why a server that was named cannot be used, and what to do."""
-    if "@" in urlsplit(url).netloc:
+    if "@" in url.partition("://")[2].partition("/")[0]:
         return f"an address holds no log-in; give it as {LOGIN}=NAME:PASSWORD"
     whole = f"{url.rstrip('/')}/api"
     if is_healthy(whole):

@@ -157,7 +157,8 @@ def test_an_address_that_is_no_servers(prefect: bool, said: str, monkeypatch: py
 
 
 @pytest.mark.parametrize(
-    "url", ["http://team:of-ours@127.0.0.1/api", "http://127.0.0.1:{port}/api", "127.0.0.1:{port}", "?"]
+    "url",
+    ["http://team:of-ours@127.0.0.1/api", "http://127.0.0.1:{port}/api", "127.0.0.1:{port}", "?", "http://[::1/api"],
 )
 def test_what_speaks_otherwise_is_no_server(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """An address that is none, or a port where another protocol is spoken: one line, which says no password."""
