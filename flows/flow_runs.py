@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 from uuid import UUID, uuid4
 
+import httpx
 from prefect import Flow, Task
 from prefect.client.orchestration import SyncPrefectClient
 from prefect.client.schemas.filters import FlowFilter, FlowRunFilter, TaskRunFilter
@@ -33,6 +34,7 @@ BENCHMARK, PLACE = "benchmark", "place"
 IN_A_REQUEST = 100
 """Flow runs that are asked about at once."""
 NOBODY_WAITS = "the benchmark that asked for it is gone"
+AWAY = (502, 503, 504)
 WAS_INTERRUPTED = "the benchmark was interrupted"
 ShownState = tuple[str, str]
 """Name of a final state, Completed, Infeasible or Failed, and the line that says why."""
@@ -155,8 +157,16 @@ def end_as_crashed(client: SyncPrefectClient, runs: Iterable[UUID], why: str) ->
     for begin in range(0, len(ended), IN_A_REQUEST):  # first: who is interrupted here leaves the rest to be found
         end_stages(client, {"id": {"any_": ended[begin : begin + IN_A_REQUEST]}}, why)
     for one in ended:
-        with suppress(PrefectHTTPStatusError, ObjectNotFound):  # not ours to end, or deleted meanwhile
+        try:
             client.set_flow_run_state(one, Crashed(message=why), force=True)
+        except (PrefectHTTPStatusError, ObjectNotFound) as error:  # not ours to end, or deleted meanwhile
+            if is_away(error):
+                raise
+
+
+def is_away(error: Exception) -> bool:
+    """Whether a web server says that there is no answer from the server behind it, or not now."""
+    return isinstance(error, httpx.HTTPStatusError) and error.response.status_code in AWAY
 
 
 def end_stages(client: SyncPrefectClient, within: Mapping[str, object], why: str) -> None:

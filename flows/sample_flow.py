@@ -16,7 +16,7 @@ from dcap.scene.errors import DcapError
 from dcap.scene.store.artifacts import Store
 from dcap.scene.types.outcome import Infeasible
 from dcap.scene.types.sample import Sample
-from flows.flow_runs import COMPLETED, PLACE, FlowRunNames, ShownFlowRun, ShownState, end_as_crashed, flow_run
+from flows.flow_runs import COMPLETED, PLACE, FlowRunNames, ShownFlowRun, ShownState, end_as_crashed, flow_run, is_away
 from flows.place import PlacementRefs
 from flows.run_names import WatchedRun, sample_tags, title_of
 from flows.sample_pictures import show_pictures
@@ -26,8 +26,6 @@ from tasks.runner.task_runs import INFEASIBLE
 
 TIMES = 4
 """How often a sample begins again because the server was lost."""
-AWAY = (502, 503, 504)
-"""Statuses of HTTP: no answer from the server behind, or not now."""
 NO_SERVER = "Failed to reach API"
 """How the plain RuntimeError of Prefect's client begins."""
 
@@ -96,7 +94,5 @@ def flow_runs_of(sample: Sample, run: WatchedRun | None = None) -> Iterator[Samp
 
 
 def server_lost(error: Exception) -> bool:
-    """Whether an error says that no server answers; a web server before it says so by its status."""
-    if isinstance(error, httpx.HTTPStatusError):
-        return error.response.status_code in AWAY
-    return isinstance(error, httpx.TransportError) or NO_SERVER in str(error)
+    """Whether an error says that no server answers."""
+    return isinstance(error, httpx.TransportError) or is_away(error) or NO_SERVER in str(error)

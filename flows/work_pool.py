@@ -7,10 +7,11 @@ heartbeat any more ends as Crashed, and waits in the pool again.
 import math
 import time
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from datetime import datetime, timedelta
-from typing import Any
+from functools import partial
+from typing import Any, TypeVar
 from uuid import UUID
 
 import httpx
@@ -19,7 +20,7 @@ from prefect.client.schemas.actions import WorkPoolCreate
 from prefect.client.schemas.filters import FlowRunFilter
 from prefect.client.schemas.objects import FlowRun, WorkerStatus
 from prefect.deployments import run_deployment
-from prefect.exceptions import ObjectNotFound, PrefectException, PrefectHTTPStatusError
+from prefect.exceptions import ObjectNotFound, PrefectException
 from prefect.flows import Flow, load_flow_from_entrypoint
 from prefect.utilities.callables import parameter_schema
 
@@ -32,17 +33,21 @@ from flows.run_names import sample_tags
 from flows.sample_flow import server_lost
 from flows.server import wait_for_server
 
+Answer = TypeVar("Answer")
+
 POOL = "dcap"
 SAMPLE = "place/sample"
 """The deployment that places one sample."""
 WORKER = "DCAP_WORKER"
 """Environment variable with the name of the worker whose process this is."""
 TIMES = 4
-"""How often a sample may begin again because its worker was lost."""
+"""How often a sample may begin again because its worker was lost; how often in a row a look may lose the server."""
+UNTOLD = (httpx.HTTPError, PrefectException, RuntimeError)
+"""What a server that is away, or refuses, comes to where nothing depends on its answer."""
 LAST_BEAT_SECONDS = 15.0
 """A worker that claims a run has sent a heartbeat at most so long before."""
-SLOW_SECONDS = 5.0
-"""A server that answers only after so long was not there: Prefect's client has asked it again and again."""
+SLOW_SECONDS = 10.0
+"""A server that answers a request only after so long was not there: Prefect's client has asked it again and again."""
 LATE_SECONDS = 120.0
 """So long after a loss of the server, a worker's silence says nothing: its requests are tried again after up to half a
 minute, and more of them than one may have failed."""
@@ -97,7 +102,7 @@ class WorkPool:
     def placed(self, jobs: Sequence[SampleJob], look_seconds: float) -> Iterator[Sequence[Told]]:
         """Put all samples into the pool, and yield them as they end. A server that is lost meanwhile is waited for: the
         pool is in its database."""
-        left = deque(jobs)
+        left, losses = deque(jobs), 0
         with get_client(sync_client=True) as client:
             try:
                 while left or self.waiting:
@@ -108,27 +113,26 @@ class WorkPool:
                             left.popleft()
                         time.sleep(look_seconds)
                         told.extend(self.ended(client))
+                        losses = 0
                     except (httpx.HTTPError, RuntimeError) as error:
-                        if not server_lost(error):
+                        yield told  # what is known already
+                        losses, told = losses + 1, []
+                        if not server_lost(error) or losses == TIMES:
                             raise
                         wait_for_server()
                         self.heard_since = time.monotonic()
                     yield told
             finally:
-                with suppress(httpx.HTTPError, PrefectException, RuntimeError):  # who ends does not wait for a server
+                with suppress(*UNTOLD):  # who ends does not wait for a server
                     self.end_lost(client)
                     end_as_crashed(client, self.waiting, WAS_INTERRUPTED)
 
     def ended(self, client: SyncPrefectClient) -> Iterator[Told]:
         """The samples that have ended since the last look; those of lost workers are asked for again."""
         self.end_lost(client)
-        begin = time.monotonic()
         runs = {run.id: run for run in self.known(client, list(self.waiting))}
-        silent = lost_workers(client)
-        now = time.monotonic()
-        if now - begin > SLOW_SECONDS:
-            self.heard_since = now
-        gone = silent if now - self.heard_since > LATE_SECONDS else {}
+        silent = self.heard(partial(lost_workers, client))
+        gone = silent if time.monotonic() - self.heard_since > LATE_SECONDS else {}
         for one, job in list(self.waiting.items()):
             run = runs.get(one)
             if run is None:
@@ -157,7 +161,8 @@ class WorkPool:
     def ask(self, client: SyncPrefectClient, job: SampleJob) -> None:
         """Put a sample into the pool; once, also where an answer is lost on its way."""
         begun = self.begun.get(job.sample.id, 0)
-        run: FlowRun = run_deployment(  # type: ignore[assignment]  # a coroutine only in a loop
+        asking = partial(
+            run_deployment,
             SAMPLE,
             parameters={"job": job.to_json()},
             flow_run_name=job.run.title(job.sample),
@@ -165,23 +170,31 @@ class WorkPool:
             timeout=0,
             idempotency_key=f"{job.run.id}/{job.sample.id}/{begun}",
         )
+        run: FlowRun = self.heard(asking)  # type: ignore[assignment]  # a coroutine only in a loop
         self.waiting[run.id] = job
         self.begun[job.sample.id] = begun + 1
         if run.parent_task_run_id is not None:  # stands for it in the benchmark's flow run, with a name of Prefect's
-            with suppress(PrefectHTTPStatusError, ObjectNotFound):
+            with suppress(*UNTOLD):
                 client.set_task_run_name(run.parent_task_run_id, job.run.title(job.sample))
 
-    @staticmethod
-    def known(client: SyncPrefectClient, ids: Sequence[UUID]) -> Iterator[FlowRun]:
+    def known(self, client: SyncPrefectClient, ids: Sequence[UUID]) -> Iterator[FlowRun]:
         """What the server knows of these flow runs, however few it tells at a time."""
         for begin in range(0, len(ids), IN_A_REQUEST):
             some = FlowRunFilter.model_validate({"id": {"any_": list(ids[begin : begin + IN_A_REQUEST])}})
             count = 0
-            while page := client.read_flow_runs(flow_run_filter=some, offset=count):
+            while page := self.heard(partial(client.read_flow_runs, flow_run_filter=some, offset=count)):
                 yield from page
                 count += len(page)
                 if count >= min(IN_A_REQUEST, len(ids) - begin):
                     break
+
+    def heard(self, request: Callable[[], Answer]) -> Answer:
+        """The answer to one request; it is noted where the server was away before it."""
+        begin = time.monotonic()
+        answer = request()
+        if time.monotonic() - begin > SLOW_SECONDS:
+            self.heard_since = time.monotonic()
+        return answer
 
 
 def is_deleted(client: SyncPrefectClient, run: UUID) -> bool:

@@ -20,7 +20,7 @@ def set_limits(limits: Mapping[str, int]) -> dict[str, int]:
     """Tell the server of a run its limits by name; others that the server has already are returned. They stay, since
     others may compute by them."""
     from prefect.client.orchestration import get_client
-    from prefect.exceptions import ObjectNotFound
+    from prefect.exceptions import ObjectNotFound, PrefectHTTPStatusError
 
     left: dict[str, int] = {}
     with get_client(sync_client=True) as client:
@@ -28,8 +28,9 @@ def set_limits(limits: Mapping[str, int]) -> dict[str, int]:
             if name in limits:
                 client.upsert_global_concurrency_limit_by_name(name, limits[name])
                 continue
-            with suppress(ObjectNotFound):
-                left[name] = client.read_global_concurrency_limit_by_name(name).limit
+            with suppress(ObjectNotFound, PrefectHTTPStatusError):  # whom the server tells nothing is told nothing
+                found = client.read_global_concurrency_limit_by_name(name)
+                left |= {name: found.limit} if found.active else {}
     return left
 
 
