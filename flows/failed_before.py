@@ -8,6 +8,7 @@ from typing import Any
 from dcap.evaluation.run_folder import sample_folder
 from dcap.scene.errors import InputError
 from dcap.scene.settings import runs_root
+from dcap.scene.spelling import first_of
 from dcap.scene.types.sample import Sample
 from flows.display import print_lines
 from flows.find_run import RUN
@@ -69,14 +70,9 @@ def taken_lines(run: str, left: Mapping[str, str], cached: int, changed: int) ->
     broken = [name for name, error in left.items() if error != UNFINISHED]
     unfinished = [name for name, error in left.items() if error == UNFINISHED]
     groups = (("failed", broken), (UNFINISHED, unfinished))
-    told = [f"{len(some)} {word} ({listed(some)})" for word, some in groups if some]
+    told = [f"{len(some)} {word} ({first_of(some, SHOWN)})" for word, some in groups if some]
     lines = [f"of {run}: {' and '.join(told)} and run again, {cached} finished and come from the cache"]
     if changed:
         others = "finished with other code or settings; without --only-failed they run, too"
         lines.append(f"left out: {changed} that {others}")
     return lines
-
-
-def listed(names: Sequence[str]) -> str:
-    """The first of some names, and how many more there are."""
-    return ", ".join(names[:SHOWN]) + (f" and {len(names) - SHOWN} more" if len(names) > SHOWN else "")

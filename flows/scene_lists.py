@@ -11,7 +11,7 @@ from pathlib import Path, PurePosixPath
 
 from dcap.scene.errors import InputError
 from dcap.scene.readers.scenes.sugar import MESH_SUFFIXES
-from dcap.scene.spelling import did_you_mean
+from dcap.scene.spelling import did_you_mean, first_of
 from dcap.scene.types.sample import Sample
 
 SPLIT_SUFFIX = ".txt"
@@ -78,8 +78,7 @@ def named_paths(paths: Sequence[str], names: Sequence[str]) -> set[str]:
 
 def there_are(names: Sequence[str]) -> str:
     """The end of a message that lists the first names, and says how many more there are."""
-    more = len(names) - SHOWN
-    return f"; there are {', '.join(names[:SHOWN])}" + (f" and {more} more" if more > 0 else "")
+    return f"; there are {first_of(names, SHOWN)}"
 
 
 def of_scenes(samples: Sequence[Sample], text: str, folder: Path) -> list[Sample]:

@@ -12,6 +12,7 @@ from filecmp import cmp
 from pathlib import Path
 from typing import Any
 
+from dcap.scene.spelling import first_of
 from dcap.scene.store.artifacts import FILES_FOLDER, Source, Store, json_file
 from dcap.scene.store.codec import VALUE_FILE
 from dcap.scene.store.ref import Ref
@@ -93,7 +94,7 @@ def why_not_cached(wanted: Deciders, store: Store) -> Why:
     if {Cause.VALUE, Cause.FILE} - {cause for cause, _ in given}:
         return why
     words = dict.fromkeys(words for _, words in sorted(given, key=lambda one: one[0] is Cause.FILE))
-    return Why(told=f"no earlier result with {listed([*words])}")
+    return Why(told=f"no earlier result with {first_of([*words], SHOWN)}")
 
 
 def given_otherwise(why: Why) -> Iterator[tuple[Cause, str]]:
@@ -207,7 +208,7 @@ def source_name(old: Ref[Any], new: Ref[Any], store: Store) -> str:
         changed = different_files(store.folder(old) / FILES_FOLDER, store.folder(new) / FILES_FOLDER)
     except (OSError, ValueError, KeyError):
         return new.sha256[:12]
-    return f"{listed(changed) or new.sha256[:12]} in the folder"
+    return f"{first_of(changed, SHOWN) or new.sha256[:12]} in the folder"
 
 
 def different_files(old: Path, new: Path) -> list[str]:
@@ -228,7 +229,7 @@ def in_words(why: Why, key_of: KeyOf = lambda stage, name: f"{stage}.{name}") ->
         path, reason = traced(one, key_of)
         told.setdefault(reason, f"{path}: {reason}" if path else reason)
     groups = [
-        listed([*told.values()]),
+        first_of([*told.values()], SHOWN),
         group_words("code changed: ", ChangeKind.CODE, why, lambda one: one.name),
         group_words("settings changed: ", ChangeKind.SETTING, why,
                     lambda one: f"{key_of(one.stage, one.name)} ({arrow(one)})"),
@@ -256,13 +257,7 @@ def only_input(why: Why) -> Change | None:
 def group_words(head: str, kind: ChangeKind, why: Why, words: Callable[[Change], str]) -> str:
     """Changes of one kind; empty where there are none."""
     found = [words(one) for one in why.changes if one.kind is kind]
-    return f"{head}{listed(found)}" if found else ""
-
-
-def listed(words: list[str]) -> str:
-    """The first ones, and how many more."""
-    more = len(words) - SHOWN
-    return ", ".join(words[:SHOWN]) + (f" and {more} more" if more > 0 else "")
+    return f"{head}{first_of(found, SHOWN)}" if found else ""
 
 
 def arrow(change: Change) -> str:

@@ -54,7 +54,7 @@ def test_a_run_that_is_killed_in_any_stage_goes_on(tmp_path: Path, url: str) -> 
             run.send_signal(signal.SIGKILL)
             run.communicate()
         assert run.returncode == -signal.SIGKILL
-        wait_until(lambda family=family: not any(map(lives, family)), 30.0)  # type: ignore[misc]
+        wait_until(lambda family=family: not any(map(lives, family)), seconds=30.0)  # type: ignore[misc]
         assert len(family) > 1
         assert begun_stages(tmp_path)[-1] == stage
         now = kept_records(broken)

@@ -8,10 +8,12 @@ import subprocess
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+import patience
 import psutil
 import pytest
 from desk_room import desk_dataset
@@ -34,12 +36,7 @@ PATIENCE = 240.0
 SAMPLES = {"mug": "put the mug on the desk", "book": "put the book on the desk", "lost": "put the mug on the piano"}
 
 
-def wait_until(true: Callable[[], object], seconds: float = PATIENCE) -> None:
-    """Wait for something that comes true."""
-    deadline = time.monotonic() + seconds
-    while not true():
-        assert time.monotonic() < deadline
-        time.sleep(0.1)
+wait_until = partial(patience.wait_until, seconds=PATIENCE, every=0.1)
 
 
 @pytest.fixture(scope="module")

@@ -7,12 +7,14 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from urllib.error import HTTPError
 from urllib.request import Request, urlopen
 
+import patience
 import pytest
 from fake_benchmark import end, fake_benchmark
 from foreign_names import LIBRARIES, OURS, foreign_folder, marks
@@ -41,12 +43,7 @@ def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def wait_until(true: Callable[[], object], seconds: float = PATIENCE) -> None:
-    """Wait for something that comes true."""
-    deadline = time.monotonic() + seconds
-    while not true():
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
+wait_until = partial(patience.wait_until, seconds=PATIENCE, every=0.05)
 
 
 @pytest.mark.slow
@@ -112,8 +109,8 @@ def test_an_interrupted_benchmark_ends_at_once(data: Path, kind: signal.Signals,
         end(run)
     assert run.returncode == 130
     assert took < PROMPT_SECONDS
-    wait_until(lambda: not is_server(server), PROMPT_SECONDS)
-    wait_until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in children), PROMPT_SECONDS)
+    wait_until(lambda: not is_server(server), seconds=PROMPT_SECONDS)
+    wait_until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in children), seconds=PROMPT_SECONDS)
     (data / "busy").unlink()
     with prefect_server() as url:
         pages = PrefectPages(url)

@@ -1,10 +1,12 @@
 """Fake stages for processes, and what is asked of them."""
 
 import json
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
+
+import patience
 
 from tasks.runner.process import run_in_process
 from tasks.runner.process_server import ProcessServer, process_server
@@ -131,9 +133,4 @@ def alive(pid: int) -> bool:
     return False
 
 
-def wait_until(condition: Callable[[], bool], seconds: float = 20.0) -> None:
-    """Wait for a condition; fail if it never comes."""
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline, "waited in vain"
-        time.sleep(0.02)
+wait_until = partial(patience.wait_until, seconds=20.0, every=0.02)

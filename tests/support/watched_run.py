@@ -4,11 +4,12 @@ import json
 import os
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
+import patience
 import pytest
 
 from dcap.scene.settings import PROJECT_ROOT
@@ -80,12 +81,7 @@ def begun_stages(folder: Path) -> list[str]:
     return told
 
 
-def wait_until(true: Callable[[], object], seconds: float = PATIENCE) -> None:
-    """Wait for something that comes true."""
-    deadline = time.monotonic() + seconds
-    while not true():
-        assert time.monotonic() < deadline
-        time.sleep(0.002)
+wait_until = partial(patience.wait_until, seconds=PATIENCE, every=0.002)
 
 
 def results(data: Path) -> dict[str, object]:
