@@ -9,6 +9,7 @@ by those who use them; `refused` words it.
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from difflib import get_close_matches
 from enum import StrEnum
 from pathlib import Path
 
@@ -24,6 +25,8 @@ FILE_VARIABLE = "DCAP_CONFIG"
 PREFIX, BETWEEN = "DCAP_", "__"
 VARIABLES = {"paths.data": "DCAP_DATA", "paths.store": "DCAP_STORE", "server.api_url": "PREFECT_API_URL"}
 """Keys whose environment variables are called otherwise."""
+ALIKE = 0.75
+"""From here on a variable of our prefix is taken for a misspelt one of ours, and not for somebody's own."""
 EXPORTED: dict[str, str] = {}
 """What this process has put into such variables from the file, for all that it starts."""
 PATHS = ("run.record", "run.replay", "paths.data", "paths.store")
@@ -118,11 +121,23 @@ def in_environment() -> Iterator[GivenSetting]:
         value = os.environ.get(name, "")
         if value and EXPORTED.get(name) != value:
             yield GivenSetting(key, value, Origin.ENVIRONMENT, name)
-    for name in sorted(name for name in os.environ if name.startswith(PREFIX) and BETWEEN in name):
+    ours = sorted(name for name in os.environ if name.startswith(PREFIX))
+    for name in (name for name in ours if BETWEEN not in name):
+        check_spelling(name)
+    for name in (name for name in ours if BETWEEN in name):
         if (key := key_of(name)) in VARIABLES:
             raise InputError(f"{name}: set {VARIABLES[key]} for {key}")
         if os.environ[name]:
             yield GivenSetting(key, parsed(name, os.environ[name]), Origin.ENVIRONMENT, name)
+
+
+def check_spelling(name: str) -> None:
+    """Refuse a variable that is nearly one of those without a section."""
+    known = [FILE_VARIABLE, VARIABLES["paths.data"], VARIABLES["paths.store"]]
+    words = [one.removeprefix(PREFIX) for one in known]
+    near = get_close_matches(name.removeprefix(PREFIX), words, 1, ALIKE)
+    if name not in known and near:
+        raise InputError(f"{name}: unknown variable; did you mean '{PREFIX}{near[0]}'?")
 
 
 def key_of(variable: str) -> str:

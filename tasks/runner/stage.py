@@ -115,7 +115,9 @@ class Stage(Generic[P, ValueT_co]):
 
     def __call__(self, *args: P.args, **kwargs: P.kwargs) -> Ref[ValueT_co]:
         """Reference to what the function returns for these inputs, computed only if it was not before."""
-        inputs = dict(self.signature.bind_partial(*args, **kwargs).arguments)
+        bound = self.signature.bind_partial(*args, **kwargs)
+        bound.apply_defaults()  # left out or given, the default is the same input
+        inputs = dict(bound.arguments)
         config = inputs.pop("config", None)
         for value in inputs.values():
             if isinstance(value, Ref) and value.infeasible:

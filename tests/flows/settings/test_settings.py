@@ -191,6 +191,21 @@ def test_mistakes_in_the_environment_name_the_variable(monkeypatch: pytest.Monke
         given_settings()
 
 
+def test_a_misspelt_variable_without_a_section_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A single underscore in place of two, and a letter out of place; somebody's own variables are left alone."""
+    monkeypatch.setenv("DCAP_RUN_WORKERS", "5")
+    with pytest.raises(InputError, match=r"DCAP_RUN_WORKERS: unknown variable; did you mean 'DCAP_RUN__WORKERS'\?"):
+        stage_settings()
+    monkeypatch.delenv("DCAP_RUN_WORKERS")
+    for name in ("DCAP_SAMPLE_DATA", "DCAP_DATASET", "DCAP_HOME", "DCAP_WORKER_THREADS"):
+        monkeypatch.setenv(name, "1")
+    given_settings()
+    stage_settings()
+    monkeypatch.setenv("DCAP_STROE", "/elsewhere")
+    with pytest.raises(InputError, match=r"DCAP_STROE: unknown variable; did you mean 'DCAP_STORE'\?"):
+        given_settings()
+
+
 def test_a_file_that_grows_without_end_is_refused() -> None:
     """Nine levels of ten references each are a thousand million values in 500 bytes."""
     levels = ["a0: &a0 {x: 1}"] + [

@@ -49,6 +49,9 @@ def double(mesh: Mesh) -> Mesh:
     logging.getLogger("dcap.geometry.double").info("half way", extra={"progress": 0.5})
     return mesh.transformed(np.diag([2.0, 2.0, 2.0, 1.0]))
 
+def grow(mesh: Mesh, config: MakeConfig, factor: float | None = None) -> Mesh:
+    return mesh
+
 def fail(mesh: Mesh) -> Mesh:
     raise GeometryError("mesh has 30 vertices > 10; lower the knob")
 
@@ -58,6 +61,7 @@ def die(mesh: Mesh) -> Mesh:
 
 make_task = stage(make)
 double_task = stage(double, process=True)
+grow_task = stage(grow)
 fail_task = stage(fail, process=True)
 die_task = stage(die, process=True)
 """
@@ -154,6 +158,19 @@ def test_looking_up_runs_nothing(fake: ModuleType) -> None:
     assert caught.value.deciders.stage == "make"
     why = in_words(why_not_cached(caught.value.deciders, Store.default()))
     assert why == "never computed" or why.startswith("seed changed (")
+
+
+def test_a_default_is_the_same_given_or_left_out(fake: ModuleType) -> None:
+    """Two callers of a stage share its results although one of them names a parameter's default."""
+
+    mesh = Store.default().save(Mesh.of([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]))
+
+    def wanted(**given: object) -> str:
+        with use_context(RunContext(lookup_only=True)), pytest.raises(NotCachedError) as caught:
+            fake.grow_task(mesh, **given)
+        return caught.value.deciders.key
+
+    assert wanted() == wanted(factor=None) == wanted(config=fake.MakeConfig()) != wanted(factor=1.0)
 
 
 def test_the_key_holds_what_decides(fake: ModuleType) -> None:
