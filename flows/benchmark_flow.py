@@ -5,10 +5,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-import httpx
 from prefect.client.orchestration import get_client
 from prefect.client.schemas.filters import FlowRunFilter
-from prefect.exceptions import PrefectException
 
 from dcap.scene.types.sample import Sample
 from flows.flow_runs import (
@@ -23,6 +21,7 @@ from flows.flow_runs import (
     every_flow_run,
     flow_run,
 )
+from flows.lost_server import server_errors_passed
 from flows.run_artifacts import RunArtifacts, plain_text, table_data
 from flows.run_names import WatchedRun, benchmark_tags, repeated_titles
 from flows.watching import SettledSample, Watch
@@ -88,6 +87,8 @@ class FlowRunWatch(Watch):
         self.write_progress(1.0)
         self.write_table()
         self.write_report(line)
+        with server_errors_passed(), get_client(sync_client=True) as client:
+            end_stages(client, {"id": {"any_": [self._id]}}, "its flow run was deleted")
         self._engine.ending = COMPLETED if fine else FAILED, line
 
     def interrupted(self) -> None:
@@ -95,12 +96,9 @@ class FlowRunWatch(Watch):
         own = FlowRunFilter.model_validate(
             {"parent_flow_run_id": {"any_": [self._id]}, "state": {"type": {"any_": ["PENDING", "RUNNING"]}}}
         )
-        try:
-            with get_client(sync_client=True) as client:
-                end_as_crashed(client, [child.id for child in every_flow_run(client, own)], WAS_INTERRUPTED)
-                end_stages(client, {"id": {"any_": [self._id]}}, WAS_INTERRUPTED)  # which stand for children
-        except (httpx.HTTPError, PrefectException, RuntimeError):
-            return  # who interrupts a run does not wait for its server
+        with server_errors_passed(), get_client(sync_client=True) as client:  # who interrupts does not wait for it
+            end_as_crashed(client, [child.id for child in every_flow_run(client, own)], WAS_INTERRUPTED)
+            end_stages(client, {"id": {"any_": [self._id]}}, WAS_INTERRUPTED)  # which stand for children
 
 
 @contextmanager

@@ -17,7 +17,7 @@ import httpx
 from prefect import flow
 from prefect.client.orchestration import get_client
 from prefect.client.schemas.objects import State
-from prefect.exceptions import ObjectNotFound, PrefectException
+from prefect.exceptions import ObjectNotFound
 from prefect.runtime import flow_run
 from prefect.states import Completed, Crashed, Failed
 from pydantic import Field
@@ -33,10 +33,11 @@ from flows.display import summary_line
 from flows.elsewhere import SampleJob, placed
 from flows.find_run import find_run
 from flows.flow_runs import NOBODY_WAITS, PROGRAM
+from flows.lost_server import server_errors_passed, server_lost
 from flows.output import result_line
 from flows.programs import Program
 from flows.run_names import benchmark_tags, shown
-from flows.sample_flow import TIMES, ending_of, server_lost
+from flows.sample_flow import MOST_BEGINNINGS, ending_of
 from flows.sample_pictures import show_pictures
 from flows.sample_run import FailedSample, FinishedSample
 from flows.server import wait_for_server
@@ -50,7 +51,7 @@ def place_sample(job: dict[str, Any]) -> State[Any]:
     mine = SampleJob.from_json(job)
     if not mine.config.drop.threads:
         mine = replace(mine, config=with_threads(mine.config, available_cores()))
-    for _ in range(TIMES):
+    for _ in range(MOST_BEGINNINGS):
         result = placed_for(mine)
         # a worker has nothing better to do than to wait; it could not tell how this ends, either
         wait_for_server(math.inf)
@@ -61,8 +62,7 @@ def place_sample(job: dict[str, Any]) -> State[Any]:
     if isinstance(result, FailedSample):
         return Failed(message=result.message)
     assert flow_run.id
-    with suppress(httpx.HTTPError, PrefectException, RuntimeError):  # the sample is placed, whether it is seen or not
-        show_pictures(result.placement, UUID(flow_run.id))
+    show_pictures(result.placement, UUID(flow_run.id))
     name, why = ending_of(result.placement)
     return Completed(name=name, message=why or None)
 
@@ -140,7 +140,7 @@ def benchmark(
             scenes=scenes,
             runner=runner_of(asked),
         )
-        with suppress(httpx.HTTPError, PrefectException, RuntimeError):  # the run is there, whether it is found by them
+        with server_errors_passed():  # the run is there, whether it is found by them
             add_tags(*benchmark_tags(run.folder.name, methods_of(asked.methods)))
         line = f"{run.folder.name}: {summary_line(run.summary)}"
         return Failed(message=line) if run.failed else Completed(message=line)

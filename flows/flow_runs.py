@@ -7,23 +7,22 @@ are created here, each with a key of its own.
 
 import signal
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 from uuid import UUID, uuid4
 
-import httpx
 from prefect import Flow, Task
 from prefect.client.orchestration import SyncPrefectClient
 from prefect.client.schemas.filters import FlowFilter, FlowRunFilter, TaskRunFilter
 from prefect.client.schemas.objects import FlowRun, State
 from prefect.context import SyncClientContext
-from prefect.exceptions import ObjectNotFound, PrefectHTTPStatusError
 from prefect.flow_engine import FlowRunEngine
 from prefect.states import Completed, Crashed, Failed, Pending
 
 from dcap.scene.errors import DcapError
 from flows.interrupts import put_off
+from flows.lost_server import refusals_passed
 from flows.programs import Program
 from tasks.runner.task_runs import broken
 
@@ -34,7 +33,6 @@ BENCHMARK, PLACE = "benchmark", "place"
 IN_A_REQUEST = 100
 """Flow runs that are asked about at once."""
 NOBODY_WAITS = "the benchmark that asked for it is gone"
-AWAY = (502, 503, 504)
 WAS_INTERRUPTED = "the benchmark was interrupted"
 ShownState = tuple[str, str]
 """Name of a final state, Completed, Infeasible or Failed, and the line that says why."""
@@ -101,21 +99,24 @@ def the_block() -> None:
 
 def created(client: SyncPrefectClient, flow: Flow[Any, Any], names: FlowRunNames, parent: UUID | None) -> FlowRun:
     """A new flow run; in its parent a task run stands for it."""
-    stands_for = None
-    if parent is not None:
-        task = Task(flow.fn, name=names.flow)
-        stands_for = client.create_task_run(
-            task, parent, dynamic_key=str(uuid4()), name=names.name, extra_tags=names.tags, state=Pending()
-        ).id
     return client.create_flow_run(
         flow,
         name=names.name,
         parameters=dict(names.parameters),
         tags=names.tags,
         context={PROGRAM: Program.this().to_json()},
-        parent_task_run_id=stands_for,
+        parent_task_run_id=None if parent is None else stand_in(client, parent, names, str(uuid4())),
         state=Pending(),
     )
+
+
+def stand_in(client: SyncPrefectClient, parent: UUID, names: FlowRunNames, key: str) -> UUID:
+    """The task run that stands for a flow run in its parent; the same one for the same key."""
+    task = Task(the_block, name=names.flow)
+    made = client.create_task_run(
+        task, parent, dynamic_key=key, name=names.name, extra_tags=names.tags, state=Pending()
+    )  # fmt: skip
+    return made.id
 
 
 def end_left_runs(client: SyncPrefectClient) -> None:
@@ -128,8 +129,7 @@ def end_left_runs(client: SyncPrefectClient) -> None:
             gone = f"its program, process {program.pid} of {program.host}, is gone"
             # the parent last: who is interrupted here leaves it for the next to find
             for run, why in (*((child, NOBODY_WAITS) for child in waiting_children(client, one.id)), (one.id, gone)):
-                with suppress(PrefectHTTPStatusError, ObjectNotFound):  # not ours to end, or deleted meanwhile
-                    end_as_crashed(client, [run], why)
+                end_as_crashed(client, [run], why)
     # a server keeps what begins a moment later: a stage may have come after its flow run had ended
     end_stages(client, {"state": {"type": {"any_": ["CRASHED"]}}}, "its flow run has crashed")
 
@@ -145,7 +145,7 @@ def waiting_children(client: SyncPrefectClient, parent: UUID) -> list[UUID]:
 def every_flow_run(client: SyncPrefectClient, wanted: FlowRunFilter) -> list[FlowRun]:
     """The flow runs that a filter lets through, however few the server tells at a time; what it refuses is left."""
     found: list[FlowRun] = []
-    with suppress(PrefectHTTPStatusError):
+    with refusals_passed():
         while page := client.read_flow_runs(flow_run_filter=wanted, offset=len(found)):
             found += page
     return found
@@ -157,16 +157,8 @@ def end_as_crashed(client: SyncPrefectClient, runs: Iterable[UUID], why: str) ->
     for begin in range(0, len(ended), IN_A_REQUEST):  # first: who is interrupted here leaves the rest to be found
         end_stages(client, {"id": {"any_": ended[begin : begin + IN_A_REQUEST]}}, why)
     for one in ended:
-        try:
+        with refusals_passed():  # not ours to end, or deleted meanwhile
             client.set_flow_run_state(one, Crashed(message=why), force=True)
-        except (PrefectHTTPStatusError, ObjectNotFound) as error:  # not ours to end, or deleted meanwhile
-            if is_away(error):
-                raise
-
-
-def is_away(error: Exception) -> bool:
-    """Whether a web server says that there is no answer from the server behind it, or not now."""
-    return isinstance(error, httpx.HTTPStatusError) and error.response.status_code in AWAY
 
 
 def end_stages(client: SyncPrefectClient, within: Mapping[str, object], why: str) -> None:
@@ -176,11 +168,11 @@ def end_stages(client: SyncPrefectClient, within: Mapping[str, object], why: str
     ours = FlowFilter.model_validate({"name": {"any_": [BENCHMARK, PLACE]}})
     unended = TaskRunFilter.model_validate({"state": {"type": {"any_": ["PENDING", "RUNNING"]}}})
     found: list[UUID] = []
-    with suppress(PrefectHTTPStatusError, ObjectNotFound):
+    with refusals_passed():
         while page := client.read_task_runs(
             flow_filter=ours, flow_run_filter=runs, task_run_filter=unended, offset=len(found)
         ):
             found += [one.id for one in page]  # as many as the server gives
     for one in found:
-        with suppress(PrefectHTTPStatusError, ObjectNotFound):
+        with refusals_passed():
             client.set_task_run_state(one, Crashed(message=why), force=True)

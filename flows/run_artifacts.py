@@ -9,11 +9,11 @@ import re
 from collections.abc import Mapping, Sequence
 from uuid import UUID
 
-import httpx
 from prefect.client.orchestration import get_client
 from prefect.client.schemas.actions import ArtifactCreate, ArtifactUpdate
-from prefect.exceptions import PrefectException
 from prefect.logging import get_run_logger
+
+from flows.lost_server import of_server
 
 STEERING = re.compile(r"[\\`*\[\]()#+!|~]|(?<!\w)[_.\-]|[_.\-](?!\w)")
 """What steers a page of Markdown; within a word the last three do not."""
@@ -30,7 +30,9 @@ class RunArtifacts:
         """Write an artifact: a progress (per cent), a table (rows as JSON) or a markdown (text)."""
         try:
             self._put(key, kind, data, description)
-        except (httpx.HTTPError, PrefectException, RuntimeError) as error:
+        except Exception as error:
+            if not of_server(error):
+                raise
             get_run_logger().warning("%s is not shown: %s", key, error)
 
     def _put(self, key: str, kind: str, data: object, description: str) -> None:

@@ -16,7 +16,8 @@ from dcap.scene.errors import DcapError
 from dcap.scene.store.artifacts import Store
 from dcap.scene.types.outcome import Infeasible
 from dcap.scene.types.sample import Sample
-from flows.flow_runs import COMPLETED, PLACE, FlowRunNames, ShownFlowRun, ShownState, end_as_crashed, flow_run, is_away
+from flows.flow_runs import COMPLETED, PLACE, FlowRunNames, ShownFlowRun, ShownState, end_as_crashed, flow_run
+from flows.lost_server import server_lost
 from flows.place import PlacementRefs
 from flows.run_names import WatchedRun, sample_tags, title_of
 from flows.sample_pictures import show_pictures
@@ -24,10 +25,8 @@ from flows.server import wait_for_server
 from tasks.runner.outcomes import reason_line
 from tasks.runner.task_runs import INFEASIBLE
 
-TIMES = 4
-"""How often a sample begins again because the server was lost."""
-NO_SERVER = "Failed to reach API"
-"""How the plain RuntimeError of Prefect's client begins."""
+MOST_BEGINNINGS = 4
+"""How often a sample begins: again where the server was lost, or its worker."""
 
 
 class SampleFlowRun:
@@ -72,7 +71,7 @@ def flow_runs_of(sample: Sample, run: WatchedRun | None = None) -> Iterator[Samp
         tags=sample_tags(sample, run.name if run else ""),
         parameters=asdict(sample),
     )
-    for _ in range(TIMES):
+    for _ in range(MOST_BEGINNINGS):
         begun: list[UUID] = []
         try:
             with flow_run(names, run.id if run else None) as engine:
@@ -90,9 +89,5 @@ def flow_runs_of(sample: Sample, run: WatchedRun | None = None) -> Iterator[Samp
                 end_as_crashed(client, begun, "the server was lost; the sample begins again")
         else:
             return
-    raise DcapError(f"the Prefect server was lost {TIMES} times while {sample.id} was placed; its log says why")
-
-
-def server_lost(error: Exception) -> bool:
-    """Whether an error says that no server answers."""
-    return isinstance(error, httpx.TransportError) or is_away(error) or NO_SERVER in str(error)
+    lost = f"the Prefect server was lost {MOST_BEGINNINGS} times"
+    raise DcapError(f"{lost} while {sample.id} was placed; its log says why")

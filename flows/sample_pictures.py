@@ -9,7 +9,9 @@ from pathlib import Path
 from uuid import UUID
 
 from PIL import Image
+from prefect.logging import get_run_logger
 
+from dcap.scene.errors import StoreError
 from dcap.scene.store.artifacts import Store
 from dcap.scene.store.pictures import picture_from_png
 from flows.place import PlacementRefs
@@ -27,9 +29,13 @@ def show_pictures(placement: PlacementRefs, run_id: UUID) -> None:
     """Put pictures of a placement on the page of its flow run."""
     folder = Store.default().folder(placement.overview or placement.renders)
     paths = [path for name in SHOWN if (path := folder / f"{name}.png").is_file()][:MOST]
-    if paths:
-        text = "\n\n".join(f"**{path.stem.replace('_', ' ')}**\n\n![{path.stem}]({data_url(path)})" for path in paths)
-        RunArtifacts(run_id).put("pictures", "markdown", text)
+    try:
+        parts = [f"**{path.stem.replace('_', ' ')}**\n\n![{path.stem}]({data_url(path)})" for path in paths]
+    except (OSError, StoreError) as error:  # damaged meanwhile: the sample is placed all the same
+        get_run_logger().warning("pictures are not shown: %s", error)
+        return
+    if parts:
+        RunArtifacts(run_id).put("pictures", "markdown", "\n\n".join(parts))
 
 
 def data_url(path: Path) -> str:

@@ -27,7 +27,7 @@ from urllib.parse import urlsplit
 from dcap.packages import module_command
 from dcap.scene.errors import DcapError, InputError
 from dcap.scene.machine_errors import free_space
-from dcap.scene.redaction import redacted
+from dcap.scene.redaction import has_log_in, redacted_url
 from dcap.scene.settings import cache_root
 from dcap.scene.team_server import API_URL, OWN_URL, team_server
 from dcap.scene.whole_files import write_whole
@@ -52,6 +52,8 @@ DELIVER_SECONDS = 15.0
 WATCH_SECONDS = 0.5
 """How often a run looks whether its server lives."""
 HEALTHY = b"true"
+SHORT_ANSWER = 100
+"""Bytes of an answer that are read of whoever speaks at an address."""
 """What a server of Prefect says of its health; pages of any kind may answer, too."""
 LEAST_ROOM = 8 << 20
 """A new database with its journal takes 5 MB."""
@@ -83,7 +85,7 @@ def some_server(port: int | None) -> Iterator[str]:
     given = os.environ.get(API_URL)
     if given:
         if not is_healthy(given):
-            raise DcapError(f"{API_URL}={redacted(given)}: {unanswered(given)}")
+            raise DcapError(f"{API_URL}={redacted_url(given)}: {unanswered(given)}")
         notice_settings()
         yield given
         return
@@ -197,9 +199,9 @@ def wait_for_server(patience: float | None = None) -> None:
     if not url:  # Prefect has it from elsewhere
         return
     deadline = time.monotonic() + (START_SECONDS if patience is None else patience)
-    while not is_healthy(url):
+    while not is_ready(url):
         if time.monotonic() > deadline:
-            raise DcapError(f"the Prefect server {redacted(url)} is gone; {why_gone(server_folder())}")
+            raise DcapError(f"the Prefect server {redacted_url(url)} is gone; {why_gone(server_folder())}")
         time.sleep(0.2)
 
 
@@ -254,20 +256,30 @@ def known_pid(folder: Path) -> int:
 
 def is_healthy(url: str) -> bool:
     """Whether a server of Prefect answers."""
+    return answer_of(f"{url}/health") == HEALTHY
+
+
+def is_ready(url: str) -> bool:
+    """Whether a server of Prefect answers, and reaches its database."""
+    return is_healthy(url) and answer_of(f"{url}/ready") is not None
+
+
+def answer_of(page: str) -> bytes | None:
+    """The beginning of a page; None where there is none."""
     try:
-        with urllib.request.urlopen(f"{url}/health", timeout=2) as answer:
-            return bool(answer.status == 200 and answer.read(len(HEALTHY) + 1) == HEALTHY)
+        with urllib.request.urlopen(page, timeout=2) as answer:
+            return bytes(answer.read(SHORT_ANSWER)) if answer.status == 200 else None
     except (OSError, ValueError, HTTPException):  # none, no address, or something else that speaks there
-        return False
+        return None
 
 
 def unanswered(url: str) -> str:
     """Why a server that was named cannot be used, and what to do."""
-    if "@" in url.partition("://")[2].partition("/")[0]:
+    if has_log_in(url):
         return f"an address holds no log-in; give it as {LOGIN}=NAME:PASSWORD"
     whole = f"{url.rstrip('/')}/api"
     if is_healthy(whole):
-        return f"the address of Prefect's server ends in /api: {redacted(whole)}"
+        return f"the address of Prefect's server ends in /api: {redacted_url(whole)}"
     return "no server of Prefect answers there; start it or unset the variable"
 
 
@@ -280,7 +292,7 @@ def free_port() -> int:
 
 def pages_of(url: str) -> str:
     """Where the pages of a server are that answers at `url`, as people are told: without who signs in there."""
-    return redacted(url.removesuffix("/api"))
+    return redacted_url(url.removesuffix("/api"))
 
 
 def port_of(url: str) -> int:

@@ -7,50 +7,48 @@ heartbeat any more ends as Crashed, and waits in the pool again.
 import math
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from datetime import datetime, timedelta
-from functools import partial
-from typing import Any, TypeVar
+from typing import Any
 from uuid import UUID
 
 import httpx
 from prefect.client.orchestration import SyncPrefectClient, get_client
 from prefect.client.schemas.actions import WorkPoolCreate
 from prefect.client.schemas.filters import FlowRunFilter
-from prefect.client.schemas.objects import FlowRun, WorkerStatus
-from prefect.deployments import run_deployment
-from prefect.exceptions import ObjectNotFound, PrefectException
+from prefect.client.schemas.objects import FlowRun, Worker, WorkerStatus
+from prefect.exceptions import ObjectNotFound, PrefectHTTPStatusError
 from prefect.flows import Flow, load_flow_from_entrypoint
 from prefect.utilities.callables import parameter_schema
 
+from dcap.scene.errors import DcapError
 from dcap.scene.json_tree import JsonObject
 from dcap.scene.readers.files.yaml_text import parse_yaml
 from dcap.scene.settings import resource
 from flows.elsewhere import SampleJob, Told, told_of
-from flows.flow_runs import IN_A_REQUEST, WAS_INTERRUPTED, end_as_crashed
+from flows.flow_runs import IN_A_REQUEST, PLACE, WAS_INTERRUPTED, FlowRunNames, end_as_crashed, stand_in
+from flows.lost_server import is_missing, server_errors_passed, server_lost
 from flows.run_names import sample_tags
-from flows.sample_flow import server_lost
-from flows.server import wait_for_server
-
-Answer = TypeVar("Answer")
+from flows.sample_flow import MOST_BEGINNINGS
+from flows.server import START_SECONDS, wait_for_server
 
 POOL = "dcap"
 SAMPLE = "place/sample"
 """The deployment that places one sample."""
 WORKER = "DCAP_WORKER"
 """Environment variable with the name of the worker whose process this is."""
-TIMES = 4
-"""How often a sample may begin again because its worker was lost; how often in a row a look may lose the server."""
-UNTOLD = (httpx.HTTPError, PrefectException, RuntimeError)
-"""What a server that is away, or refuses, comes to where nothing depends on its answer."""
 LAST_BEAT_SECONDS = 15.0
 """A worker that claims a run has sent a heartbeat at most so long before."""
-SLOW_SECONDS = 10.0
-"""A server that answers a request only after so long was not there: Prefect's client has asked it again and again."""
+CLOCK = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
+"""It goes on while the machine sleeps."""
+MOST_BETWEEN = 10.0
+"""Seconds between two looks at the workers that count: in a longer time the server may have been away."""
 LATE_SECONDS = 120.0
-"""So long after a loss of the server, a worker's silence says nothing: its requests are tried again after up to half a
-minute, and more of them than one may have failed."""
+"""After such a time a worker is silent for so long before it counts as lost: its requests are tried again after up to
+half a minute, and more of them than one may have failed."""
+GONE = f"somebody has deleted the pool {POOL!r} or its deployment {SAMPLE!r} from the server; start a worker, which \
+registers them, and give the command again: what is placed is kept"
 
 
 def register() -> None:
@@ -87,8 +85,10 @@ class WorkPool:
         """Samples that are in the pool, by their flow runs."""
         self.lost: dict[UUID, str] = {}
         """Flow runs that were lost with their workers and are not ended yet, and why they are to be."""
-        self.heard_since = -math.inf
-        """When the server was there again, as the last of its losses ended."""
+        self.silences: dict[str, Silence] = {}
+        """Since the last heartbeat of each worker."""
+        self.looked = time.clock_gettime(CLOCK)
+        """When the server has last said which workers there are."""
 
     def served(self) -> bool:
         """Whether any worker is there; the pool's deployments are registered if they were not."""
@@ -97,12 +97,12 @@ class WorkPool:
                 client.read_deployment_by_name(SAMPLE)
             except ObjectNotFound:
                 register()
-            return bool(online(client))
+            return any(one.status is WorkerStatus.ONLINE for one in workers_of(client))
 
     def placed(self, jobs: Sequence[SampleJob], look_seconds: float) -> Iterator[Sequence[Told]]:
-        """Put all samples into the pool, and yield them as they end. A server that is lost meanwhile is waited for: the
-        pool is in its database."""
-        left, losses = deque(jobs), 0
+        """Put all samples into the pool, and yield them as they end. A server that is lost meanwhile is waited for, as
+        long as a start may take: the pool is in its database."""
+        left, silent_since = deque(jobs), math.inf
         with get_client(sync_client=True) as client:
             try:
                 while left or self.waiting:
@@ -111,28 +111,30 @@ class WorkPool:
                         while left:
                             self.ask(client, left[0])
                             left.popleft()
+                            silent_since = math.inf
                         time.sleep(look_seconds)
                         told.extend(self.ended(client))
-                        losses = 0
+                        silent_since = math.inf
                     except (httpx.HTTPError, RuntimeError) as error:
                         yield told  # what is known already
-                        losses, told = losses + 1, []
-                        if not server_lost(error) or losses == TIMES:
+                        told = []
+                        silent_since = min(silent_since, time.monotonic())
+                        if not server_lost(error) or time.monotonic() - silent_since > START_SECONDS:
                             raise
+                        time.sleep(look_seconds)
                         wait_for_server()
-                        self.heard_since = time.monotonic()
                     yield told
-            finally:
-                with suppress(*UNTOLD):  # who ends does not wait for a server
+            finally:  # who ends does not wait for a server
+                with server_errors_passed():
                     self.end_lost(client)
+                with server_errors_passed():
                     end_as_crashed(client, self.waiting, WAS_INTERRUPTED)
 
     def ended(self, client: SyncPrefectClient) -> Iterator[Told]:
         """The samples that have ended since the last look; those of lost workers are asked for again."""
         self.end_lost(client)
         runs = {run.id: run for run in self.known(client, list(self.waiting))}
-        silent = self.heard(partial(lost_workers, client))
-        gone = silent if time.monotonic() - self.heard_since > LATE_SECONDS else {}
+        gone = self.lost_workers(client)
         for one, job in list(self.waiting.items()):
             run = runs.get(one)
             if run is None:
@@ -143,13 +145,13 @@ class WorkPool:
                 del self.waiting[one]
                 yield job.sample, told_by(run)
             elif lost(run, gone):
-                again = self.begun[job.sample.id] < TIMES
+                again = self.begun[job.sample.id] < MOST_BEGINNINGS
                 if again:
                     self.ask(client, job)
                 self.lost[one] = "its worker was lost" + "; the sample begins again" * again
                 del self.waiting[one]
                 if not again:
-                    yield job.sample, told_of(f"its worker was lost {TIMES} times")
+                    yield job.sample, told_of(f"its worker was lost {MOST_BEGINNINGS} times")
         self.end_lost(client)
 
     def end_lost(self, client: SyncPrefectClient) -> None:
@@ -161,40 +163,72 @@ class WorkPool:
     def ask(self, client: SyncPrefectClient, job: SampleJob) -> None:
         """Put a sample into the pool; once, also where an answer is lost on its way."""
         begun = self.begun.get(job.sample.id, 0)
-        asking = partial(
-            run_deployment,
-            SAMPLE,
-            parameters={"job": job.to_json()},
-            flow_run_name=job.run.title(job.sample),
-            tags=sample_tags(job.sample, job.run.name),
-            timeout=0,
-            idempotency_key=f"{job.run.id}/{job.sample.id}/{begun}",
+        key = f"{job.run.id}/{job.sample.id}/{begun}"
+        names = FlowRunNames(
+            PLACE, job.run.title(job.sample), sample_tags(job.sample, job.run.name), {"job": job.to_json()}
+        )  # fmt: skip
+        try:
+            deployment = client.read_deployment_by_name(SAMPLE)
+        except ObjectNotFound:
+            raise DcapError(GONE) from None
+        run = client.create_flow_run_from_deployment(
+            deployment.id,
+            parameters=dict(names.parameters),
+            name=names.name,
+            tags=names.tags,
+            idempotency_key=key,
+            parent_task_run_id=None if job.run.id is None else stand_in(client, job.run.id, names, key),
         )
-        run: FlowRun = self.heard(asking)  # type: ignore[assignment]  # a coroutine only in a loop
         self.waiting[run.id] = job
         self.begun[job.sample.id] = begun + 1
-        if run.parent_task_run_id is not None:  # stands for it in the benchmark's flow run, with a name of Prefect's
-            with suppress(*UNTOLD):
-                client.set_task_run_name(run.parent_task_run_id, job.run.title(job.sample))
 
     def known(self, client: SyncPrefectClient, ids: Sequence[UUID]) -> Iterator[FlowRun]:
         """What the server knows of these flow runs, however few it tells at a time."""
         for begin in range(0, len(ids), IN_A_REQUEST):
             some = FlowRunFilter.model_validate({"id": {"any_": list(ids[begin : begin + IN_A_REQUEST])}})
             count = 0
-            while page := self.heard(partial(client.read_flow_runs, flow_run_filter=some, offset=count)):
+            while page := client.read_flow_runs(flow_run_filter=some, offset=count):
                 yield from page
                 count += len(page)
                 if count >= min(IN_A_REQUEST, len(ids) - begin):
                     break
 
-    def heard(self, request: Callable[[], Answer]) -> Answer:
-        """The answer to one request; it is noted where the server was away before it."""
-        begin = time.monotonic()
-        answer = request()
-        if time.monotonic() - begin > SLOW_SECONDS:
-            self.heard_since = time.monotonic()
-        return answer
+    def lost_workers(self, client: SyncPrefectClient) -> dict[str, datetime | None]:
+        """Names of the workers that send no heartbeats any more, though they were listened for, and when they sent the
+        last one."""
+        there, before = workers_of(client), self.looked
+        self.looked = time.clock_gettime(CLOCK)
+        for one in there:
+            silence = self.silences.setdefault(one.name, Silence(one.last_heartbeat_time))
+            if silence.since != one.last_heartbeat_time:
+                silence = self.silences[one.name] = Silence(one.last_heartbeat_time)
+            silence.goes_on(self.looked - before)
+        return {
+            one.name: one.last_heartbeat_time
+            for one in there
+            if one.status is not WorkerStatus.ONLINE and self.silences[one.name].is_telling
+        }
+
+
+@dataclass
+class Silence:
+    """How long a worker has sent no heartbeat while the server could be asked for one."""
+
+    since: datetime | None
+    """Its last heartbeat."""
+    seconds: float = 0.0
+    is_whole: bool = True
+    """Whether no time is missing in which the server may have been away."""
+
+    def goes_on(self, seconds: float) -> None:
+        """It was asked for again after so long."""
+        self.is_whole &= seconds <= MOST_BETWEEN
+        self.seconds += min(seconds, MOST_BETWEEN)
+
+    @property
+    def is_telling(self) -> bool:
+        """Whether it says that the worker is lost; the server has judged by the time alone."""
+        return self.is_whole or self.seconds > LATE_SECONDS
 
 
 def is_deleted(client: SyncPrefectClient, run: UUID) -> bool:
@@ -206,16 +240,17 @@ def is_deleted(client: SyncPrefectClient, run: UUID) -> bool:
     return False
 
 
-def online(client: SyncPrefectClient) -> set[str]:
-    """Names of the workers that send heartbeats."""
-    workers = client.read_workers_for_work_pool(POOL)
-    return {one.name for one in workers if one.status is WorkerStatus.ONLINE}
-
-
-def lost_workers(client: SyncPrefectClient) -> dict[str, datetime | None]:
-    """Names of the workers that send no heartbeats any more, and when they sent the last one."""
-    workers = client.read_workers_for_work_pool(POOL)
-    return {one.name: one.last_heartbeat_time for one in workers if one.status is not WorkerStatus.ONLINE}
+def workers_of(client: SyncPrefectClient) -> list[Worker]:
+    """The workers that have served the pool, however few the server tells at a time."""
+    found: list[Worker] = []
+    try:
+        while page := client.read_workers_for_work_pool(POOL, offset=len(found)):
+            found += page
+    except (ObjectNotFound, PrefectHTTPStatusError) as error:
+        if is_missing(error):
+            raise DcapError(GONE) from None
+        raise
+    return found
 
 
 def lost(run: FlowRun, gone: Mapping[str, datetime | None]) -> bool:

@@ -29,7 +29,7 @@ SERVER = ("httpx", "httpcore")
 UNLOADED = ("failed to map segment", "annot allocate memory")
 """What the loader says of a library for which there is no memory."""
 NO_SERVER = "Failed to reach API"
-"""How Prefect's plain RuntimeError begins where its server is gone."""
+"""What Prefect's plain RuntimeError says where its server is gone."""
 LONGEST_PATH, LONGEST_WORDS = 200, 300
 """Letters of a path and of foreign words that a line shows."""
 ROOMY = 64 << 20

@@ -1,19 +1,23 @@
 """URLs and messages without what is secret of them: user, password, token, query."""
 
+import re
 from urllib.parse import unquote, urlsplit
 
+LOG_IN = re.compile(r"^([A-Za-z][A-Za-z0-9+.-]*:/+)?.*@", re.DOTALL)
+"""All before the last @ but a scheme: a password may hold slashes, and the scheme be forgotten."""
 SHORTEST_SECRET = 4
 """Letters of a secret that is looked for in messages; a shorter one would be found in every word."""
 
 
-def redacted(url: str) -> str:
+def redacted_url(url: str) -> str:
     """A URL without user, password, token and query, as it may be shown."""
-    scheme, mark, rest = url.partition("://")
-    rest, question, _ = rest.partition("?")
-    place, slash, path = rest.partition("/")
-    if "@" in place:
-        place = f"***@{place.rpartition('@')[2]}"
-    return f"{scheme}{mark}{place}{slash}{path}{question and '?***'}"
+    place, question, _ = LOG_IN.sub(r"\1***@", url).partition("?")
+    return f"{place}{question and '?***'}"
+
+
+def has_log_in(url: str) -> bool:
+    """Whether a user, perhaps with a password, stands in an address."""
+    return LOG_IN.match(url) is not None
 
 
 def without_secrets(text: str, url: str) -> str:
@@ -21,7 +25,7 @@ def without_secrets(text: str, url: str) -> str:
     parts = urlsplit(url)
     told = (parts.query, *parts.netloc.rpartition("@")[0].split(":", 1))
     secrets = {one for told_as in told for one in (told_as, unquote(told_as)) if len(one) >= SHORTEST_SECRET}
-    text = text.replace(url, redacted(url))
+    text = text.replace(url, redacted_url(url))
     for secret in sorted(secrets, key=len, reverse=True):
         text = text.replace(secret, "***")
     return text

@@ -12,7 +12,7 @@ SHORTEST = 8
 NAMES = re.compile(r"(KEY|TOKEN|SECRET|PASSWORD|PASSWD|CREDENTIALS|CONNECTION_URL|AUTH_STRING)$")
 """Environment variables whose values are secrets."""
 PATTERNS = (
-    (re.compile(r"(?<=://)[^\s/@]+@"), f"{HIDDEN}@"),  # user and password of an address
+    (re.compile(r"(?<=://)(?:[^\s/@]+|[^\s/@:]+:[^\s@]+)@"), f"{HIDDEN}@"),  # user and password of an address
     (re.compile(r"\bsk-[A-Za-z0-9_-]{6,}"), f"sk-{HIDDEN}"),
     (re.compile(r"(?i)\b(bearer|basic)\s+[A-Za-z0-9._~+/=-]{6,}"), rf"\1 {HIDDEN}"),
     (

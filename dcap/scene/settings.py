@@ -10,7 +10,7 @@ from platformdirs import user_data_path
 
 from dcap.packages import ROOT
 from dcap.scene.errors import InputError
-from dcap.scene.redaction import redacted
+from dcap.scene.redaction import redacted_url
 
 PROJECT_ROOT = ROOT
 """The folder that our packages lie in: the clone with its pyproject.toml, or site-packages."""
@@ -42,7 +42,9 @@ def data_root() -> Path:
     """
     given = os.environ.get("DCAP_DATA", "")
     if "://" in given:
-        raise InputError(f"DCAP_DATA={redacted(given)} is a URL; name a folder, and set DCAP_STORE to the URL to share")
+        raise InputError(
+            f"DCAP_DATA={redacted_url(given)} is a URL; name a folder, and set DCAP_STORE to the URL to share"
+        )
     if given:
         return Path(given).resolve()
     return home() / "data" if in_clone() else home()

@@ -5,7 +5,7 @@ Either stands in $PREFECT_API_URL while work runs, for this process and all that
 
 import os
 
-from dcap.scene.redaction import redacted
+from dcap.scene.redaction import redacted_url
 
 API_URL = "PREFECT_API_URL"
 """Prefect's variable with the address of the server to ask."""
@@ -16,4 +16,4 @@ OWN_URL = "DCAP_OWN_SERVER"
 def team_server() -> str:
     """Address of a team's server, as it may be shown; empty where the server is our own or there is none."""
     url = os.environ.get(API_URL, "")
-    return "" if url == os.environ.get(OWN_URL) else redacted(url)
+    return "" if url == os.environ.get(OWN_URL) else redacted_url(url)

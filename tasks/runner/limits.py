@@ -7,11 +7,17 @@ back when its lease ends, after a minute or two.
 
 import os
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from prefect.client.orchestration import SyncPrefectClient
 
 SIMULATIONS, MODEL_CALLS = "dcap-simulations", "dcap-model-calls"
 """Stages that simulate; stages that ask a model."""
 LIMITS = (SIMULATIONS, MODEL_CALLS)
+UNTOLD = (403, 404)
+"""What a server answers that does not let us see its limits, or knows of none."""
 LEASE_SECONDS = 60.0
 """Who lives renews it in time; Prefect allows no less."""
 
@@ -20,7 +26,6 @@ def set_limits(limits: Mapping[str, int]) -> dict[str, int]:
     """Tell the server of a run its limits by name; others that the server has already are returned. They stay, since
     others may compute by them."""
     from prefect.client.orchestration import get_client
-    from prefect.exceptions import ObjectNotFound, PrefectHTTPStatusError
 
     left: dict[str, int] = {}
     with get_client(sync_client=True) as client:
@@ -28,9 +33,8 @@ def set_limits(limits: Mapping[str, int]) -> dict[str, int]:
             if name in limits:
                 client.upsert_global_concurrency_limit_by_name(name, limits[name])
                 continue
-            with suppress(ObjectNotFound, PrefectHTTPStatusError):  # whom the server tells nothing is told nothing
-                found = client.read_global_concurrency_limit_by_name(name)
-                left |= {name: found.limit} if found.active else {}
+            if (found := limit_on(client, name)) is not None:
+                left[name] = found
     return left
 
 
@@ -50,13 +54,23 @@ def slot_of(name: str) -> Iterator[None]:
 def is_limited(name: str) -> bool:
     """Whether the server of this run has a limit."""
     from prefect.client.orchestration import get_client
-    from prefect.exceptions import ObjectNotFound
 
     if not os.environ.get("PREFECT_API_URL"):
         return False
     with get_client(sync_client=True) as client:
-        try:
-            client.read_global_concurrency_limit_by_name(name)
-        except ObjectNotFound:
-            return False
-    return True
+        return limit_on(client, name) is not None
+
+
+def limit_on(client: "SyncPrefectClient", name: str) -> int | None:
+    """A limit of a server; None where it has none, or tells us nothing of limits."""
+    from prefect.exceptions import ObjectNotFound, PrefectHTTPStatusError
+
+    try:
+        found = client.read_global_concurrency_limit_by_name(name)
+    except ObjectNotFound:
+        return None
+    except PrefectHTTPStatusError as error:
+        if error.response.status_code in UNTOLD:
+            return None
+        raise
+    return found.limit if found.active else None

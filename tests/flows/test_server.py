@@ -158,7 +158,18 @@ def test_an_address_that_is_no_servers(prefect: bool, said: str, monkeypatch: py
 
 @pytest.mark.parametrize(
     "url",
-    ["http://team:of-ours@127.0.0.1/api", "http://127.0.0.1:{port}/api", "127.0.0.1:{port}", "?", "http://[::1/api"],
+    [
+        "http://team:of-ours@127.0.0.1/api",
+        "http://team:a/of-ours@127.0.0.1/api",
+        "http://team:9/of-ours@127.0.0.1/api",
+        "team:of-ours@127.0.0.1/api",
+        "http:/team:of-ours@127.0.0.1/api",
+        "http://team:of-ours?x@127.0.0.1/api",
+        "http://127.0.0.1:{port}/api",
+        "127.0.0.1:{port}",
+        "?",
+        "http://[::1/api",
+    ],
 )
 def test_what_speaks_otherwise_is_no_server(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """An address that is none, or a port where another protocol is spoken: one line, which says no password."""
@@ -176,6 +187,7 @@ def test_what_speaks_otherwise_is_no_server(url: str, monkeypatch: pytest.Monkey
             raise AssertionError
         assert "\n" not in str(told.value)
         assert "of-ours" not in str(told.value)
+        assert ("log-in" in str(told.value)) is ("@" in url)
 
 
 def test_a_server_of_a_team_that_is_gone_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,7 +16,7 @@ from urllib.parse import urlsplit
 from dcap.language.model.payload import CACHED, Payload
 from dcap.language.model.reply_folder import Message
 from dcap.scene.errors import LanguageError, RefusedError
-from dcap.scene.redaction import redacted
+from dcap.scene.redaction import redacted_url
 
 if TYPE_CHECKING:
     import anthropic
@@ -150,7 +150,7 @@ def unanswered(model: str) -> LanguageError:
 def unreachable(model: str, error: Exception, variable: str) -> LanguageError:
     """What is said where no try reached the server, whose address a variable of the environment may name."""
     given = os.environ.get(variable, "")
-    address = f"{redacted(given)} ({variable})" if given else f"the usual address ({variable} names another)"
+    address = f"{redacted_url(given)} ({variable})" if given else f"the usual address ({variable} names another)"
     return LanguageError(f"{model} cannot be reached at {address}: {one_line(str(error))}")
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from dcap.scene.errors import StoreError
-from dcap.scene.redaction import redacted, without_secrets
+from dcap.scene.redaction import redacted_url, without_secrets
 from dcap.scene.store.building import remove
 from dcap.scene.store.digest import digest_of_folder, walk
 from dcap.scene.store.ref import Ref
@@ -115,7 +115,7 @@ class RemoteStore:
             if isinstance(error, OSError) and error.errno in LOCAL_DISK:
                 raise StoreError(f"{what}: {error}") from None
             why = without_secrets(" ".join(str(error).split()) or type(error).__name__, self.url)
-            raise StoreError(f"{VARIABLE}={redacted(self.url)}: {what}: {why}") from None
+            raise StoreError(f"{VARIABLE}={redacted_url(self.url)}: {what}: {why}") from None
 
 
 def opened_url(url: str) -> tuple[Any, str]:
@@ -128,13 +128,13 @@ def opened_url(url: str) -> tuple[Any, str]:
         options["auto_mkdir"] = True
     filesystem, root = fsspec.url_to_fs(given, **options)
     if not root.strip("/"):
-        raise StoreError(f"{VARIABLE}={redacted(url)} names no bucket or folder")
+        raise StoreError(f"{VARIABLE}={redacted_url(url)} names no bucket or folder")
     if hasattr(filesystem, "call_s3"):
         bucket = root.split("/")[0]
         try:
             filesystem.call_s3("head_bucket", Bucket=bucket)
         except FileNotFoundError:
-            raise StoreError(f"{VARIABLE}={redacted(url)}: there is no bucket {bucket}; create it first") from None
+            raise StoreError(f"{VARIABLE}={redacted_url(url)}: there is no bucket {bucket}; create it first") from None
     return filesystem, root.rstrip("/")
 
 

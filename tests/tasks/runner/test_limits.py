@@ -4,15 +4,18 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from threading import Barrier, Lock
 from time import sleep
+from types import SimpleNamespace
 
+import httpx
 import pytest
+from prefect.exceptions import ObjectNotFound, PrefectHTTPStatusError
 
 from dcap.language.protocol.client import ClientName
 from flows.place import PlaceConfig
 from flows.server import prefect_server
 from tasks.drop.stage import drop_task
 from tasks.intent.stage import intent_task
-from tasks.runner.limits import MODEL_CALLS, SIMULATIONS, is_limited, set_limits, slot_of
+from tasks.runner.limits import MODEL_CALLS, SIMULATIONS, is_limited, limit_on, set_limits, slot_of
 
 
 class Inside:
@@ -58,6 +61,47 @@ def test_a_limit_bounds_whoever_computes_on_its_server(
         list(threads.map(meet, [Barrier(2)] * 2))
         assert set_limits({}) == {name: 2}
         assert is_limited(name)
+
+
+class Limits:
+    """A server that answers so for any limit."""
+
+    def __init__(self, answer: SimpleNamespace | Exception) -> None:
+        self.answer = answer
+
+    def read_global_concurrency_limit_by_name(self, name: str) -> SimpleNamespace:
+        """What it says of one."""
+        if isinstance(self.answer, Exception):
+            raise self.answer
+        return self.answer
+
+
+def refused(status: int) -> PrefectHTTPStatusError:
+    """How Prefect's client says that a request was refused."""
+    request = httpx.Request("GET", "http://127.0.0.1/api/v2/concurrency_limits/one")
+    return PrefectHTTPStatusError("no", request=request, response=httpx.Response(status, request=request))
+
+
+@pytest.mark.parametrize(
+    ("answer", "found"),
+    [
+        (SimpleNamespace(limit=3, active=True), 3),
+        (SimpleNamespace(limit=3, active=False), None),
+        (ObjectNotFound(KeyError("one")), None),
+        (refused(403), None),
+    ],
+)
+def test_a_limit_is_one_that_the_server_tells_us_and_keeps(
+    answer: SimpleNamespace | Exception, found: int | None
+) -> None:
+    """Whom it tells nothing is bounded by nothing, at the start of a benchmark and in each stage alike."""
+    assert limit_on(Limits(answer), SIMULATIONS) == found  # type: ignore[arg-type]
+
+
+def test_a_server_that_breaks_is_no_server_without_limits() -> None:
+    """What it should bound would run unbounded."""
+    with pytest.raises(PrefectHTTPStatusError):
+        limit_on(Limits(refused(500)), SIMULATIONS)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(

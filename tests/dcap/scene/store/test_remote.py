@@ -14,7 +14,7 @@ import pytest
 from s3_server import S3, s3_server
 
 from dcap.scene.errors import MissingArtifactError, StoreError
-from dcap.scene.redaction import redacted, without_secrets
+from dcap.scene.redaction import redacted_url, without_secrets
 from dcap.scene.store import remote
 from dcap.scene.store.artifacts import Store
 from dcap.scene.store.ref import Ref
@@ -292,7 +292,7 @@ def test_what_is_no_store(url: str, words: str, tmp_path: Path) -> None:
 def test_secrets_are_not_shown() -> None:
     """Neither a URL nor a library's message about it tells a password, a token or a query."""
     url = "s3://user:p%40ssword@host.example/bucket?token=abcdef"
-    assert redacted(url) == "s3://***@host.example/bucket?***"
-    assert redacted("s3://bucket/prefix") == "s3://bucket/prefix"
+    assert redacted_url(url) == "s3://***@host.example/bucket?***"
+    assert redacted_url("s3://bucket/prefix") == "s3://bucket/prefix"
     told = without_secrets(f"cannot open {url}: p@ssword is wrong for host.example", url)
     assert told == "cannot open s3://***@host.example/bucket?***: *** is wrong for host.example"
