@@ -3,7 +3,6 @@
 A lost server is waited for, or ends what asked it. What a server refuses concerns that one request.
 """
 
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -11,22 +10,21 @@ import httpx
 from prefect.exceptions import ObjectNotFound, PrefectException, PrefectHTTPStatusError
 
 from dcap.scene.machine_errors import NO_SERVER
-from dcap.scene.team_server import API_URL
-from flows.server import is_ready
+from dcap.scene.team_server import team_server
 
 AWAY = (502, 503, 504)
 """What a web server answers that has no answer from the server behind it, or not now."""
 BROKEN = 500
-"""What Prefect's server answers without its database, and for its own mistakes."""
+"""What Prefect's server answers without its database, and for its own mistakes; our own server has its database in a
+file, and what is wrong with that is not waited for."""
 MISSING = 404
 
 
 def server_lost(error: Exception) -> bool:
-    """Whether an error says that no server answers, or none that reaches its database."""
+    """Whether an error says that no server answers, or that a team's server may have lost its database."""
     if isinstance(error, httpx.TransportError) or NO_SERVER in str(error):
         return True
-    url = os.environ.get(API_URL, "")
-    return status_of(error) in AWAY or (status_of(error) == BROKEN and url != "" and not is_ready(url))
+    return status_of(error) in AWAY or (status_of(error) == BROKEN and team_server() != "")
 
 
 def is_missing(error: Exception) -> bool:

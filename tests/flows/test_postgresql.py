@@ -8,21 +8,27 @@ import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from urllib.error import HTTPError
 from urllib.request import Request, urlopen
 
 import pytest
 from desk_room import desk_dataset
+from patience import wait_until
 
 from dcap.packages import module_command
 from flows.cli.app import main
-from flows.server import free_port, is_healthy
+from flows.server import free_port, is_ready
 
 PATIENCE = 240.0
 """For machines that are busy [s]."""
 DATABASE, OWNER = "prefect", "postgres"
 LOG_IN = "team:of-ours"
+AWAY_SECONDS = 40.0
+STATES = "select state_name, count(*) from flow_run group by 1 order by 1"
+AT_WORK = "select 1 from flow_run where state_type = 'RUNNING' and parent_task_run_id is not null"
+"""The samples that are being placed."""
 SAMPLES = {"mug": "put the mug on the desk", "lost": "put the mug on the piano"}
 
 
@@ -38,26 +44,49 @@ def as_owner(*words: str) -> str:
     return subprocess.run(command, check=True, capture_output=True, text=True, cwd="/").stdout
 
 
+@dataclass(frozen=True)
+class Database:
+    """A database server of its own, on the loopback."""
+
+    port: int
+    folder: Path
+
+    def control(self, *words: str) -> None:
+        """Start or stop it."""
+        as_owner(program("pg_ctl"), "-D", str(self.folder / "data"), "-l", str(self.folder / "log"), "-w", *words)
+
+    def start(self) -> None:
+        """Listen."""
+        self.control("-o", f"-p {self.port} -k {self.folder} -c listen_addresses=127.0.0.1", "start")
+
+    def stop(self) -> None:
+        """Break off, as a machine that is switched off."""
+        self.control("-m", "immediate", "stop")
+
+    def ask(self, words: str) -> list[str]:
+        """The words of the answer to a query."""
+        where = ("-h", "127.0.0.1", "-p", str(self.port), "-U", OWNER, "-d", DATABASE)
+        return as_owner(program("psql"), *where, "-tAc", words).split()
+
+
 @pytest.fixture
-def database() -> Iterator[int]:
-    """Port of a database server of its own, on the loopback."""
+def database() -> Iterator[Database]:
+    """A database server."""
     if not program("initdb") or (os.geteuid() == 0 and not shutil.which("runuser")):
         pytest.skip("PostgreSQL is not installed")
-    folder, port = Path(tempfile.mkdtemp(prefix="dcap-postgresql-")), free_port()
+    found = Database(free_port(), Path(tempfile.mkdtemp(prefix="dcap-postgresql-")))
     if os.geteuid() == 0:
-        shutil.chown(folder, OWNER)
+        shutil.chown(found.folder, OWNER)
     try:
-        as_owner(program("initdb"), "-D", str(folder / "data"), "-A", "trust", "-U", OWNER)
-        listens = f"-p {port} -k {folder} -c listen_addresses=127.0.0.1"
-        control = (program("pg_ctl"), "-D", str(folder / "data"), "-l", str(folder / "log"), "-w")
-        as_owner(*control, "-o", listens, "start")
+        as_owner(program("initdb"), "-D", str(found.folder / "data"), "-A", "trust", "-U", OWNER)
+        found.start()
         try:
-            as_owner(program("createdb"), "-h", "127.0.0.1", "-p", str(port), "-U", OWNER, DATABASE)
-            yield port
+            as_owner(program("createdb"), "-h", "127.0.0.1", "-p", str(found.port), "-U", OWNER, DATABASE)
+            yield found
         finally:
-            as_owner(*control, "-m", "immediate", "stop")
+            found.stop()
     finally:
-        shutil.rmtree(folder, ignore_errors=True)
+        shutil.rmtree(found.folder, ignore_errors=True)
 
 
 @contextmanager
@@ -75,22 +104,19 @@ def program_of_ours(words: Sequence[str], said: Path, **own: str) -> Iterator["s
 
 
 @contextmanager
-def server_over(database: int, folder: Path) -> Iterator[str]:
+def server_over(database: Database, folder: Path) -> Iterator[str]:
     """The server of a team as docs/workflow.md starts it; its API's address."""
     port, said = free_port(), folder / "server.txt"
     own = {
         "DCAP_DATA": str(folder / "server"),
-        "PREFECT_SERVER_DATABASE_CONNECTION_URL": f"postgresql+asyncpg://{OWNER}@127.0.0.1:{database}/{DATABASE}",
+        "PREFECT_SERVER_DATABASE_CONNECTION_URL": f"postgresql+asyncpg://{OWNER}@127.0.0.1:{database.port}/{DATABASE}",
         "PREFECT_SERVER_API_HOST": "0.0.0.0",
         "PREFECT_SERVER_API_AUTH_STRING": LOG_IN,
     }
     url = f"http://127.0.0.1:{port}/api"
     with program_of_ours(("ui", "--port", str(port)), said, **own) as process:
-        deadline = time.monotonic() + PATIENCE
-        while not is_healthy(url):
-            assert process.poll() is None, said.read_text()
-            assert time.monotonic() < deadline, said.read_text()
-            time.sleep(0.2)
+        wait_until(lambda: is_ready(url) or process.poll() is not None, PATIENCE)
+        assert process.poll() is None, said.read_text()
         yield url
 
 
@@ -98,7 +124,7 @@ def server_over(database: int, folder: Path) -> Iterator[str]:
 @pytest.mark.long
 @pytest.mark.timeout(900)
 def test_a_team_s_server_keeps_its_runs_in_postgresql(
-    database: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    database: Database, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What a worker has placed is in its tables; who does not sign in is told nothing, nor is a page of others."""
     monkeypatch.setenv("DCAP_DATA", str(tmp_path / "data"))
@@ -115,6 +141,32 @@ def test_a_team_s_server_keeps_its_runs_in_postgresql(
                 urlopen(Request(f"{url}/flow_runs/filter", b"{}", headers), timeout=30)
             assert refused.value.code == status
     assert not list(tmp_path.rglob("prefect.db"))
-    asked = "select state_name, count(*) from flow_run group by 1 order by 1"
-    said = as_owner(program("psql"), "-h", "127.0.0.1", "-p", str(database), "-U", OWNER, "-d", DATABASE, "-tAc", asked)
-    assert said.split() == ["Completed|2", "Infeasible|1"]
+    assert database.ask(STATES) == ["Completed|2", "Infeasible|1"]
+
+
+@pytest.mark.slow
+@pytest.mark.long
+@pytest.mark.timeout(900)
+def test_a_database_that_is_gone_for_a_while_is_waited_for(
+    database: Database, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By the benchmark and its worker, though the server itself is there and answers; each sample is placed once."""
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path / "data"))
+    monkeypatch.setenv("DCAP_RENDER__SIZE", "256")
+    monkeypatch.setenv("PREFECT_HOME", str(tmp_path / "home"))
+    dataset = desk_dataset(tmp_path, SAMPLES)
+    with server_over(database, tmp_path) as url:
+        monkeypatch.setenv("PREFECT_API_URL", url)
+        monkeypatch.setenv("PREFECT_API_AUTH_STRING", LOG_IN)
+        command = ("benchmark", "--dataset", str(dataset), "--runner", "pool")
+        with (
+            program_of_ours(("worker",), tmp_path / "worker.txt"),
+            program_of_ours(command, tmp_path / "said.txt") as benchmark,
+        ):
+            wait_until(lambda: database.ask(AT_WORK), PATIENCE)
+            database.stop()
+            time.sleep(AWAY_SECONDS)
+            assert not is_ready(url)
+            database.start()
+            assert benchmark.wait(PATIENCE) == 0, (tmp_path / "said.txt").read_text()
+    assert database.ask(STATES) == ["Completed|2", "Infeasible|1"]

@@ -15,6 +15,7 @@ from prefect.states import Completed, Failed, Running
 
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import DcapError
+from dcap.scene.team_server import API_URL, OWN_URL
 from dcap.scene.types.sample import Sample
 from flows.elsewhere import SampleJob, Told, told_of
 from flows.flow_runs import end_as_crashed
@@ -96,16 +97,16 @@ def test_a_web_server_before_it_says_that_a_server_is_away(
     monkeypatch: pytest.MonkeyPatch, status: int, lost: bool
 ) -> None:
     """By its status; what the server itself refuses is no loss of it."""
-    monkeypatch.setenv("PREFECT_API_URL", "http://127.0.0.1:9/api")
-    monkeypatch.setattr("flows.lost_server.is_ready", lambda url: True)
+    for name in (API_URL, OWN_URL):
+        monkeypatch.setenv(name, "http://127.0.0.1:9/api")
     assert server_lost(answer(status)) is lost
     assert is_missing(answer(status)) is False
 
 
-def test_a_server_without_its_database_is_lost(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It answers 500 to all that is asked, as to its own mistakes, and says on one page that it is not ready."""
-    monkeypatch.setenv("PREFECT_API_URL", "http://127.0.0.1:9/api")
-    monkeypatch.setattr("flows.lost_server.is_ready", lambda url: False)
+def test_a_team_s_server_without_its_database_is_lost(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It answers 500 to all that it is asked, as to its own mistakes."""
+    monkeypatch.setenv(API_URL, "http://127.0.0.1:9/api")
+    monkeypatch.delenv(OWN_URL, raising=False)
     assert server_lost(answer(500))
     assert not server_lost(answer(404))
 
