@@ -13,7 +13,7 @@ from importlib.util import find_spec, spec_from_file_location
 from types import ModuleType
 from typing import Any
 
-from dcap.scene.settings import cache_root, resource
+from dcap.scene.settings import resource, server_folder
 
 SOURCES = "prefect.settings.sources"
 """The module of Prefect that reads files of settings."""
@@ -69,7 +69,7 @@ def apply_settings() -> None:
     os.environ.setdefault("DO_NOT_TRACK", "1")
     # the environment is asked first, also in processes that others start here: those of a cluster
     chosen = os.environ.get("PREFECT_HOME")
-    os.environ.setdefault("PREFECT_HOME", str(cache_root() / "prefect"))
+    os.environ.setdefault("PREFECT_HOME", str(server_folder()))
     # none of the data folder, which a data set may choose
     profiles = os.path.join(chosen, "profiles.toml") if chosen else of_prefect("settings", "profiles.toml")
     os.environ.setdefault("PREFECT_PROFILES_PATH", profiles)

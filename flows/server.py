@@ -28,7 +28,7 @@ from dcap.packages import module_command
 from dcap.scene.errors import DcapError, InputError
 from dcap.scene.machine_errors import free_space
 from dcap.scene.redaction import has_log_in, redacted_url
-from dcap.scene.settings import cache_root
+from dcap.scene.settings import server_folder
 from dcap.scene.team_server import API_URL, OWN_URL, team_server
 from dcap.scene.whole_files import write_whole
 from flows.own_requests import LOOPBACK, is_loopback, url_host
@@ -135,11 +135,6 @@ def server_host() -> str:
             "the host out"
         )
     return host
-
-
-def server_folder() -> Path:
-    """Where the server of this data folder keeps its database, log and locks."""
-    return cache_root() / "prefect"
 
 
 def server_answers() -> bool:

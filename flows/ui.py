@@ -5,6 +5,7 @@ import signal
 from collections.abc import Callable
 from urllib.parse import urlsplit
 
+from dcap.scene.settings import server_folder
 from dcap.scene.team_server import API_URL
 from flows.own_requests import LOOPBACK
 from flows.prefect_settings import apply_settings
@@ -15,7 +16,6 @@ from flows.server import (
     port_of,
     prefect_server,
     running_url,
-    server_folder,
     server_host,
 )
 

@@ -26,11 +26,12 @@ from rich.table import Table
 
 from dcap.evaluation.run_folder import SAMPLES_FOLDER
 from dcap.packages import module_command
+from dcap.scene.team_server import API_URL
 from flows.samples import load_yaml
 
 SETTINGS = {"DCAP_PARTICLES__CELL": "0.04", "DCAP_RENDER__SIZE": "128", "DCAP_CONFIG": ""}
 """For drops and pictures that are made soon; and no file of settings counts."""
-OTHERS = ("DCAP_STORE", "PREFECT_API_URL")
+OTHERS = ("DCAP_STORE", API_URL)
 """What would let others' servers and stores take part."""
 FOLDERS = "rooms", "objects"
 PLACED, REPEATED = "placed", "repeated"

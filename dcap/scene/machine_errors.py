@@ -17,7 +17,7 @@ from subprocess import SubprocessError
 from dcap.scene.errors import DcapError, InputError, MachineError
 from dcap.scene.given_text import shortened
 from dcap.scene.secrets import redacted
-from dcap.scene.settings import data_root
+from dcap.scene.settings import data_root, server_folder
 from dcap.scene.team_server import team_server
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
@@ -150,9 +150,8 @@ def _log() -> str:
 
 
 def _server_folder() -> Path | None:
-    """Where our own server has its database, which may be a disk of its own; None where there is no data folder."""
-    data = _data_root()
-    return data / "cache" / "prefect" if data else None
+    """Where our own server has its database; None where there is no data folder."""
+    return server_folder() if _data_root() else None
 
 
 def _knob_of_memory() -> str:

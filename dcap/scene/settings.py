@@ -65,6 +65,11 @@ def cache_root() -> Path:
     return data_root() / "cache"
 
 
+def server_folder() -> Path:
+    """Where the Prefect server of this data folder keeps its database, log and locks; it may be a disk of its own."""
+    return cache_root() / "prefect"
+
+
 def replies_root() -> Path:
     """Folder of raw replies of models: they cost money, so they are not in the cache."""
     return data_root() / "replies"

@@ -19,11 +19,12 @@ from dcap.scene.problems import short
 from dcap.scene.readers.files.yaml_text import BROKEN_YAML, parse_yaml, yaml_fault
 from dcap.scene.settings import home
 from dcap.scene.spelling import did_you_mean
+from dcap.scene.team_server import API_URL
 
 FILE = "dcap.yaml"
 FILE_VARIABLE = "DCAP_CONFIG"
 PREFIX, BETWEEN = "DCAP_", "__"
-VARIABLES = {"paths.data": "DCAP_DATA", "paths.store": "DCAP_STORE", "server.api_url": "PREFECT_API_URL"}
+VARIABLES = {"paths.data": "DCAP_DATA", "paths.store": "DCAP_STORE", "server.api_url": API_URL}
 """Keys whose environment variables are called otherwise."""
 ALIKE = 0.75
 """From here on a variable of our prefix is taken for a misspelt one of ours, and not for somebody's own."""

@@ -10,6 +10,8 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from dcap.scene.team_server import API_URL
+
 if TYPE_CHECKING:
     from prefect.client.orchestration import SyncPrefectClient
 
@@ -55,7 +57,7 @@ def is_limited(name: str) -> bool:
     """Whether the server of this run has a limit."""
     from prefect.client.orchestration import get_client
 
-    if not os.environ.get("PREFECT_API_URL"):
+    if not os.environ.get(API_URL):
         return False
     with get_client(sync_client=True) as client:
         return limit_on(client, name) is not None

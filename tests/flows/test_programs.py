@@ -4,11 +4,11 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from patience import wait_until
 
 from flows.programs import Program, start_of
 
@@ -27,10 +27,7 @@ def test_a_program_that_was_killed_is_gone() -> None:
     process = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)
     program = replace(Program.this(), pid=process.pid, started=start_of(process.pid))
     os.kill(process.pid, signal.SIGKILL)
-    deadline = time.monotonic() + 60.0
-    while not program.is_gone:
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
+    wait_until(lambda: program.is_gone, 60.0)
     assert Path(f"/proc/{process.pid}").exists()  # a zombie
     process.communicate()
     assert program.is_gone

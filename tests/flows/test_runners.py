@@ -1,12 +1,11 @@
 """Samples that others place, a cluster or the workers of the pool, end as they do at home."""
 
-import json
 import os
 import shutil
 import signal
 import subprocess
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
 from functools import partial
 from importlib.util import find_spec
@@ -22,14 +21,15 @@ from kept_records import Stamp, kept_records
 from prefect_pages import PrefectPages
 from process_trees import descendants
 from s3_server import s3_server
+from watched_run import results as kept_results
 
 from dcap.packages import module_command
 from dcap.scene.errors import InputError
+from dcap.scene.settings import data_root, server_folder
 from flows.cli.app import main
 from flows.own_requests import LOOPBACK
 from flows.runners import RunnerName, check_runner
-from flows.sample_records import RECORDS
-from flows.server import is_server, known_pid, port_of, prefect_server, server_folder, start
+from flows.server import is_server, known_pid, port_of, prefect_server, start
 
 PATIENCE = 240.0
 """For machines that are busy [s]."""
@@ -56,29 +56,18 @@ def data_folder(folder: Path) -> Iterator[None]:
         yield
 
 
-def results(dataset: Path, *options: str) -> dict[str, object]:
+def placed_results(dataset: Path, *options: str) -> dict[str, object]:
     """What a benchmark gave for each sample: its verdict, and the digest of what each stage returned."""
     code = main(["benchmark", "--dataset", str(dataset), "--workers", "2", *options])
     assert code == 0
-    return kept_results()
-
-
-def kept_results(names: Iterable[str] = SAMPLES) -> dict[str, object]:
-    """The same of the last run."""
-    run = Path(os.environ["DCAP_DATA"]) / "runs" / "last"
-    found: dict[str, object] = {}
-    for name in names:
-        placement = json.loads((run / "samples" / name / "placement.json").read_text())
-        kept = json.loads((run / "samples" / name / RECORDS).read_text())
-        found[name] = (placement["verdict"], kept["records"])
-    return found
+    return kept_results(data_root())
 
 
 @pytest.fixture(scope="module")
 def at_home(dataset: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, object]:
     """What threads of this program give."""
     with data_folder(tmp_path_factory.mktemp("home")):
-        found = results(dataset)
+        found = placed_results(dataset)
     assert [found[name][0] for name in SAMPLES] == ["at_rest", "at_rest", "infeasible"]  # type: ignore[index]
     return found
 
@@ -91,7 +80,7 @@ def test_a_cluster_gives_the_same(dataset: Path, at_home: object, tmp_path: Path
     if find_spec(f"prefect_{runner}") is None:
         pytest.skip(f"the extra `{runner}` is not installed")
     with data_folder(tmp_path), prefect_server() as url:
-        assert results(dataset, "--runner", runner) == at_home
+        assert placed_results(dataset, "--runner", runner) == at_home
         pages = PrefectPages(url)
         benchmark = next(run for run in pages.flow_runs() if "method:dcap" in run["tags"])  # type: ignore[operator]
         assert len(pages.flow_runs(str(benchmark["id"]))) == len(SAMPLES)
@@ -130,7 +119,7 @@ def test_workers_of_the_pool_give_the_same(
         shutil.copy(path, ".")
     with data_folder(data), prefect_server() as url:
         with a_worker(DCAP_DATA=os.path.relpath(data)):
-            assert results(Path(dataset.name), "--runner", "pool") == at_home
+            assert placed_results(Path(dataset.name), "--runner", "pool") == at_home
         pages = PrefectPages(url)
         placed = [run for run in pages.post("/flow_runs/filter") if run["deployment_id"]]
         assert len(placed) == len(SAMPLES)
@@ -192,14 +181,14 @@ def test_machines_share_nothing_but_a_store_and_a_server(
         patch.setenv("PREFECT_API_URL", url)
         first, second = ({"DCAP_DATA": str(tmp_path / name), "PREFECT_HOME": str(tmp_path / name)} for name in "ab")
         with a_worker(1, **first), a_worker(1, **second):
-            assert results(dataset, "--runner", "pool") == at_home
+            assert placed_results(dataset, "--runner", "pool") == at_home
         placed = [run for run in PrefectPages(url).post("/flow_runs/filter") if run["deployment_id"]]
         assert len({str(tag) for run in placed for tag in run["tags"] if str(tag).startswith("worker:")}) == 2  # type: ignore[attr-defined]
         patch.setenv("DCAP_DATA", str(tmp_path / "late"))
         capsys.readouterr()
         assert main(["plan", "--dataset", str(dataset)]) == 0
         assert "3 of 3 samples are cached" in capsys.readouterr().out
-        assert results(dataset) == at_home
+        assert placed_results(dataset) == at_home
 
 
 @pytest.mark.slow
@@ -217,7 +206,7 @@ def test_samples_of_a_lost_worker_begin_again(dataset: Path, at_home: object, tm
             with a_worker():
                 assert benchmark.wait(PATIENCE) == 0
         assert "CRASHED" in {run["state_type"] for run in taken(pages)}
-        assert kept_results() == at_home
+        assert kept_results(data_root()) == at_home
 
 
 @pytest.mark.slow
@@ -230,7 +219,7 @@ def test_a_worker_that_is_killed_after_each_stage_loses_nothing(tmp_path: Path) 
     command = module_command("flows.cli", "benchmark", "--dataset", str(dataset), "--runner", "pool")
     with data_folder(tmp_path / "whole"):
         assert main(["benchmark", "--dataset", str(dataset)]) == 0
-        whole = kept_results(["mug"])
+        whole = kept_results(data_root())
     with data_folder(tmp_path / "broken"), prefect_server():
         stages = len(kept_records(tmp_path / "whole"))
         done: dict[str, Stamp] = {}
@@ -249,7 +238,7 @@ def test_a_worker_that_is_killed_after_each_stage_loses_nothing(tmp_path: Path) 
         with a_worker():
             assert main(command[-5:]) == 0
         assert kept_records(tmp_path / "broken").items() >= done.items()
-        assert kept_results(["mug"]) == whole
+        assert kept_results(data_root()) == whole
 
 
 @pytest.mark.slow
@@ -275,7 +264,7 @@ def test_a_server_that_is_lost_is_waited_for(
             start(team, LOOPBACK, port_of(url))
             assert benchmark.wait(PATIENCE) == 0
         assert [run["state_type"] for run in taken(pages)] == ["COMPLETED"] * len(SAMPLES)
-        assert kept_results() == at_home
+        assert kept_results(data_root()) == at_home
 
 
 @pytest.mark.slow
@@ -330,7 +319,7 @@ def test_a_benchmark_and_a_rerun_are_started_from_the_pages(dataset: Path, at_ho
                 asked = {"dataset": str(dataset), "workers": 2}
                 ended = started(pages, "benchmark", asked, lambda: held.update(busy(pages)))
                 assert ended["state"]["type"] == "COMPLETED", ended["state"]
-                assert kept_results() == at_home
+                assert kept_results(data_root()) == at_home
                 assert held == {0, 1}
                 again = started(pages, "rerun", {"sample": "mug", "stage": "drop"})
                 assert again["state"]["message"].startswith("at rest on desk")

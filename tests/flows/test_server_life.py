@@ -23,10 +23,10 @@ from process_trees import descendants
 
 from dcap.packages import module_command
 from dcap.scene.errors import InputError
-from dcap.scene.settings import PROJECT_ROOT
+from dcap.scene.settings import PROJECT_ROOT, server_folder
 from flows.interrupts import PutOff
 from flows.programs import Program
-from flows.server import free_port, is_healthy, is_server, known, known_pid, prefect_server, server_folder, server_host
+from flows.server import free_port, is_healthy, is_server, known, known_pid, prefect_server, server_host
 
 PATIENCE = 240.0
 """For machines that are busy [s]."""
