@@ -177,6 +177,9 @@ def served(plans: Sequence[Plan], display: Display) -> Iterator[bool]:
         yield False
         return
     with prefect_server() as url:
+        from flows.benchmark_flow import check_access  # imports Prefect, after the server's address is known
+
+        check_access()
         if work:
             display.serving(url)
         yield True
@@ -207,7 +210,11 @@ def new_run_folder(dataset: Path, samples: Sequence[Sample], config: PlaceConfig
         "methods": list(dict.fromkeys(sample.method for sample in samples)),
         "samples": [asdict(located(sample)) for sample in samples],
     }
-    write_whole(folder / RUN, readable_json(asked))
+    try:
+        write_whole(folder / RUN, readable_json(asked))
+    except OSError:
+        folder.rmdir()  # nothing is in it
+        raise
     draft = runs_root() / f".last-{os.getpid()}"
     draft.symlink_to(folder.name)
     os.replace(draft, runs_root() / "last")

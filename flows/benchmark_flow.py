@@ -24,6 +24,7 @@ from flows.flow_runs import (
 from flows.lost_server import server_errors_passed
 from flows.run_artifacts import RunArtifacts, plain_text, table_data
 from flows.run_names import WatchedRun, benchmark_tags, repeated_titles
+from flows.server_wait import nobody_is_told
 from flows.watching import SettledSample, Watch
 
 PROGRESS_SECONDS, TABLE_SECONDS = 1.0, 30.0
@@ -96,9 +97,17 @@ class FlowRunWatch(Watch):
         own = FlowRunFilter.model_validate(
             {"parent_flow_run_id": {"any_": [self._id]}, "state": {"type": {"any_": ["PENDING", "RUNNING"]}}}
         )
-        with server_errors_passed(), get_client(sync_client=True) as client:  # who interrupts does not wait for it
+        if nobody_is_told():
+            return
+        with server_errors_passed(), get_client(sync_client=True) as client:
             end_as_crashed(client, [child.id for child in every_flow_run(client, own)], WAS_INTERRUPTED)
             end_stages(client, {"id": {"any_": [self._id]}}, WAS_INTERRUPTED)  # which stand for children
+
+
+def check_access() -> None:
+    """Raises what the server refuses to those who do not sign in."""
+    with get_client(sync_client=True) as client:
+        client.read_flow_runs(limit=1)
 
 
 @contextmanager

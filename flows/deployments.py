@@ -40,7 +40,7 @@ from flows.run_names import benchmark_tags, shown
 from flows.sample_flow import MOST_BEGINNINGS, ending_of
 from flows.sample_pictures import show_pictures
 from flows.sample_run import FailedSample, FinishedSample
-from flows.server import wait_for_server
+from flows.server_wait import wait_for_server
 from flows.settings.own import run_settings
 from flows.work_pool import WORKER, worker_tag
 

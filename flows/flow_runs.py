@@ -20,7 +20,7 @@ from prefect.context import SyncClientContext
 from prefect.flow_engine import FlowRunEngine
 from prefect.states import Completed, Crashed, Failed, Pending
 
-from dcap.scene.errors import DcapError
+from dcap.scene.errors import DcapError, ServerGoneError
 from flows.interrupts import put_off
 from flows.lost_server import refusals_passed
 from flows.programs import Program
@@ -72,6 +72,7 @@ class ShownFlowRun(FlowRunEngine[..., Any]):
     def handle_exception(self, exc: Exception, msg: str | None = None, result_store: object = None) -> State[Any]:
         """The flow has broken."""
         self._raised = exc
+        self.short_circuit |= isinstance(exc, ServerGoneError)  # nobody is there to be told
         return self.set_state(broken(exc, self.logger))
 
 
@@ -135,9 +136,9 @@ def end_left_runs(client: SyncPrefectClient) -> None:
 
 
 def waiting_children(client: SyncPrefectClient, parent: UUID) -> list[UUID]:
-    """Flow runs that wait in the pool for a worker."""
+    """Flow runs that wait in the pool for a worker, or were claimed by one and have not begun."""
     wanted = FlowRunFilter.model_validate(
-        {"parent_flow_run_id": {"any_": [parent]}, "state": {"type": {"any_": ["SCHEDULED"]}}}
+        {"parent_flow_run_id": {"any_": [parent]}, "state": {"type": {"any_": ["SCHEDULED", "PENDING"]}}}
     )
     return [one.id for one in every_flow_run(client, wanted)]
 

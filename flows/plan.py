@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dcap.evaluation.methods import DCAP
+from dcap.scene.errors import MachineError
 from flows.benchmark import dataset_samples, measured_config
 from flows.display import print_plan
 from flows.look_ahead import plan_ahead
@@ -44,6 +45,9 @@ def plan_benchmark(
     _, samples = dataset_samples(dataset, methods, limit, scenes)
     config = measured_config(config, methods)
     plans = [plan_ahead(sample, config) for sample in samples]
+    failed = [plan.failed.error for plan in plans if plan.failed]
+    if len(failed) == len(plans) and all(isinstance(one, OSError | MachineError) for one in failed):
+        raise failed[0]  # a disk or its rights, and no sample's matter
     print_plan(plans, stages=stages, to_stderr=to_stderr)
     return [plan_row(plan) for plan in plans]
 

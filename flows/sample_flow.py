@@ -21,7 +21,7 @@ from flows.lost_server import server_lost
 from flows.place import PlacementRefs
 from flows.run_names import WatchedRun, sample_tags, title_of
 from flows.sample_pictures import show_pictures
-from flows.server import wait_for_server
+from flows.server_wait import wait_for_server
 from tasks.runner.outcomes import reason_line
 from tasks.runner.task_runs import INFEASIBLE
 

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
-from dcap.scene.errors import DcapError
+from dcap.scene.errors import DcapError, ServerGoneError
 from dcap.scene.secrets import redacted
 from dcap.scene.store.artifacts import FILES_FOLDER, Store
 from dcap.scene.types.sample import Sample
@@ -248,6 +248,8 @@ def try_sample(
                     with flow_run, users_words(sample):
                         placement = place_by(sample, config)
                         flow_run.show(placement)
+    except ServerGoneError:  # nor will the others find it
+        raise
     except Exception as error:  # the border between samples: reported in full, never hidden
         return FailedSample(sample, error)
     return FinishedSample(sample, placement, tuple(recorder.records))

@@ -50,7 +50,8 @@ def load_samples(path: Path) -> list[Sample]:
 def samples_of(rows: object, folder: Path, report: Report) -> list[tuple[int, Sample]]:
     """The sound samples of a dataset beside whose file `folder` is, and the index of each."""
     if not isinstance(rows, list) or not rows:
-        report(error(f"expected a list of samples, found {type(rows).__name__}"))
+        found = "none" if rows in (None, []) else type(rows).__name__
+        report(error(f"expected a list of samples, found {found}"))
         return []
     read = [(index, sample_of(row, index, folder, report)) for index, row in enumerate(rows)]
     samples = [(index, sample) for index, sample in read if sample is not None]

@@ -6,6 +6,7 @@ killed. One that dies under a run is started again, on the same database and por
 is used and left alone.
 """
 
+import errno
 import fcntl
 import json
 import logging
@@ -26,10 +27,11 @@ from urllib.parse import urlsplit
 
 from dcap.packages import module_command
 from dcap.scene.errors import DcapError, InputError
+from dcap.scene.given_text import shortened
 from dcap.scene.machine_errors import free_space
 from dcap.scene.redaction import has_log_in, redacted_url
 from dcap.scene.settings import server_folder
-from dcap.scene.team_server import API_URL, OWN_URL, team_server
+from dcap.scene.team_server import API_URL, LOGIN, OWN_URL, team_server
 from dcap.scene.whole_files import write_whole
 from flows.own_requests import LOOPBACK, is_loopback, url_host
 from flows.prefect_settings import apply_settings
@@ -38,12 +40,12 @@ from flows.server_program import USERS
 PROGRAM = "flows.server_program"
 HOST, AUTH_STRING = "PREFECT_SERVER_API_HOST", "PREFECT_SERVER_API_AUTH_STRING"
 """Prefect's settings of a server: the address that it listens on, and `NAME:PASSWORD` of who may ask."""
-LOGIN = "PREFECT_API_AUTH_STRING"
-"""The same of a program that asks."""
 DATABASES = "PREFECT_SERVER_DATABASE_CONNECTION_URL", "PREFECT_API_DATABASE_CONNECTION_URL"
 """Prefect's setting of a server's database, by its new and its old name; where neither is set, it is a file."""
 START_SECONDS = 300.0
 """A first start creates the database, which takes 8 s on two idle cores; more than a minute on busy ones."""
+GIVEN_UP = threading.Event()
+"""Set once somebody has waited in vain for the server of this program: nobody does so again."""
 STOP_SECONDS = 10.0
 INTERRUPTED_STOP_SECONDS = 0.5
 """Who interrupts a run does not wait for requests that are under way; states of flow runs are in the database by
@@ -52,6 +54,8 @@ DELIVER_SECONDS = 15.0
 WATCH_SECONDS = 0.5
 """How often a run looks whether its server lives."""
 HEALTHY = b"true"
+LONGEST_LINE = 300
+"""Of a log that is shown."""
 SHORT_ANSWER = 100
 """Bytes of an answer that are read of whoever speaks at an address."""
 """What a server of Prefect says of its health; pages of any kind may answer, too."""
@@ -63,6 +67,7 @@ ROOM = "make room, or name a folder on another disk with DCAP_DATA"
 @contextmanager
 def prefect_server(port: int | None = None) -> Iterator[str]:
     """URL of a healthy server, also in $PREFECT_API_URL, as long as the block runs."""
+    GIVEN_UP.clear()
     with quiet_logging(), some_server(port) as url:
         yield url
 
@@ -187,19 +192,6 @@ def start_again(folder: Path, url: str, done: threading.Event) -> None:
             start(folder, server_host(), port_of(url), done)
 
 
-def wait_for_server(patience: float | None = None) -> None:
-    """Wait until the server of this run answers again; DcapError if it does not within `patience` [s], as long as a
-    start may take where none is given."""
-    url = os.environ.get(API_URL, "")
-    if not url:  # Prefect has it from elsewhere
-        return
-    deadline = time.monotonic() + (START_SECONDS if patience is None else patience)
-    while not is_ready(url):
-        if time.monotonic() > deadline:
-            raise DcapError(f"the Prefect server {redacted_url(url)} is gone; {why_gone(server_folder())}")
-        time.sleep(0.2)
-
-
 def notice_settings() -> None:
     """Let a Prefect that was imported for an earlier server see the new address."""
     if "prefect" in sys.modules:
@@ -272,6 +264,8 @@ def unanswered(url: str) -> str:
     """Why a server that was named cannot be used, and what to do."""
     if has_log_in(url):
         return f"an address holds no log-in; give it as {LOGIN}=NAME:PASSWORD"
+    if not url.startswith(("http://", "https://")):
+        return "an address of a server begins with http:// or https://"
     whole = f"{url.rstrip('/')}/api"
     if is_healthy(whole):
         return f"the address of Prefect's server ends in /api: {redacted_url(whole)}"
@@ -302,6 +296,8 @@ def check_port(port: int, host: str = LOOPBACK) -> None:
         try:
             one.bind((host, port))
         except OSError as error:
+            if error.errno == errno.EADDRNOTAVAIL:
+                raise InputError(f"{HOST}={host}: this machine has no such address") from None
             raise InputError(
                 f"port {port} of {host} cannot be used ({error.strerror}); end what listens there, "
                 "or give another with --port"
@@ -336,9 +332,23 @@ def why_gone(folder: Path) -> str:
     """What may have ended a server."""
     if team_server():
         return f"{API_URL} names it: see there, or unset the variable"
-    free = free_space(folder)
+    free, log = free_space(folder), folder / "server.log"
     full = f"the disk of {folder} has {free >> 20} MiB left ({ROOM}); " if free < LEAST_ROOM else ""
-    return f"{full}its log is {folder / 'server.log'}"
+    named = [name for name in DATABASES if os.environ.get(name)]
+    other = f"its database is what {named[0]} names; " if named else ""
+    words = last_line(log)
+    return f"{full}{other}{f'its last words are: {words}; ' if words else ''}its log is {log}"
+
+
+def last_line(log: Path) -> str:
+    """The end of a log as a line to be shown."""
+    try:
+        with log.open("rb") as file:
+            file.seek(max(0, file.seek(0, os.SEEK_END) - LONGEST_LINE))
+            lines = file.read().decode(errors="replace").split("\n")
+    except OSError:
+        return ""
+    return shortened(next((line.strip() for line in reversed(lines) if line.strip()), ""), LONGEST_LINE)
 
 
 def launch(folder: Path, host: str, port: int) -> "subprocess.Popen[bytes]":

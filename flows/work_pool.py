@@ -31,7 +31,8 @@ from flows.flow_runs import IN_A_REQUEST, PLACE, WAS_INTERRUPTED, FlowRunNames, 
 from flows.lost_server import is_missing, server_errors_passed, server_lost
 from flows.run_names import sample_tags
 from flows.sample_flow import MOST_BEGINNINGS
-from flows.server import START_SECONDS, wait_for_server
+from flows.server import START_SECONDS
+from flows.server_wait import nobody_is_told, wait_for_server
 
 POOL = "dcap"
 SAMPLE = "place/sample"
@@ -47,6 +48,7 @@ MOST_BETWEEN = 10.0
 LATE_SECONDS = 120.0
 """After such a time a worker is silent for so long before it counts as lost: its requests are tried again after up to
 half a minute, and more of them than one may have failed."""
+WORKER_LOST = "its worker was lost"
 GONE = f"somebody has deleted the pool {POOL!r} or its deployment {SAMPLE!r} from the server; start a worker, which \
 registers them, and give the command again: what is placed is kept"
 
@@ -86,7 +88,7 @@ class WorkPool:
         self.lost: dict[UUID, str] = {}
         """Flow runs that were lost with their workers and are not ended yet, and why they are to be."""
         self.silences: dict[str, Silence] = {}
-        """Since the last heartbeat of each worker."""
+        """Since the last heartbeat of each worker, and the claim of each flow run that has not begun."""
         self.looked = time.clock_gettime(CLOCK)
         """When the server has last said which workers there are."""
 
@@ -125,16 +127,17 @@ class WorkPool:
                         wait_for_server()
                     yield told
             finally:  # who ends does not wait for a server
-                with server_errors_passed():
-                    self.end_lost(client)
-                with server_errors_passed():
-                    end_as_crashed(client, self.waiting, WAS_INTERRUPTED)
+                for end in (self.end_lost, self.end_waiting):
+                    with server_errors_passed():
+                        if not nobody_is_told():
+                            end(client)
 
     def ended(self, client: SyncPrefectClient) -> Iterator[Told]:
         """The samples that have ended since the last look; those of lost workers are asked for again."""
         self.end_lost(client)
         runs = {run.id: run for run in self.known(client, list(self.waiting))}
-        gone = self.lost_workers(client)
+        there, passed = workers_of(client), self.passed()
+        gone = self.lost_workers(there, passed)
         for one, job in list(self.waiting.items()):
             run = runs.get(one)
             if run is None:
@@ -144,14 +147,14 @@ class WorkPool:
             elif run.state is not None and run.state.is_final():
                 del self.waiting[one]
                 yield job.sample, told_by(run)
-            elif lost(run, gone):
+            elif why := lost(run, gone) or self.stuck(run, passed):
                 again = self.begun[job.sample.id] < MOST_BEGINNINGS
                 if again:
                     self.ask(client, job)
-                self.lost[one] = "its worker was lost" + "; the sample begins again" * again
+                self.lost[one] = why + "; the sample begins again" * again
                 del self.waiting[one]
                 if not again:
-                    yield job.sample, told_of(f"its worker was lost {MOST_BEGINNINGS} times")
+                    yield job.sample, told_of(f"{why}; it has begun {MOST_BEGINNINGS} times")
         self.end_lost(client)
 
     def end_lost(self, client: SyncPrefectClient) -> None:
@@ -159,6 +162,10 @@ class WorkPool:
         for one, why in list(self.lost.items()):
             end_as_crashed(client, [one], why)
             del self.lost[one]
+
+    def end_waiting(self, client: SyncPrefectClient) -> None:
+        """Say of all that is in the pool that nobody waits for it any more."""
+        end_as_crashed(client, self.waiting, WAS_INTERRUPTED)
 
     def ask(self, client: SyncPrefectClient, job: SampleJob) -> None:
         """Put a sample into the pool; once, also where an answer is lost on its way."""
@@ -193,29 +200,45 @@ class WorkPool:
                 if count >= min(IN_A_REQUEST, len(ids) - begin):
                     break
 
-    def lost_workers(self, client: SyncPrefectClient) -> dict[str, datetime | None]:
+    def passed(self) -> float:
+        """The time since the server was heard last [s]; it has just been heard again."""
+        before, self.looked = self.looked, time.clock_gettime(CLOCK)
+        return self.looked - before
+
+    def silence(self, name: str, since: datetime | None, passed: float) -> "Silence":
+        """That of a worker, or of a flow run, which was heard of last at a time."""
+        found = self.silences.get(name)
+        if found is None or found.since != since:
+            found = self.silences[name] = Silence(since)
+        found.goes_on(passed)
+        return found
+
+    def lost_workers(self, there: Sequence[Worker], passed: float) -> dict[str, datetime | None]:
         """Names of the workers that send no heartbeats any more, though they were listened for, and when they sent the
         last one."""
-        there, before = workers_of(client), self.looked
-        self.looked = time.clock_gettime(CLOCK)
-        for one in there:
-            silence = self.silences.setdefault(one.name, Silence(one.last_heartbeat_time))
-            if silence.since != one.last_heartbeat_time:
-                silence = self.silences[one.name] = Silence(one.last_heartbeat_time)
-            silence.goes_on(self.looked - before)
+        silences = {one.name: self.silence(one.name, one.last_heartbeat_time, passed) for one in there}
         return {
             one.name: one.last_heartbeat_time
             for one in there
-            if one.status is not WorkerStatus.ONLINE and self.silences[one.name].is_telling
+            if one.status is not WorkerStatus.ONLINE and silences[one.name].is_telling
         }
+
+    def stuck(self, run: FlowRun, passed: float) -> str:
+        """Why a flow run that a worker has claimed does not go on; empty if it may. The server may have been away just
+        as the worker asked for it, or said that it could not begin."""
+        if run.state is None or not run.state.is_pending():
+            self.silences.pop(str(run.id), None)
+            return ""
+        waits = self.silence(str(run.id), run.state.timestamp, passed).seconds > START_SECONDS
+        return "its worker has claimed it and not begun" if waits else ""
 
 
 @dataclass
 class Silence:
-    """How long a worker has sent no heartbeat while the server could be asked for one."""
+    """How long nothing was heard of a worker, or a flow run, while the server could be asked."""
 
     since: datetime | None
-    """Its last heartbeat."""
+    """When something was."""
     seconds: float = 0.0
     is_whole: bool = True
     """Whether no time is missing in which the server may have been away."""
@@ -253,16 +276,16 @@ def workers_of(client: SyncPrefectClient) -> list[Worker]:
     return found
 
 
-def lost(run: FlowRun, gone: Mapping[str, datetime | None]) -> bool:
-    """Whether a flow run goes on only on paper: its worker is gone, or one that may have claimed it and did not get so
-    far as to say so."""
+def lost(run: FlowRun, gone: Mapping[str, datetime | None]) -> str:
+    """Why a flow run goes on only on paper: its worker is gone, or one that may have claimed it and did not get so far
+    as to say so. Empty if it may go on."""
     if run.state is None or run.state.is_scheduled():
-        return False
+        return ""
     names = [tag.partition(":")[2] for tag in run.tags if tag.startswith(worker_tag(""))]
     if names:
-        return names[-1] in gone
+        return WORKER_LOST if names[-1] in gone else ""
     claimed = run.state.timestamp - timedelta(seconds=LAST_BEAT_SECONDS)
-    return any(last is not None and last >= claimed for last in gone.values())
+    return WORKER_LOST if any(last is not None and last >= claimed for last in gone.values()) else ""
 
 
 def told_by(run: FlowRun) -> JsonObject:

@@ -8,7 +8,10 @@ import os
 import platform
 import signal
 import subprocess
+import sys
 import tempfile
+import threading
+import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -19,8 +22,8 @@ import psutil
 from dcap.cores import SHARE, available_cores
 from dcap.packages import module_command
 from dcap.scene.errors import DcapError
-from dcap.scene.settings import data_root, shared_store_url
-from flows.server import pages_of, prefect_server
+from dcap.scene.settings import data_root, server_folder, shared_store_url
+from flows.server import is_ready, pages_of, prefect_server
 from flows.settings.given import FILE_VARIABLE, settings_file
 from flows.worker_program import kill, started_by
 
@@ -29,6 +32,8 @@ HEARTBEAT_SECONDS = 10
 """Three that are missed make a worker lost."""
 LOOK_SECONDS = 1.0
 """How often it is noted what a worker has started: one that was killed tells no more."""
+SERVER_SECONDS = 5.0
+"""How often the server is looked for: sooner than Prefect's worker complains of it."""
 STOP_SECONDS = 15.0
 
 
@@ -46,24 +51,81 @@ def serve_pool(at_a_time: int, announce: Callable[[str], None]) -> None:
                 WORKER: name,
                 SHARE: str(max(1, available_cores() // at_a_time)),
                 "PYTHONSAFEPATH": "1",  # its processes take nothing from the working directory
+                "PYTHONUNBUFFERED": "1",
                 "PREFECT_WORKER_HEARTBEAT_SECONDS": str(HEARTBEAT_SECONDS),
             }
         )
         words = ("worker", "start", "--pool", POOL, "--type", "process", "--name", name, "--limit", str(at_a_time))
         process = subprocess.Popen(
-            module_command(WORKER_MODULE, str(os.getpid()), *words), env=environment, cwd=folder, start_new_session=True
+            module_command(WORKER_MODULE, str(os.getpid()), *words),
+            env=environment,
+            cwd=folder,
+            start_new_session=True,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
         )
+        said = WorkerWords(process, server_folder() / f"{name}.log")
         started = list[psutil.Process]()
+        looked = time.monotonic()
         try:
             announce(f"worker {name} of the pool {POOL!r}, server {pages_of(url)}, {at_a_time} at a time")
             while process.poll() is None:
                 started = started_by(process.pid) or started
                 with suppress(subprocess.TimeoutExpired):
                     process.wait(LOOK_SECONDS)
+                if time.monotonic() - looked > SERVER_SECONDS:
+                    looked = time.monotonic()
+                    said.server_is(is_ready(url), url)
         finally:
             stop(process, started)
+            said.end()
     if process.returncode:
         raise DcapError(f"the worker ended with status {process.returncode}; what it said stands above")
+
+
+class WorkerWords:
+    """What Prefect's worker says, handed on line by line. While its server is away these are tracebacks of each attempt
+    to reach it: they go into a log, and a line says why."""
+
+    def __init__(self, process: "subprocess.Popen[bytes]", log: Path) -> None:
+        assert process.stdout is not None
+        self._said = process.stdout
+        self._log = log
+        self._is_away = threading.Event()
+        self._thread = threading.Thread(target=self._hand_on, name="words of the worker", daemon=True)
+        self._thread.start()
+
+    def server_is(self, ready: bool, url: str) -> None:
+        """What was found of the server."""
+        if ready != self._is_away.is_set():
+            return
+        if ready:
+            self._is_away.clear()
+            self._write(b"the Prefect server answers again\n")
+        else:
+            self._is_away.set()
+            line = (
+                f"the Prefect server {pages_of(url)} does not answer; it is waited for, what Prefect says of it is in"
+            )
+            self._write(f"{line} {self._log}\n".encode())
+
+    def end(self) -> None:
+        """The worker has ended."""
+        self._thread.join(STOP_SECONDS)
+
+    def _hand_on(self) -> None:
+        for line in self._said:
+            if self._is_away.is_set():
+                with suppress(OSError), self._log.open("ab") as log:
+                    log.write(line)
+            else:
+                self._write(line)
+
+    def _write(self, line: bytes) -> None:
+        """To standard error."""
+        with suppress(OSError, ValueError):  # nobody reads it, or it is closed
+            sys.stderr.write(line.decode(errors="replace"))
+            sys.stderr.flush()
 
 
 def whole_places() -> dict[str, str]:

@@ -11,22 +11,50 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Coroutine, Iterable
 from contextlib import suppress
+from functools import wraps
+from typing import Any
 
 import psutil
 
 from flows.prefect_settings import apply_settings
 
 POLL_SECONDS = 0.5
+GIVES_UP = "exceeded error threshold"
+"""What the RuntimeError of a loop says that has met its server too often in vain."""
+Loop = Callable[..., Coroutine[Any, Any, None]]
 
 
 def main() -> None:
     """Work until interrupted, or until the parent has gone."""
     threading.Thread(target=end_with, args=(int(sys.argv[1]),), daemon=True).start()
     apply_settings()
+    be_patient()
     sys.argv = ["prefect", *sys.argv[2:]]
     runpy.run_module("prefect", run_name="__main__", alter_sys=True)
+
+
+def be_patient() -> None:
+    """Ask a server that is away for ever: Prefect's worker ends after a quarter of an hour, and its samples with it."""
+    from prefect.utilities import services
+
+    services.critical_service_loop = patient(services.critical_service_loop)
+
+
+def patient(loop: Loop) -> Loop:
+    """One of Prefect's loops, which begins anew where it would give up."""
+
+    @wraps(loop)
+    async def for_ever(*args: Any, **kwargs: Any) -> None:
+        while True:
+            try:
+                return await loop(*args, **kwargs)
+            except RuntimeError as error:
+                if GIVES_UP not in str(error):
+                    raise
+
+    return for_ever
 
 
 def end_with(parent: int) -> None:

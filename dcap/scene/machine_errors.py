@@ -18,7 +18,7 @@ from dcap.scene.errors import DcapError, InputError, MachineError
 from dcap.scene.given_text import shortened
 from dcap.scene.secrets import redacted
 from dcap.scene.settings import data_root, server_folder
-from dcap.scene.team_server import team_server
+from dcap.scene.team_server import LOGIN, team_server
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
 REFUSED = (errno.EACCES, errno.EPERM, errno.EROFS)
@@ -30,6 +30,7 @@ UNLOADED = ("failed to map segment", "annot allocate memory")
 """What the loader says of a library for which there is no memory."""
 NO_SERVER = "Failed to reach API"
 """What Prefect's plain RuntimeError says where its server is gone."""
+UNAUTHORIZED = 401
 LONGEST_PATH, LONGEST_WORDS = 200, 300
 """Letters of a path and of foreign words that a line shows."""
 ROOMY = 64 << 20
@@ -49,6 +50,8 @@ def machine_error(error: BaseException) -> MachineError | None:
         return MachineError(f"out of memory, or of the address space of a limit (ulimit -v): {_words(error)}")
     if isinstance(error, SubprocessError):
         return MachineError(redacted(_words(error)))
+    if _status(error) == UNAUTHORIZED:
+        return MachineError(_of_log_in())
     if _of_server(error):
         return MachineError(redacted(f"the Prefect server: {_words(error)}; {_of_the_server()}"))
     return None
@@ -133,6 +136,18 @@ def _of_the_server() -> str:
     """What to look at where the server of the runs does not do its part."""
     team = team_server()
     return f"PREFECT_API_URL names {team}: see there, or unset the variable" if team else _full() or _log()
+
+
+def _of_log_in() -> str:
+    """What a server wants that does not let us in."""
+    wants = f"does not take what {LOGIN} says" if os.environ.get(LOGIN) else "wants a log-in"
+    return f"the Prefect server {team_server() or 'of this program'} {wants}; set {LOGIN}=NAME:PASSWORD"
+
+
+def _status(error: BaseException) -> int:
+    """The status of an answer of a server; 0 for any other error."""
+    status = getattr(getattr(error, "response", None), "status_code", 0) if _of_server(error) else 0
+    return status if isinstance(status, int) else 0
 
 
 def _full() -> str:

@@ -38,13 +38,15 @@ def version() -> str:
 def data_root() -> Path:
     """Folder of cache, runs and generated rooms: $DCAP_DATA, else `data/` of a clone, or the user's data folder.
 
-    Raises InputError for a URL: artifacts are published by renaming folders, which object stores cannot do.
+    Raises InputError for a file, and for a URL: artifacts are published by renaming folders, as object stores cannot.
     """
     given = os.environ.get("DCAP_DATA", "")
     if "://" in given:
         raise InputError(
             f"DCAP_DATA={redacted_url(given)} is a URL; name a folder, and set DCAP_STORE to the URL to share"
         )
+    if given and os.path.isfile(given):
+        raise InputError(f"DCAP_DATA={given} is a file; name a folder")
     if given:
         return Path(given).resolve()
     return home() / "data" if in_clone() else home()

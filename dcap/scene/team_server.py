@@ -9,6 +9,8 @@ from dcap.scene.redaction import redacted_url
 
 API_URL = "PREFECT_API_URL"
 """Prefect's variable with the address of the server to ask."""
+LOGIN = "PREFECT_API_AUTH_STRING"
+"""Prefect's variable with `NAME:PASSWORD` of a program that asks."""
 OWN_URL = "DCAP_OWN_SERVER"
 """Variable with the address of the server that this project has started."""
 

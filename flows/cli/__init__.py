@@ -1,6 +1,7 @@
 """The command line of DCAP: `dcap ...`, or `python -m flows.cli ...`."""
 
 import os
+import sys
 
 from flows.interrupts import INTERRUPTED, flush_output, interruptible, say_interrupted
 
@@ -10,7 +11,8 @@ __all__ = ["main"]
 def main(arguments: list[str] | None = None) -> int:
     """Run a command line, default that of the process, and return the contract's exit code.
 
-    A process whose own command was interrupted ends here, at once: it would wait for threads whose stages compute.
+    A process whose own command was interrupted ends here, at once: it would wait for threads whose stages compute. So
+    does one whose server is gone: it would go on asking it.
     """
     with interruptible(own=arguments is None):
         try:
@@ -25,7 +27,13 @@ def main(arguments: list[str] | None = None) -> int:
                 raise
             say_interrupted()
             code = INTERRUPTED
-    if code == INTERRUPTED and arguments is None:
+    if arguments is None and (code == INTERRUPTED or has_given_up_its_server()):
         flush_output()
         os._exit(code)
     return code
+
+
+def has_given_up_its_server() -> bool:
+    """Whether this program has waited in vain for its server."""
+    server = sys.modules.get("flows.server")
+    return server is not None and server.GIVEN_UP.is_set()

@@ -1,5 +1,6 @@
 """A dataset run plans first, computes only what is missing, keeps going, and tells the truth."""
 
+import errno
 import hashlib
 import importlib
 import json
@@ -222,6 +223,40 @@ def test_a_plan_survives_what_nobody_expected(
     said = (Path(json.loads(capsys.readouterr().out)["run"]) / "samples" / "odd" / "error.txt").read_text()
     assert said.startswith("ZeroDivisionError: on purpose\n\nTraceback")
     assert "in broken" in said
+
+
+def test_a_run_that_cannot_be_written_leaves_no_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nor does `runs/last` point to one."""
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path))
+
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("flows.benchmark.write_whole", full)
+    with pytest.raises(OSError, match="No space left"):
+        new_run_folder(tmp_path / "set.yaml", [], PlaceConfig(), LanguageOptions())
+    assert list((tmp_path / "runs").iterdir()) == []
+
+
+def test_a_disk_that_refuses_everything_is_no_sample_s_matter(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A plan ends with a line then, as a benchmark does; where one sample can be planned it is shown."""
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path))
+    lines = [f"- {{id: s{number}, scene: nowhere, object: nothing, prompt: put it}}" for number in range(2)]
+    (tmp_path / "set.yaml").write_text("\n".join(lines))
+    command = ["plan", "--dataset", str(tmp_path / "set.yaml")]
+    assert main(command) == 0
+    assert "nowhere: no such file" in capsys.readouterr().out
+
+    def read_only(*_: object) -> None:
+        raise OSError(errno.EROFS, "Read-only file system", str(tmp_path / "cache"))
+
+    monkeypatch.setattr("flows.look_ahead.through_stages", read_only)
+    assert main(command) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.startswith(f"dcap: {tmp_path / 'cache'}: Read-only file system; ")
 
 
 @pytest.mark.parametrize("error", [ZeroDivisionError("a defect"), LanguageError("what is a blorb?")])

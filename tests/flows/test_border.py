@@ -9,7 +9,9 @@ from pathlib import Path
 import pytest
 
 import dcap
+from dcap.scene.errors import InputError
 from dcap.scene.machine_errors import machine_error
+from dcap.scene.settings import data_root
 from flows.cli.app import main
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -96,8 +98,26 @@ def test_the_knob_is_that_of_the_place(monkeypatch: pytest.MonkeyPatch, tmp_path
 def test_a_data_folder_that_is_none_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     """DCAP_DATA may be a file, or lie where no folder can be made."""
     monkeypatch.setenv("DCAP_DATA", "/etc/passwd")
-    line = str(machine_error(NotADirectoryError(errno.ENOTDIR, "Not a directory", "/etc/passwd/cache")))
-    assert line.startswith("/etc/passwd/cache: Not a directory; DCAP_DATA (now /etc/passwd) must be")
+    with pytest.raises(InputError, match="DCAP_DATA=/etc/passwd is a file; name a folder"):
+        data_root()
+    monkeypatch.setenv("DCAP_DATA", "/etc/passwd/data")
+    line = str(machine_error(NotADirectoryError(errno.ENOTDIR, "Not a directory", "/etc/passwd/data/cache")))
+    assert line.startswith("/etc/passwd/data/cache: Not a directory; DCAP_DATA (now /etc/passwd/data) must be")
+
+
+@pytest.mark.parametrize("given", ["", "team:other"])
+def test_a_log_in_that_is_missing_or_wrong_is_asked_for(monkeypatch: pytest.MonkeyPatch, given: str) -> None:
+    """By the variable that gives it, and not by the address of a page on HTTP."""
+    import httpx
+
+    monkeypatch.setenv("PREFECT_API_URL", "http://192.0.2.7:4200/api")
+    monkeypatch.setenv("PREFECT_API_AUTH_STRING", given)
+    request = httpx.Request("GET", "http://192.0.2.7:4200/api/csrf-token")
+    refused = httpx.HTTPStatusError("no", request=request, response=httpx.Response(401, request=request))
+    why = "does not take what PREFECT_API_AUTH_STRING says" if given else "wants a log-in"
+    assert str(machine_error(refused)) == (
+        f"the Prefect server http://192.0.2.7:4200/api {why}; set PREFECT_API_AUTH_STRING=NAME:PASSWORD"
+    )
 
 
 def test_a_mistake_of_ours_keeps_its_traceback(

@@ -76,7 +76,9 @@ def test_names_and_paths_are_found(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         ("- {id: a, room: r, object: [o], prompt: x}", r"object is \['o'\], expected text"),
         ("- {id: a, room: r, object: o, prompt: ' '}", "prompt is ' ', expected text"),
         (f"- {{id: 0x{'f' * 4000}, room: r, object: o, prompt: x}}", "id is <int that is too long to write>"),
-        ("a: b", "expected a list"),
+        ("a: b", "expected a list of samples, found .*"),
+        ("[]", "expected a list of samples, found none"),
+        ("", "expected a list of samples, found none"),
         ("[1, 2", "cannot be read as YAML"),
     ],
 )

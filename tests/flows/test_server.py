@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -16,10 +17,11 @@ import httpx
 import pytest
 from foreign_names import LIBRARIES, OURS, foreign_folder, marks
 
-from dcap.scene.errors import DcapError
+from dcap.scene.errors import DcapError, InputError, ServerGoneError
 from dcap.scene.settings import PROJECT_ROOT
 from flows.display import Display
-from flows.server import DATABASES, is_healthy, is_server, launch, prefect_server, wait_for_server
+from flows.server import DATABASES, check_port, free_port, is_healthy, is_server, launch, prefect_server, why_gone
+from flows.server_wait import wait_for_server
 from flows.ui import serve_pages
 from flows.worker import serve_pool
 from perf.workflow import chain
@@ -195,7 +197,7 @@ def test_a_server_of_a_team_that_is_gone_is_named(tmp_path: Path, monkeypatch: p
     monkeypatch.setenv("DCAP_DATA", str(tmp_path / "data"))
     monkeypatch.setenv("PREFECT_HOME", str(tmp_path))
     monkeypatch.setenv("PREFECT_API_URL", "http://team:of-ours@127.0.0.1:1/api")
-    monkeypatch.setattr("flows.server.START_SECONDS", 0.0)
+    monkeypatch.setattr("flows.server_wait.START_SECONDS", 0.0)
     with pytest.raises(DcapError) as told:
         wait_for_server()
     assert str(told.value) == (
@@ -233,6 +235,50 @@ def interrupted(told: list[str], line: str) -> None:
     """Somebody ends the program as soon as a line is said."""
     told.append(line)
     raise InterruptedError
+
+
+def test_why_a_server_is_gone_is_told_by_its_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its last words, and the setting of its database where that is another's."""
+    for one in ("PREFECT_API_URL", *DATABASES):
+        monkeypatch.delenv(one, raising=False)
+    log = tmp_path / "server.log"
+    assert why_gone(tmp_path) == f"its log is {log}"
+    log.write_text("Traceback (most recent call last):\n  File x\nArgumentError: no such database\n\n")
+    assert why_gone(tmp_path) == f"its last words are: ArgumentError: no such database; its log is {log}"
+    monkeypatch.setenv(DATABASES[0], "nonsense")
+    assert why_gone(tmp_path).startswith(f"its database is what {DATABASES[0]} names; its last words are: Arg")
+    log.write_text("x" * 10_000)
+    assert len(why_gone(tmp_path)) < 1000
+
+
+def test_an_address_of_another_machine_is_no_port(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another port would not help."""
+    with pytest.raises(InputError, match=r"PREFECT_SERVER_API_HOST=192\.0\.2\.7: this machine has no such address"):
+        check_port(free_port(), "192.0.2.7")
+
+
+def test_who_waits_says_so_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """However many threads wait; and where one has waited in vain, the others do not go on."""
+    monkeypatch.setenv("PREFECT_API_URL", "http://127.0.0.1:1/api")
+    monkeypatch.setattr("flows.server_wait.SILENT_SECONDS", 0.0)
+    monkeypatch.setattr("flows.server_wait.START_SECONDS", 0.5)
+    monkeypatch.setattr("flows.server.GIVEN_UP", given_up := threading.Event())
+    monkeypatch.setattr("flows.server_wait.GIVEN_UP", given_up)
+
+    def waits(_: int) -> str:
+        with pytest.raises(ServerGoneError) as gone:
+            wait_for_server()
+        return str(gone.value)
+
+    with ThreadPoolExecutor(4) as threads:
+        told = set(threads.map(waits, range(4)))
+    assert len(told) == 1
+    said = capsys.readouterr().err
+    assert said == "the Prefect server http://127.0.0.1:1/api does not answer; it is waited for, for up to 0 s\n"
+    monkeypatch.setattr("flows.server_wait.START_SECONDS", 3600.0)
+    assert waits(0) in told
 
 
 @pytest.mark.parametrize("name", DATABASES)

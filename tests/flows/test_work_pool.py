@@ -11,7 +11,7 @@ import pytest
 from prefect.client.schemas.filters import FlowRunFilter
 from prefect.client.schemas.objects import FlowRun, State, Worker, WorkerStatus
 from prefect.exceptions import ObjectNotFound, PrefectHTTPStatusError
-from prefect.states import Completed, Failed, Running
+from prefect.states import Completed, Failed, Pending, Running
 
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import DcapError
@@ -194,6 +194,21 @@ def test_a_slow_server_hides_no_lost_worker(monkeypatch: pytest.MonkeyPatch, clo
         clock.sleep(30.0)
         assert list(pool.ended(server)) == []  # type: ignore[arg-type]
     assert asked == ["a"]
+
+
+def test_a_sample_that_was_claimed_and_never_begins_is_asked_for_again(
+    monkeypatch: pytest.MonkeyPatch, clock: Clock
+) -> None:
+    """Its worker lives; an answer to it, or its word that nothing begins, was lost in an outage."""
+    asked = asked_again(monkeypatch)
+    pool, server = at_work([worker("one", WorkerStatus.ONLINE)], "one")
+    server.runs = dict.fromkeys(server.runs, Pending())
+    begin = clock.now
+    while not asked:
+        clock.sleep(1.0)
+        assert list(pool.ended(server)) == []  # type: ignore[arg-type]
+        assert clock.now < begin + 2.0 * START_SECONDS
+    assert clock.now > begin + START_SECONDS
 
 
 class TakesRuns(FewAtATime):
