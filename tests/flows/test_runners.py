@@ -4,20 +4,18 @@ import os
 import shutil
 import signal
 import subprocess
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext, suppress
-from functools import partial
+from collections.abc import Callable
+from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-import patience
 import psutil
 import pytest
 from desk_room import desk_dataset
 from foreign_names import LIBRARIES, OURS, foreign_folder, marks
 from kept_records import Stamp, kept_records
+from pool_runs import PATIENCE, a_worker, data_folder, placed_results, taken, wait_until, waiting
 from prefect_pages import PrefectPages
 from process_trees import descendants
 from s3_server import s3_server
@@ -25,42 +23,18 @@ from watched_run import results as kept_results
 
 from dcap.packages import module_command
 from dcap.scene.errors import InputError
-from dcap.scene.settings import data_root, server_folder
+from dcap.scene.settings import data_root
 from flows.cli.app import main
-from flows.own_requests import LOOPBACK
 from flows.runners import RunnerName, check_runner
-from flows.server import is_server, known_pid, port_of, prefect_server, start
+from flows.server import prefect_server
 
-PATIENCE = 240.0
-"""For machines that are busy [s]."""
 SAMPLES = {"mug": "put the mug on the desk", "book": "put the book on the desk", "lost": "put the mug on the piano"}
-
-
-wait_until = partial(patience.wait_until, seconds=PATIENCE, every=0.1)
 
 
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A desk in a room, and what is put on it: rigid on rigid, the cheapest drops."""
     return desk_dataset(tmp_path_factory.mktemp("runners"), SAMPLES)
-
-
-@contextmanager
-def data_folder(folder: Path) -> Iterator[None]:
-    """An empty data folder."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("DCAP_DATA", str(folder))
-        patch.setenv("DCAP_RENDER__SIZE", "256")  # nothing here is seen in the pictures
-        patch.setenv("PREFECT_HOME", str(folder))
-        patch.delenv("PREFECT_API_URL", raising=False)
-        yield
-
-
-def placed_results(dataset: Path, *options: str) -> dict[str, object]:
-    """What a benchmark gave for each sample: its verdict, and the digest of what each stage returned."""
-    code = main(["benchmark", "--dataset", str(dataset), "--workers", "2", *options])
-    assert code == 0
-    return kept_results(data_root())
 
 
 @pytest.fixture(scope="module")
@@ -84,26 +58,6 @@ def test_a_cluster_gives_the_same(dataset: Path, at_home: object, tmp_path: Path
         pages = PrefectPages(url)
         benchmark = next(run for run in pages.flow_runs() if "method:dcap" in run["tags"])  # type: ignore[operator]
         assert len(pages.flow_runs(str(benchmark["id"]))) == len(SAMPLES)
-
-
-@contextmanager
-def a_worker(limit: int = 2, **environment: str) -> Iterator["subprocess.Popen[bytes]"]:
-    """`dcap worker`, in a session of its own."""
-    process = subprocess.Popen(
-        module_command("flows.cli", "worker", "--limit", str(limit)),
-        stdout=subprocess.DEVNULL,
-        start_new_session=True,
-        env=os.environ | environment,
-    )
-    try:
-        yield process
-    finally:
-        process.send_signal(signal.SIGTERM)
-        try:
-            process.wait(30)
-        except subprocess.TimeoutExpired:
-            os.killpg(process.pid, signal.SIGKILL)
-            process.wait()
 
 
 @pytest.mark.slow
@@ -151,11 +105,6 @@ def test_nobody_places_what_a_killed_benchmark_has_left(dataset: Path, tmp_path:
             assert main(["benchmark", "--dataset", str(dataset), "--limit", "1"]) == 0
             assert not waiting(pages)
             assert ended(pages) == {"CRASHED"}
-
-
-def waiting(pages: PrefectPages) -> list[object]:
-    """Flow runs that wait in the pool."""
-    return [run["id"] for run in pages.post("/flow_runs/filter") if run["state_type"] == "SCHEDULED"]
 
 
 def ended(pages: PrefectPages) -> set[object]:
@@ -239,32 +188,6 @@ def test_a_worker_that_is_killed_after_each_stage_loses_nothing(tmp_path: Path) 
             assert main(command[-5:]) == 0
         assert kept_records(tmp_path / "broken").items() >= done.items()
         assert kept_results(data_root()) == whole
-
-
-@pytest.mark.slow
-@pytest.mark.long
-@pytest.mark.timeout(900)
-@pytest.mark.parametrize("seconds", [0.0, 45.0], ids=["for a moment", "longer than heartbeats are waited for"])
-def test_a_server_that_is_lost_is_waited_for(
-    dataset: Path, at_home: object, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seconds: float
-) -> None:
-    """By the benchmark and its workers, each sample is placed once, and none of them counts as lost. It is the server
-    of others: nobody here starts it again."""
-    monkeypatch.setattr("flows.server.kept_alive", lambda *_: nullcontext())
-    with data_folder(tmp_path / "team"), prefect_server() as url, pytest.MonkeyPatch.context() as patch:
-        pages, team, pid = PrefectPages(url), server_folder(), known_pid(server_folder())
-        patch.setenv("DCAP_DATA", str(tmp_path / "data"))
-        patch.setenv("PREFECT_API_URL", url)
-        command = module_command("flows.cli", "benchmark", "--dataset", str(dataset), "--runner", "pool")
-        with a_worker(1), subprocess.Popen(command, stdout=subprocess.DEVNULL) as benchmark:
-            wait_until(lambda: any(run["state_type"] == "RUNNING" for run in taken(pages)))
-            os.kill(pid, signal.SIGKILL)
-            wait_until(lambda: not is_server(pid))
-            time.sleep(seconds)
-            start(team, LOOPBACK, port_of(url))
-            assert benchmark.wait(PATIENCE) == 0
-        assert [run["state_type"] for run in taken(pages)] == ["COMPLETED"] * len(SAMPLES)
-        assert kept_results(data_root()) == at_home
 
 
 @pytest.mark.slow
@@ -356,11 +279,6 @@ def deployments(pages: PrefectPages) -> dict[str, str]:
 def busy(pages: PrefectPages) -> list[int]:
     """How many of the simulations that may run do run."""
     return [int(str(one["active_slots"])) for one in pages.post("/v2/concurrency_limits/filter")]
-
-
-def taken(pages: PrefectPages) -> list[dict[str, Any]]:
-    """Flow runs that a worker has taken."""
-    return [run for run in pages.post("/flow_runs/filter") if "worker:" in str(run["tags"])]
 
 
 @pytest.mark.parametrize(
