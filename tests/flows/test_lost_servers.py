@@ -91,7 +91,7 @@ def test_a_server_that_is_lost_is_waited_for(
     """By the benchmark and its workers, each sample is placed once, and none of them counts as lost. No traceback is
     shown."""
     said = tmp_path / "worker.txt"
-    with a_worker(1, said, **settings) as worker, benchmark_of(dataset, "pool") as benchmark:
+    with a_worker(1, settings, said) as worker, benchmark_of(dataset, "pool") as benchmark:
         wait_until(lambda: any(run["state_type"] == "RUNNING" for run in taken(team.pages)))
         team.kill()
         time.sleep(seconds)

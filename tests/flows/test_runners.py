@@ -72,7 +72,7 @@ def test_workers_of_the_pool_give_the_same(
     for path in dataset.parent.iterdir():
         shutil.copy(path, ".")
     with data_folder(data), prefect_server() as url:
-        with a_worker(DCAP_DATA=os.path.relpath(data)):
+        with a_worker(environment={"DCAP_DATA": os.path.relpath(data)}):
             assert placed_results(Path(dataset.name), "--runner", "pool") == at_home
         pages = PrefectPages(url)
         placed = [run for run in pages.post("/flow_runs/filter") if run["deployment_id"]]
@@ -129,7 +129,7 @@ def test_machines_share_nothing_but_a_store_and_a_server(
         patch.setenv("DCAP_STORE", s3.bucket())
         patch.setenv("PREFECT_API_URL", url)
         first, second = ({"DCAP_DATA": str(tmp_path / name), "PREFECT_HOME": str(tmp_path / name)} for name in "ab")
-        with a_worker(1, **first), a_worker(1, **second):
+        with a_worker(1, first), a_worker(1, second):
             assert placed_results(dataset, "--runner", "pool") == at_home
         placed = [run for run in PrefectPages(url).post("/flow_runs/filter") if run["deployment_id"]]
         assert len({str(tag) for run in placed for tag in run["tags"] if str(tag).startswith("worker:")}) == 2  # type: ignore[attr-defined]

@@ -3,7 +3,7 @@
 import os
 import signal
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -36,7 +36,9 @@ def data_folder(folder: Path) -> Iterator[None]:
 
 
 @contextmanager
-def a_worker(limit: int = 2, said: Path | None = None, **environment: str) -> Iterator["subprocess.Popen[bytes]"]:
+def a_worker(
+    limit: int = 2, environment: Mapping[str, str] = {}, said: Path | None = None
+) -> Iterator["subprocess.Popen[bytes]"]:
     """`dcap worker`, in a session of its own; what it says goes into a file."""
     told = said.open("wb") if said else None
     process = subprocess.Popen(
@@ -44,7 +46,7 @@ def a_worker(limit: int = 2, said: Path | None = None, **environment: str) -> It
         stdout=told or subprocess.DEVNULL,
         stderr=told,
         start_new_session=True,
-        env=os.environ | environment,
+        env=os.environ | dict(environment),
     )
     try:
         yield process
