@@ -116,10 +116,16 @@ class WorkerWords:
     def _hand_on(self) -> None:
         for line in self._said:
             if self._is_away.is_set():
-                with suppress(OSError), self._log.open("ab") as log:
-                    log.write(line)
+                self._keep(line)
             else:
                 self._write(line)
+
+    def _keep(self, line: bytes) -> None:
+        """In the log."""
+        with suppress(OSError):  # of a full disk: it is told elsewhere
+            self._log.parent.mkdir(parents=True, exist_ok=True)
+            with self._log.open("ab") as log:
+                log.write(line)
 
     def _write(self, line: bytes) -> None:
         """To standard error."""

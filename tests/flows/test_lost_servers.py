@@ -102,6 +102,8 @@ def test_a_server_that_is_lost_is_waited_for(
     assert "Traceback" not in said.read_text() + told
     if seconds:
         assert "does not answer; it is waited for" in said.read_text()
+    if settings:
+        assert "Traceback" in "".join(log.read_text() for log in server_folder().glob("*.log"))
     found = kept_results(data_root())
     with data_folder(tmp_path / "home"):
         assert placed_results(dataset) == found
