@@ -22,7 +22,7 @@ from prefect.states import Completed, Crashed, Failed, Pending
 
 from dcap.scene.errors import DcapError, ServerGoneError
 from flows.interrupts import put_off
-from flows.lost_server import refusals_passed
+from flows.lost_server import refusals_passed, server_errors_passed
 from flows.programs import Program
 from tasks.runner.task_runs import broken
 
@@ -83,7 +83,8 @@ def flow_run(names: FlowRunNames, parent: UUID | None = None) -> Iterator[ShownF
     flow = Flow(the_block, name=names.flow, validate_parameters=False, persist_result=False)
     with SyncClientContext.get_or_create() as context:
         if parent is None:
-            end_left_runs(context.client)
+            with server_errors_passed():  # others' runs: a server that is lost shows itself below
+                end_left_runs(context.client)
         engine = ShownFlowRun(flow=flow, flow_run=created(context.client, flow, names, parent))
         with engine.start(), put_off(signal.SIGTERM):  # Prefect's own handler raises in the middle of imports
             if not engine.is_running():

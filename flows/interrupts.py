@@ -77,9 +77,15 @@ def leave() -> NoReturn:
 
 
 def say_interrupted() -> None:
-    """One line on standard error."""
-    with suppress(OSError, AttributeError, ValueError):  # closed, or none at all
-        sys.stderr.write("dcap: interrupted\n")
+    """That somebody has interrupted the program."""
+    say("dcap: interrupted")
+
+
+def say(line: str) -> None:
+    """A line on standard error, whatever that is."""
+    with suppress(OSError, AttributeError, ValueError):  # a pipe that nobody reads, closed, or none at all
+        sys.stderr.write(f"{line}\n")
+        sys.stderr.flush()
 
 
 def flush_output() -> None:

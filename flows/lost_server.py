@@ -9,8 +9,9 @@ from contextlib import contextmanager
 import httpx
 from prefect.exceptions import ObjectNotFound, PrefectException, PrefectHTTPStatusError
 
-from dcap.scene.machine_errors import NO_SERVER
+from dcap.scene.machine_errors import says_no_server
 from dcap.scene.team_server import team_server
+from flows.server_wait import team_server_is_gone
 
 AWAY = (502, 503, 504)
 """What a web server answers that has no answer from the server behind it, or not now."""
@@ -22,7 +23,7 @@ MISSING = 404
 
 def server_lost(error: Exception) -> bool:
     """Whether an error says that no server answers, or that a team's server may have lost its database."""
-    if isinstance(error, httpx.TransportError) or NO_SERVER in str(error):
+    if isinstance(error, httpx.TransportError) or says_no_server(error):
         return True
     return status_of(error) in AWAY or (status_of(error) == BROKEN and team_server() != "")
 
@@ -39,16 +40,16 @@ def status_of(error: Exception) -> int:
 
 def of_server(error: Exception) -> bool:
     """Whether an error comes from a server or from the way to it."""
-    return isinstance(error, httpx.HTTPError | PrefectException) or NO_SERVER in str(error)
+    return isinstance(error, httpx.HTTPError | PrefectException) or says_no_server(error)
 
 
 @contextmanager
 def refusals_passed() -> Iterator[None]:
-    """Passes over what the server refuses, or does not have any more; that it is lost is raised."""
+    """Passes over what the server refuses, does not have any more, or breaks on; that it is away is raised."""
     try:
         yield
     except (PrefectHTTPStatusError, ObjectNotFound) as error:
-        if server_lost(error):
+        if status_of(error) in AWAY or (status_of(error) == BROKEN and team_server_is_gone()):
             raise
 
 

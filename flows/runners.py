@@ -13,7 +13,7 @@ from enum import StrEnum
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
-from dcap.scene.errors import InputError
+from dcap.scene.errors import InputError, ServerGoneError
 from dcap.scene.json_tree import JsonObject
 from dcap.scene.types.sample import Sample
 from flows.elsewhere import SampleJob, Told, place_job, told_of
@@ -96,6 +96,8 @@ def placed_in_cluster(
 def told_by(future: "PrefectFuture[JsonObject]") -> JsonObject:
     """What a task told, or why it could not."""
     told: Any = future.result(raise_on_failure=False)
+    if isinstance(told, ServerGoneError):  # nor will the others find it
+        raise told
     if isinstance(told, BaseException):
         return told_of(f"its worker was lost: {' '.join(str(told).split()) or type(told).__name__}")
     assert isinstance(told, dict)

@@ -13,14 +13,16 @@ import httpx
 from prefect.client.orchestration import get_client
 
 from dcap.scene.errors import DcapError
+from dcap.scene.settings import server_folder
 from dcap.scene.store.artifacts import Store
 from dcap.scene.types.outcome import Infeasible
 from dcap.scene.types.sample import Sample
 from flows.flow_runs import COMPLETED, PLACE, FlowRunNames, ShownFlowRun, ShownState, end_as_crashed, flow_run
-from flows.lost_server import server_lost
+from flows.lost_server import server_errors_passed, server_lost
 from flows.place import PlacementRefs
 from flows.run_names import WatchedRun, sample_tags, title_of
 from flows.sample_pictures import show_pictures
+from flows.server import why_gone
 from flows.server_wait import wait_for_server
 from tasks.runner.outcomes import reason_line
 from tasks.runner.task_runs import INFEASIBLE
@@ -85,9 +87,9 @@ def flow_runs_of(sample: Sample, run: WatchedRun | None = None) -> Iterator[Samp
             if not server_lost(error):
                 raise
             wait_for_server()
-            with get_client(sync_client=True) as client:
+            with server_errors_passed(), get_client(sync_client=True) as client:
                 end_as_crashed(client, begun, "the server was lost; the sample begins again")
         else:
             return
     lost = f"the Prefect server was lost {MOST_BEGINNINGS} times"
-    raise DcapError(f"{lost} while {sample.id} was placed; its log says why")
+    raise DcapError(f"{lost} while {sample.id} was placed; {why_gone(server_folder())}")

@@ -30,6 +30,7 @@ from dcap.scene.errors import DcapError, InputError
 from dcap.scene.given_text import shortened
 from dcap.scene.machine_errors import free_space
 from dcap.scene.redaction import has_log_in, redacted_url
+from dcap.scene.secrets import redacted
 from dcap.scene.settings import server_folder
 from dcap.scene.team_server import API_URL, LOGIN, OWN_URL, team_server
 from dcap.scene.whole_files import write_whole
@@ -44,8 +45,6 @@ DATABASES = "PREFECT_SERVER_DATABASE_CONNECTION_URL", "PREFECT_API_DATABASE_CONN
 """Prefect's setting of a server's database, by its new and its old name; where neither is set, it is a file."""
 START_SECONDS = 300.0
 """A first start creates the database, which takes 8 s on two idle cores; more than a minute on busy ones."""
-GIVEN_UP = threading.Event()
-"""Set once somebody has waited in vain for the server of this program: nobody does so again."""
 STOP_SECONDS = 10.0
 INTERRUPTED_STOP_SECONDS = 0.5
 """Who interrupts a run does not wait for requests that are under way; states of flow runs are in the database by
@@ -54,11 +53,11 @@ DELIVER_SECONDS = 15.0
 WATCH_SECONDS = 0.5
 """How often a run looks whether its server lives."""
 HEALTHY = b"true"
-LONGEST_LINE = 300
-"""Of a log that is shown."""
+"""What a server of Prefect says of its health; pages of any kind may answer, too."""
+LONGEST_LINE, LOG_END = 300, 1 << 13
+"""Letters of a line of a log that is shown, and bytes of its end that are read."""
 SHORT_ANSWER = 100
 """Bytes of an answer that are read of whoever speaks at an address."""
-"""What a server of Prefect says of its health; pages of any kind may answer, too."""
 LEAST_ROOM = 8 << 20
 """A new database with its journal takes 5 MB."""
 ROOM = "make room, or name a folder on another disk with DCAP_DATA"
@@ -67,7 +66,6 @@ ROOM = "make room, or name a folder on another disk with DCAP_DATA"
 @contextmanager
 def prefect_server(port: int | None = None) -> Iterator[str]:
     """URL of a healthy server, also in $PREFECT_API_URL, as long as the block runs."""
-    GIVEN_UP.clear()
     with quiet_logging(), some_server(port) as url:
         yield url
 
@@ -341,14 +339,14 @@ def why_gone(folder: Path) -> str:
 
 
 def last_line(log: Path) -> str:
-    """The end of a log as a line to be shown."""
+    """The end of a log as a line to be shown, without the secrets that it quotes."""
     try:
         with log.open("rb") as file:
-            file.seek(max(0, file.seek(0, os.SEEK_END) - LONGEST_LINE))
+            file.seek(max(0, file.seek(0, os.SEEK_END) - LOG_END))
             lines = file.read().decode(errors="replace").split("\n")
     except OSError:
         return ""
-    return shortened(next((line.strip() for line in reversed(lines) if line.strip()), ""), LONGEST_LINE)
+    return shortened(redacted(next((line.strip() for line in reversed(lines) if line.strip()), "")), LONGEST_LINE)
 
 
 def launch(folder: Path, host: str, port: int) -> "subprocess.Popen[bytes]":

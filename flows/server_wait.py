@@ -2,33 +2,33 @@
 
 import math
 import os
-import sys
 import threading
 import time
-from contextlib import suppress
 from typing import Self
 
 from dcap.scene.errors import ServerGoneError
 from dcap.scene.redaction import redacted_url
 from dcap.scene.settings import server_folder
 from dcap.scene.team_server import API_URL, team_server
-from flows.server import GIVEN_UP, START_SECONDS, is_healthy, is_ready, why_gone
+from flows.interrupts import say
+from flows.server import START_SECONDS, is_ready, why_gone
 
 SILENT_SECONDS = 5.0
 """A server that is away for no longer is waited for without a word."""
 LOOK_SECONDS = 0.2
+GIVEN_UP: set[str] = set()
+"""Addresses of servers that somebody in this program has waited for in vain: nobody else does, until they answer."""
 
 
 class Waiting:
-    """Says on standard error that a server is waited for, once for all threads that do so, and where it is long."""
+    """Says that a server is waited for, once for all threads that do so, and where it is long."""
 
     _lock = threading.Lock()
     _waiting = 0
     _said = False
 
-    def __init__(self, url: str, patience: float) -> None:
-        limit = f", for up to {patience:.0f} s" if patience < math.inf else ""
-        self._line = f"the Prefect server {redacted_url(url)} does not answer; it is waited for{limit}"
+    def __init__(self, url: str) -> None:
+        self._line = f"the Prefect server {redacted_url(url)} does not answer; it is waited for"
         self._since = time.monotonic()
 
     def __enter__(self) -> Self:
@@ -47,8 +47,7 @@ class Waiting:
             if Waiting._said or time.monotonic() - self._since < SILENT_SECONDS:
                 return
             Waiting._said = True
-        with suppress(OSError):
-            sys.stderr.write(f"{self._line}\n")
+        say(self._line)
 
 
 def wait_for_server(patience: float | None = None) -> None:
@@ -59,15 +58,17 @@ def wait_for_server(patience: float | None = None) -> None:
         return
     patience = START_SECONDS if patience is None else patience
     deadline = time.monotonic() + patience
-    with Waiting(url, patience) as waiting:
+    with Waiting(url) as waiting:
         while not is_ready(url):
-            if GIVEN_UP.is_set() or time.monotonic() > deadline:
-                GIVEN_UP.set()
+            if time.monotonic() > deadline or (url in GIVEN_UP and patience < math.inf):
+                GIVEN_UP.add(url)
                 raise ServerGoneError(f"the Prefect server {redacted_url(url)} is gone; {why_gone(server_folder())}")
             waiting.goes_on()
             time.sleep(LOOK_SECONDS)
+    GIVEN_UP.discard(url)
 
 
-def nobody_is_told() -> bool:
-    """Whether a server of others is named that is gone: what it would be told of the end is not waited for."""
-    return team_server() != "" and not is_healthy(os.environ[API_URL])
+def team_server_is_gone() -> bool:
+    """Whether a server of others is named that does not answer now: what it would be told of an end is not waited
+    for."""
+    return team_server() != "" and not is_ready(os.environ[API_URL])

@@ -32,7 +32,7 @@ from flows.lost_server import is_missing, server_errors_passed, server_lost
 from flows.run_names import sample_tags
 from flows.sample_flow import MOST_BEGINNINGS
 from flows.server import START_SECONDS
-from flows.server_wait import nobody_is_told, wait_for_server
+from flows.server_wait import team_server_is_gone, wait_for_server
 
 POOL = "dcap"
 SAMPLE = "place/sample"
@@ -87,8 +87,10 @@ class WorkPool:
         """Samples that are in the pool, by their flow runs."""
         self.lost: dict[UUID, str] = {}
         """Flow runs that were lost with their workers and are not ended yet, and why they are to be."""
-        self.silences: dict[str, Silence] = {}
-        """Since the last heartbeat of each worker, and the claim of each flow run that has not begun."""
+        self.silent: dict[str, Silence] = {}
+        """Workers, since their last heartbeats."""
+        self.claimed: dict[UUID, Silence] = {}
+        """Flow runs that were claimed and have not begun."""
         self.looked = time.clock_gettime(CLOCK)
         """When the server has last said which workers there are."""
 
@@ -127,10 +129,9 @@ class WorkPool:
                         wait_for_server()
                     yield told
             finally:  # who ends does not wait for a server
-                for end in (self.end_lost, self.end_waiting):
+                for end in () if team_server_is_gone() else (self.end_lost, self.end_waiting):
                     with server_errors_passed():
-                        if not nobody_is_told():
-                            end(client)
+                        end(client)
 
     def ended(self, client: SyncPrefectClient) -> Iterator[Told]:
         """The samples that have ended since the last look; those of lost workers are asked for again."""
@@ -205,35 +206,31 @@ class WorkPool:
         before, self.looked = self.looked, time.clock_gettime(CLOCK)
         return self.looked - before
 
-    def silence(self, name: str, since: datetime | None, passed: float) -> "Silence":
-        """That of a worker, or of a flow run, which was heard of last at a time."""
-        found = self.silences.get(name)
-        if found is None or found.since != since:
-            found = self.silences[name] = Silence(since)
-        found.goes_on(passed)
-        return found
-
     def lost_workers(self, there: Sequence[Worker], passed: float) -> dict[str, datetime | None]:
         """Names of the workers that send no heartbeats any more, though they were listened for, and when they sent the
         last one."""
-        silences = {one.name: self.silence(one.name, one.last_heartbeat_time, passed) for one in there}
+        self.silent = {one.name: Silence.after(self.silent.get(one.name), one.last_heartbeat_time, passed)
+                       for one in there}  # fmt: skip
         return {
             one.name: one.last_heartbeat_time
             for one in there
-            if one.status is not WorkerStatus.ONLINE and silences[one.name].is_telling
+            if one.status is not WorkerStatus.ONLINE and self.silent[one.name].is_telling
         }
 
     def stuck(self, run: FlowRun, passed: float) -> str:
         """Why a flow run that a worker has claimed does not go on; empty if it may. The server may have been away just
         as the worker asked for it, or said that it could not begin."""
+        before = self.claimed.pop(run.id, None)
         if run.state is None or not run.state.is_pending():
-            self.silences.pop(str(run.id), None)
             return ""
-        waits = self.silence(str(run.id), run.state.timestamp, passed).seconds > START_SECONDS
-        return "its worker has claimed it and not begun" if waits else ""
+        silence = Silence.after(before, run.state.timestamp, passed)
+        if silence.seconds > START_SECONDS:
+            return "its worker has claimed it and not begun"
+        self.claimed[run.id] = silence
+        return ""
 
 
-@dataclass
+@dataclass(frozen=True)
 class Silence:
     """How long nothing was heard of a worker, or a flow run, while the server could be asked."""
 
@@ -243,10 +240,11 @@ class Silence:
     is_whole: bool = True
     """Whether no time is missing in which the server may have been away."""
 
-    def goes_on(self, seconds: float) -> None:
-        """It was asked for again after so long."""
-        self.is_whole &= seconds <= MOST_BETWEEN
-        self.seconds += min(seconds, MOST_BETWEEN)
+    @classmethod
+    def after(cls, before: "Silence | None", since: datetime | None, passed: float) -> "Silence":
+        """What is found so long after the last look [s]: one that goes on, or a new one."""
+        known = before if before is not None and before.since == since else cls(since)
+        return cls(since, known.seconds + min(passed, MOST_BETWEEN), known.is_whole and passed <= MOST_BETWEEN)
 
     @property
     def is_telling(self) -> bool:

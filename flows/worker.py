@@ -8,7 +8,6 @@ import os
 import platform
 import signal
 import subprocess
-import sys
 import tempfile
 import threading
 import time
@@ -23,6 +22,7 @@ from dcap.cores import SHARE, available_cores
 from dcap.packages import module_command
 from dcap.scene.errors import DcapError
 from dcap.scene.settings import data_root, server_folder, shared_store_url
+from flows.interrupts import say
 from flows.server import is_ready, pages_of, prefect_server
 from flows.settings.given import FILE_VARIABLE, settings_file
 from flows.worker_program import kill, started_by
@@ -32,8 +32,11 @@ HEARTBEAT_SECONDS = 10
 """Three that are missed make a worker lost."""
 LOOK_SECONDS = 1.0
 """How often it is noted what a worker has started: one that was killed tells no more."""
-SERVER_SECONDS = 5.0
-"""How often the server is looked for: sooner than Prefect's worker complains of it."""
+SERVER_SECONDS, MOST_MISSED = 5.0, 2
+"""How often the server is looked for, and how often in vain until it counts as away: sooner than Prefect's worker
+complains of it, which asks each time for a minute."""
+LONGEST_LOG = 1 << 20
+"""Bytes that are kept of what is said of a server that is away."""
 STOP_SECONDS = 15.0
 
 
@@ -78,9 +81,9 @@ def serve_pool(at_a_time: int, announce: Callable[[str], None]) -> None:
                     said.server_is(is_ready(url), url)
         finally:
             stop(process, started)
-            said.end()
+            where = said.end()
     if process.returncode:
-        raise DcapError(f"the worker ended with status {process.returncode}; what it said stands above")
+        raise DcapError(f"the worker ended with status {process.returncode}; what it said {where}")
 
 
 class WorkerWords:
@@ -91,47 +94,44 @@ class WorkerWords:
         assert process.stdout is not None
         self._said = process.stdout
         self._log = log
+        self._missed = 0
+        """Looks in a row that have found no server."""
         self._is_away = threading.Event()
         self._thread = threading.Thread(target=self._hand_on, name="words of the worker", daemon=True)
         self._thread.start()
 
     def server_is(self, ready: bool, url: str) -> None:
-        """What was found of the server."""
-        if ready != self._is_away.is_set():
-            return
-        if ready:
+        """What was found of the server; one that is busy may miss a look."""
+        self._missed = 0 if ready else self._missed + 1
+        if ready and self._is_away.is_set():
             self._is_away.clear()
-            self._write(b"the Prefect server answers again\n")
-        else:
+            say("the Prefect server answers again")
+        elif self._missed == MOST_MISSED:
+            self._log.unlink(missing_ok=True)  # of another time
             self._is_away.set()
-            line = (
-                f"the Prefect server {pages_of(url)} does not answer; it is waited for, what Prefect says of it is in"
-            )
-            self._write(f"{line} {self._log}\n".encode())
+            gone = f"the Prefect server {pages_of(url)} does not answer; it is waited for"
+            say(f"{gone}, what Prefect says of it is in {self._log}")
 
-    def end(self) -> None:
-        """The worker has ended."""
+    def end(self) -> str:
+        """The worker has ended; where its last words are."""
         self._thread.join(STOP_SECONDS)
+        return f"is in {self._log}" if self._is_away.is_set() else "stands above"
 
     def _hand_on(self) -> None:
         for line in self._said:
-            if self._is_away.is_set():
-                self._keep(line)
-            else:
-                self._write(line)
+            if not (self._is_away.is_set() and self._keep(line)):
+                say(line.decode(errors="replace").rstrip())
 
-    def _keep(self, line: bytes) -> None:
-        """In the log."""
-        with suppress(OSError):  # of a full disk: it is told elsewhere
+    def _keep(self, line: bytes) -> bool:
+        """In the log, as long as it is short: one attempt says what the others say. Whether it has a place there."""
+        try:
             self._log.parent.mkdir(parents=True, exist_ok=True)
             with self._log.open("ab") as log:
-                log.write(line)
-
-    def _write(self, line: bytes) -> None:
-        """To standard error."""
-        with suppress(OSError, ValueError):  # nobody reads it, or it is closed
-            sys.stderr.write(line.decode(errors="replace"))
-            sys.stderr.flush()
+                if log.tell() < LONGEST_LOG:
+                    log.write(line)
+        except OSError:
+            return False
+        return True
 
 
 def whole_places() -> dict[str, str]:

@@ -173,9 +173,14 @@ def _knob_of_memory() -> str:
     return "close other programs, give fewer --workers, a coarser --resolution or smaller files"
 
 
+def says_no_server(error: BaseException) -> bool:
+    """Whether an error is the plain RuntimeError of Prefect's client that reaches no server."""
+    return isinstance(error, RuntimeError) and NO_SERVER in str(error)
+
+
 def _of_server(error: BaseException) -> bool:
     """Whether an error is one of Prefect's or of the connection to its server."""
-    if isinstance(error, RuntimeError) and str(error).startswith(NO_SERVER):
+    if says_no_server(error):
         return True
     return any(kind.__module__.partition(".")[0] in SERVER for kind in type(error).__mro__)
 

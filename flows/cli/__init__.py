@@ -35,5 +35,5 @@ def main(arguments: list[str] | None = None) -> int:
 
 def has_given_up_its_server() -> bool:
     """Whether this program has waited in vain for its server."""
-    server = sys.modules.get("flows.server")
-    return server is not None and server.GIVEN_UP.is_set()
+    waiting = sys.modules.get("flows.server_wait")
+    return waiting is not None and bool(waiting.GIVEN_UP)

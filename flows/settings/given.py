@@ -9,7 +9,6 @@ by those who use them; `refused` words it.
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from difflib import get_close_matches
 from enum import StrEnum
 from pathlib import Path
 
@@ -26,8 +25,6 @@ FILE_VARIABLE = "DCAP_CONFIG"
 PREFIX, BETWEEN = "DCAP_", "__"
 VARIABLES = {"paths.data": "DCAP_DATA", "paths.store": "DCAP_STORE", "server.api_url": API_URL}
 """Keys whose environment variables are called otherwise."""
-ALIKE = 0.75
-"""From here on a variable of our prefix is taken for a misspelt one of ours, and not for somebody's own."""
 EXPORTED: dict[str, str] = {}
 """What this process has put into such variables from the file, for all that it starts."""
 PATHS = ("run.record", "run.replay", "paths.data", "paths.store")
@@ -123,7 +120,7 @@ def in_environment() -> Iterator[GivenSetting]:
         if value and EXPORTED.get(name) != value:
             yield GivenSetting(key, value, Origin.ENVIRONMENT, name)
     ours = sorted(name for name in os.environ if name.startswith(PREFIX))
-    for name in (name for name in ours if BETWEEN not in name):
+    for name in (name for name in ours if BETWEEN not in name and os.environ[name]):
         check_spelling(name)
     for name in (name for name in ours if BETWEEN in name):
         if (key := key_of(name)) in VARIABLES:
@@ -133,12 +130,20 @@ def in_environment() -> Iterator[GivenSetting]:
 
 
 def check_spelling(name: str) -> None:
-    """Refuse a variable that is nearly one of those without a section."""
-    known = [FILE_VARIABLE, VARIABLES["paths.data"], VARIABLES["paths.store"]]
-    words = [one.removeprefix(PREFIX) for one in known]
-    near = get_close_matches(name.removeprefix(PREFIX), words, 1, ALIKE)
-    if name not in known and near:
-        raise InputError(f"{name}: unknown variable; did you mean '{PREFIX}{near[0]}'?")
+    """Refuse a variable that is one of those without a section but for the order of its letters, or for a letter."""
+    for one in (FILE_VARIABLE, VARIABLES["paths.data"], VARIABLES["paths.store"]):
+        shorter = (one[:place] + one[place + 1 :] for place in range(len(PREFIX), len(one)))
+        if name != one and (sorted(name) == sorted(one) or name in shorter):
+            raise InputError(f"{name}: unknown variable; did you mean {one!r}?")
+
+
+def check_underscores(keys: Iterable[str]) -> None:
+    """Refuse an environment variable that is a key's but for the second underscore between its words. An address is
+    what a cluster tells of a service of that name."""
+    for one in map(variable_of, keys):
+        single = one.replace(BETWEEN, "_")
+        if BETWEEN in one and (value := os.environ.get(single)) and "://" not in value:
+            raise InputError(f"{single}: unknown variable; did you mean {one!r}?")
 
 
 def key_of(variable: str) -> str:

@@ -14,7 +14,16 @@ from typing import Annotated, Literal, TypeVar
 from pydantic import BaseModel, Field, NonNegativeInt, PositiveFloat, PositiveInt, ValidationError
 
 from flows.options import ArchName, Options, checked, said_of
-from flows.settings.given import EXPORTED, VARIABLES, Given, GivenSetting, given_settings, refused, unknown
+from flows.settings.given import (
+    EXPORTED,
+    VARIABLES,
+    Given,
+    GivenSetting,
+    check_underscores,
+    given_settings,
+    refused,
+    unknown,
+)
 
 Section = TypeVar("Section", bound=BaseModel)
 Port = Annotated[int, Field(ge=1, le=65535)]
@@ -90,6 +99,7 @@ OPTIONS = {
 
 def section(name: str, kind: type[Section], given: Given) -> Section:
     """A section with what was given in it."""
+    check_underscores(f"{name}.{field}" for field in kind.model_fields)
     mine = {key.partition(".")[2]: one for key, one in given.items() if key.partition(".")[0] == name}
     for word, one in list(mine.items()):
         if not word:

@@ -4,17 +4,15 @@ In: what was given. Out: a `PlaceConfig`, the same for the same values however t
 option that concerns several stages (who answers, threads, where the solver runs) has no key of its own here.
 """
 
-import os
 from collections.abc import Iterator, Mapping, MutableMapping
 from dataclasses import dataclass
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from dcap.scene.errors import InputError
 from flows.options import said_of
 from flows.place import PlaceConfig
-from flows.settings.given import BETWEEN, Given, given_settings, refused, unknown, variable_of
+from flows.settings.given import Given, check_underscores, given_settings, refused, unknown
 from flows.settings.own import OWN, as_json, empty_section, plain
 
 ELSEWHERE = {
@@ -30,17 +28,9 @@ LANGUAGE = "language"
 
 def stage_settings() -> PlaceConfig:
     """The stages' settings: what was given over their defaults."""
-    check_underscores()
+    check_underscores(one.key for one in stage_keys())
     given = {key: one for key, one in given_settings().items() if key.partition(".")[0] not in OWN}
     return PlaceConfig() if not given else checked_stages(given)
-
-
-def check_underscores() -> None:
-    """Refuse an environment variable that is a key's but for the second underscore between its words."""
-    variables = [variable_of(key) for key in (*(one.key for one in stage_keys()), *own_keys()) if "." in key]
-    for one in variables:
-        if BETWEEN in one and os.environ.get(single := one.replace(BETWEEN, "_")):
-            raise InputError(f"{single}: unknown variable; did you mean {one!r}?")
 
 
 def checked_stages(given: Given) -> PlaceConfig:

@@ -99,11 +99,11 @@ def test_a_server_that_is_lost_is_waited_for(
         _, told = benchmark.communicate(timeout=PATIENCE)
         assert (benchmark.returncode, worker.poll()) == (0, None), told + said.read_text()
     assert [run["state_type"] for run in taken(team.pages)] == ["COMPLETED"] * len(SAMPLES)
-    assert "Traceback" not in said.read_text() + told
+    assert "Traceback" not in told
+    if not settings:  # with those Prefect complains before the server is looked for
+        assert "Traceback" not in said.read_text()
     if seconds:
-        assert "does not answer; it is waited for" in said.read_text()
-    if settings:
-        assert "Traceback" in "".join(log.read_text() for log in server_folder().glob("*.log"))
+        assert "does not answer; it is waited for, what Prefect says of it is in" in said.read_text()
     found = kept_results(data_root())
     with data_folder(tmp_path / "home"):
         assert placed_results(dataset) == found
@@ -127,7 +127,7 @@ def test_a_server_that_stays_away_ends_a_benchmark(
         last = told.rstrip().splitlines()[-1]
         assert benchmark.returncode == 2, told
         assert last.startswith(f"dcap: the Prefect server {team.url} is gone; {API_URL} names it"), told
-        assert "does not answer; it is waited for, for up to 10 s" in told
+        assert "does not answer; it is waited for\n" in told
         assert "Traceback" not in told
         assert "failed" not in told
         team.start()

@@ -7,7 +7,7 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.error import HTTPError
@@ -84,7 +84,8 @@ def database() -> Iterator[Database]:
             as_owner(program("createdb"), "-h", "127.0.0.1", "-p", str(found.port), "-U", OWNER, DATABASE)
             yield found
         finally:
-            found.stop()
+            with suppress(subprocess.CalledProcessError):  # it was stopped in the middle of a test
+                found.stop()
     finally:
         shutil.rmtree(found.folder, ignore_errors=True)
 

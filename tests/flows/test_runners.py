@@ -22,10 +22,10 @@ from s3_server import s3_server
 from watched_run import results as kept_results
 
 from dcap.packages import module_command
-from dcap.scene.errors import InputError
+from dcap.scene.errors import InputError, ServerGoneError
 from dcap.scene.settings import data_root
 from flows.cli.app import main
-from flows.runners import RunnerName, check_runner
+from flows.runners import RunnerName, check_runner, told_by
 from flows.server import prefect_server
 
 SAMPLES = {"mug": "put the mug on the desk", "book": "put the book on the desk", "lost": "put the mug on the piano"}
@@ -279,6 +279,21 @@ def deployments(pages: PrefectPages) -> dict[str, str]:
 def busy(pages: PrefectPages) -> list[int]:
     """How many of the simulations that may run do run."""
     return [int(str(one["active_slots"])) for one in pages.post("/v2/concurrency_limits/filter")]
+
+
+def test_a_server_that_is_gone_is_no_lost_worker() -> None:
+    """A cluster's process that has waited for it in vain ends the benchmark, and fails no sample."""
+
+    class Ended:
+        def __init__(self, value: object) -> None:
+            self.value = value
+
+        def result(self, raise_on_failure: bool) -> object:
+            return self.value
+
+    assert told_by(Ended(OSError("a machine")))["error"] == "its worker was lost: a machine"  # type: ignore[arg-type]
+    with pytest.raises(ServerGoneError, match="gone"):
+        told_by(Ended(ServerGoneError("gone")))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(

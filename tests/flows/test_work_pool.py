@@ -116,9 +116,10 @@ class Clock:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now = 1000.0
-        monkeypatch.setattr("flows.work_pool.time.clock_gettime", lambda clock: {CLOCK: self.now}[clock])
-        monkeypatch.setattr("flows.work_pool.time.monotonic", lambda: self.now)
-        monkeypatch.setattr("flows.work_pool.time.sleep", self.sleep)
+        clocks = SimpleNamespace(
+            clock_gettime=lambda clock: {CLOCK: self.now}[clock], monotonic=lambda: self.now, sleep=self.sleep
+        )
+        monkeypatch.setattr("flows.work_pool.time", clocks)
 
     def sleep(self, seconds: float) -> None:
         """Go on."""

@@ -193,14 +193,22 @@ def test_mistakes_in_the_environment_name_the_variable(monkeypatch: pytest.Monke
 
 def test_a_misspelt_variable_without_a_section_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     """A single underscore in place of two, and a letter out of place; somebody's own variables are left alone."""
-    monkeypatch.setenv("DCAP_RUN_WORKERS", "5")
-    with pytest.raises(InputError, match=r"DCAP_RUN_WORKERS: unknown variable; did you mean 'DCAP_RUN__WORKERS'\?"):
-        stage_settings()
-    monkeypatch.delenv("DCAP_RUN_WORKERS")
-    for name in ("DCAP_SAMPLE_DATA", "DCAP_DATASET", "DCAP_HOME", "DCAP_WORKER_THREADS"):
+    for name, reads in (("RUN_WORKERS", run_settings), ("RENDER_SIZE", stage_settings)):
+        monkeypatch.setenv(f"DCAP_{name}", "5")
+        right = f"DCAP_{name.replace('_', '__')}"
+        with pytest.raises(InputError, match=rf"DCAP_{name}: unknown variable; did you mean '{right}'\?"):
+            reads()
+        monkeypatch.delenv(f"DCAP_{name}")
+    monkeypatch.setenv("DCAP_SERVER_PORT", "5000")
+    with pytest.raises(InputError, match=r"DCAP_SERVER_PORT: unknown variable; did you mean 'DCAP_SERVER__PORT'\?"):
+        server_settings()
+    monkeypatch.setenv("DCAP_SERVER_PORT", "tcp://10.0.0.1:4200")  # a cluster tells of a service called dcap-server
+    monkeypatch.setenv("DCAP_STROE", "")
+    for name in ("DCAP_SAMPLE_DATA", "DCAP_DATASET", "DCAP_HOME", "DCAP_SCORE", "DCAP_STORES", "DCAP_WORKER_THREADS"):
         monkeypatch.setenv(name, "1")
     given_settings()
     stage_settings()
+    server_settings()
     monkeypatch.setenv("DCAP_STROE", "/elsewhere")
     with pytest.raises(InputError, match=r"DCAP_STROE: unknown variable; did you mean 'DCAP_STORE'\?"):
         given_settings()
