@@ -92,7 +92,7 @@ def load_yaml(path: Path) -> object:
     except FileNotFoundError:
         raise InputError(f"{path}: no such file; --dataset takes a YAML file") from None
     except IsADirectoryError:
-        raise InputError(f"{path} is a folder; --dataset takes a YAML file, such as its samples.yaml") from None
+        raise InputError(f"{path}: a folder; --dataset takes a YAML file, such as its samples.yaml") from None
     except (OSError, *BROKEN_YAML) as broken:
         raise InputError(f"{path}: cannot be read as YAML: {yaml_fault(broken)}") from broken
 
