@@ -342,10 +342,13 @@ def last_line(log: Path) -> str:
     """The end of a log as a line to be shown, without the secrets that it quotes."""
     try:
         with log.open("rb") as file:
-            file.seek(max(0, file.seek(0, os.SEEK_END) - LOG_END))
-            lines = file.read().decode(errors="replace").split("\n")
+            begin = file.seek(max(0, file.seek(0, os.SEEK_END) - LOG_END))
+            words = file.read()
     except OSError:
         return ""
+    if begin:  # in the middle of a line or a word, which may be half a secret
+        words = words.partition(b"\n")[2].strip() or words.partition(b" ")[2]
+    lines = words.decode(errors="replace").split("\n")
     return shortened(redacted(next((line.strip() for line in reversed(lines) if line.strip()), "")), LONGEST_LINE)
 
 

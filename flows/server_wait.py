@@ -16,8 +16,8 @@ from flows.server import START_SECONDS, is_ready, why_gone
 SILENT_SECONDS = 5.0
 """A server that is away for no longer is waited for without a word."""
 LOOK_SECONDS = 0.2
-GIVEN_UP: set[str] = set()
-"""Addresses of servers that somebody in this program has waited for in vain: nobody else does, until they answer."""
+GIVEN_UP: dict[str, float] = {}
+"""Addresses of servers that somebody in this program has waited for in vain, and when: nobody else does so soon."""
 
 
 class Waiting:
@@ -60,12 +60,14 @@ def wait_for_server(patience: float | None = None) -> None:
     deadline = time.monotonic() + patience
     with Waiting(url) as waiting:
         while not is_ready(url):
-            if time.monotonic() > deadline or (url in GIVEN_UP and patience < math.inf):
-                GIVEN_UP.add(url)
+            now = time.monotonic()
+            if now > deadline:
+                GIVEN_UP[url] = now
+            if now > deadline or (now - GIVEN_UP.get(url, -math.inf) < START_SECONDS and patience < math.inf):
                 raise ServerGoneError(f"the Prefect server {redacted_url(url)} is gone; {why_gone(server_folder())}")
             waiting.goes_on()
             time.sleep(LOOK_SECONDS)
-    GIVEN_UP.discard(url)
+    GIVEN_UP.pop(url, None)
 
 
 def team_server_is_gone() -> bool:

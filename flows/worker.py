@@ -97,6 +97,8 @@ class WorkerWords:
         self._missed = 0
         """Looks in a row that have found no server."""
         self._is_away = threading.Event()
+        self._is_last_kept = False
+        """Whether the last line went into the log."""
         self._thread = threading.Thread(target=self._hand_on, name="words of the worker", daemon=True)
         self._thread.start()
 
@@ -107,7 +109,6 @@ class WorkerWords:
             self._is_away.clear()
             say("the Prefect server answers again")
         elif self._missed == MOST_MISSED:
-            self._log.unlink(missing_ok=True)  # of another time
             self._is_away.set()
             gone = f"the Prefect server {pages_of(url)} does not answer; it is waited for"
             say(f"{gone}, what Prefect says of it is in {self._log}")
@@ -115,20 +116,22 @@ class WorkerWords:
     def end(self) -> str:
         """The worker has ended; where its last words are."""
         self._thread.join(STOP_SECONDS)
-        return f"is in {self._log}" if self._is_away.is_set() else "stands above"
+        return f"is in {self._log}" if self._is_last_kept else "stands above"
 
     def _hand_on(self) -> None:
         for line in self._said:
-            if not (self._is_away.is_set() and self._keep(line)):
+            self._is_last_kept = self._is_away.is_set() and self._keep(line)
+            if not self._is_last_kept:
                 say(line.decode(errors="replace").rstrip())
 
     def _keep(self, line: bytes) -> bool:
-        """In the log, as long as it is short: one attempt says what the others say. Whether it has a place there."""
+        """In the log, which begins anew where it is long: one attempt says what the others say. Whether it is there."""
         try:
             self._log.parent.mkdir(parents=True, exist_ok=True)
             with self._log.open("ab") as log:
-                if log.tell() < LONGEST_LOG:
-                    log.write(line)
+                if log.tell() > LONGEST_LOG:
+                    log.truncate(0)
+                log.write(line)
         except OSError:
             return False
         return True

@@ -130,7 +130,7 @@ def in_environment() -> Iterator[GivenSetting]:
 
 
 def check_spelling(name: str) -> None:
-    """Refuse a variable that is one of those without a section but for the order of its letters, or for a letter."""
+    """Refuse a variable that is one of those without a section but for the order of its letters or a missing one."""
     for one in (FILE_VARIABLE, VARIABLES["paths.data"], VARIABLES["paths.store"]):
         shorter = (one[:place] + one[place + 1 :] for place in range(len(PREFIX), len(one)))
         if name != one and (sorted(name) == sorted(one) or name in shorter):
@@ -138,11 +138,12 @@ def check_spelling(name: str) -> None:
 
 
 def check_underscores(keys: Iterable[str]) -> None:
-    """Refuse an environment variable that is a key's but for the second underscore between its words. An address is
-    what a cluster tells of a service of that name."""
+    """Refuse an environment variable that is a key's but for the second underscore between its words. What a
+    cluster says of a service called dcap-server is none (DCAP_SERVER_PORT=tcp://...)."""
     for one in map(variable_of, keys):
         single = one.replace(BETWEEN, "_")
-        if BETWEEN in one and (value := os.environ.get(single)) and "://" not in value:
+        value = os.environ.get(single, "")
+        if BETWEEN in one and value and not (single.endswith("_PORT") and "://" in value):
             raise InputError(f"{single}: unknown variable; did you mean {one!r}?")
 
 

@@ -21,7 +21,17 @@ from foreign_names import LIBRARIES, OURS, foreign_folder, marks
 from dcap.scene.errors import DcapError, InputError, ServerGoneError
 from dcap.scene.settings import PROJECT_ROOT
 from flows.display import Display
-from flows.server import DATABASES, check_port, free_port, is_healthy, is_server, launch, prefect_server, why_gone
+from flows.server import (
+    DATABASES,
+    LOG_END,
+    check_port,
+    free_port,
+    is_healthy,
+    is_server,
+    launch,
+    prefect_server,
+    why_gone,
+)
 from flows.server_wait import wait_for_server
 from flows.ui import serve_pages
 from flows.worker import serve_pool
@@ -199,7 +209,7 @@ def test_a_server_of_a_team_that_is_gone_is_named(tmp_path: Path, monkeypatch: p
     monkeypatch.setenv("PREFECT_HOME", str(tmp_path))
     monkeypatch.setenv("PREFECT_API_URL", "http://team:of-ours@127.0.0.1:1/api")
     monkeypatch.setattr("flows.server_wait.START_SECONDS", 0.0)
-    monkeypatch.setattr("flows.server_wait.GIVEN_UP", set())
+    monkeypatch.setattr("flows.server_wait.GIVEN_UP", {})
     with pytest.raises(DcapError) as told:
         wait_for_server()
     assert str(told.value) == (
@@ -253,6 +263,8 @@ def test_why_a_server_is_gone_is_told_by_its_log(tmp_path: Path, monkeypatch: py
     assert len(why_gone(tmp_path)) < 1000
     log.write_text(f"refused postgresql+asyncpg://team:of-ours-123@db.example/prefect {'x' * 265}")
     assert "123@" not in why_gone(tmp_path)
+    log.write_text("x" * 99 + f" postgresql+asyncpg://team:of-ours-123@db.example/prefect {'x' * (LOG_END - 34)}")
+    assert "123@" not in why_gone(tmp_path)
 
 
 def test_an_address_of_another_machine_is_no_port(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -268,7 +280,7 @@ def test_who_waits_says_so_once(
     monkeypatch.setenv("PREFECT_API_URL", "http://127.0.0.1:1/api")
     monkeypatch.setattr("flows.server_wait.SILENT_SECONDS", 0.0)
     monkeypatch.setattr("flows.server_wait.START_SECONDS", 0.5)
-    monkeypatch.setattr("flows.server_wait.GIVEN_UP", set())
+    monkeypatch.setattr("flows.server_wait.GIVEN_UP", {})
 
     def waits(_: int) -> str:
         with pytest.raises(ServerGoneError) as gone:

@@ -27,6 +27,10 @@ def test_other_values_stay(monkeypatch: pytest.MonkeyPatch) -> None:
         ("http:/team:of-ours@h/api", "of-ours", "http:/***@h/api"),
         ("team:of-ours@h:42/api", "of-ours", "***@h:42/api"),
         ("http://team:of-ours?x@h/api", "of-ours?x", "http://***@h/api"),
+        ("http//team:of-ours@h:42/api", "of-ours", "http//***@h:42/api"),
+        ("//team:of-ours@h/api", "of-ours", "***@h/api"),
+        ("http://to/ken-of-ours@h/api", "to/ken-of-ours", "http://***@h/api"),
+        ("s3://AKIA/ours:of-ours@h/b", "of-ours", "s3://***@h/b"),
         ("s3://token@h/bucket?key=of-ours", "key=of-ours", "s3://***@h/bucket?***"),
     ],
 )

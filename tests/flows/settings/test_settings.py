@@ -209,9 +209,14 @@ def test_a_misspelt_variable_without_a_section_is_told(monkeypatch: pytest.Monke
     given_settings()
     stage_settings()
     server_settings()
-    monkeypatch.setenv("DCAP_STROE", "/elsewhere")
-    with pytest.raises(InputError, match=r"DCAP_STROE: unknown variable; did you mean 'DCAP_STORE'\?"):
-        given_settings()
+    for name in ("DCAP_STROE", "DCAP_STOR"):
+        monkeypatch.setenv(name, "/elsewhere")
+        with pytest.raises(InputError, match=rf"{name}: unknown variable; did you mean 'DCAP_STORE'\?"):
+            given_settings()
+        monkeypatch.delenv(name)
+    monkeypatch.setenv("DCAP_RUN_CLUSTER", "tcp://10.0.0.1:8786")
+    with pytest.raises(InputError, match="did you mean 'DCAP_RUN__CLUSTER'"):
+        run_settings()
 
 
 def test_a_file_that_grows_without_end_is_refused() -> None:
