@@ -24,7 +24,7 @@ from flows.flow_runs import (
 from flows.lost_server import server_errors_passed
 from flows.run_artifacts import RunArtifacts, plain_text, table_data
 from flows.run_names import WatchedRun, benchmark_tags, repeated_titles
-from flows.server_wait import team_server_is_gone
+from flows.server_wait import server_is_gone
 from flows.watching import SettledSample, Watch
 
 PROGRESS_SECONDS, TABLE_SECONDS = 1.0, 30.0
@@ -97,7 +97,7 @@ class FlowRunWatch(Watch):
         own = FlowRunFilter.model_validate(
             {"parent_flow_run_id": {"any_": [self._id]}, "state": {"type": {"any_": ["PENDING", "RUNNING"]}}}
         )
-        if team_server_is_gone():
+        if server_is_gone():
             return
         with server_errors_passed(), get_client(sync_client=True) as client:
             end_as_crashed(client, [child.id for child in every_flow_run(client, own)], WAS_INTERRUPTED)

@@ -24,6 +24,7 @@ from dcap.scene.errors import DcapError, ServerGoneError
 from flows.interrupts import put_off
 from flows.lost_server import refusals_passed, server_errors_passed
 from flows.programs import Program
+from flows.server_wait import server_is_gone
 from tasks.runner.task_runs import broken
 
 PROGRAM = "program"
@@ -68,6 +69,11 @@ class ShownFlowRun(FlowRunEngine[..., Any]):
         self.set_state(Failed(message=why) if name == FAILED else Completed(name=name, message=why or None))
         self._return_value = result
         return result
+
+    def handle_crash(self, exc: BaseException) -> None:
+        """Somebody has interrupted the program: where no server answers, the next run tells it."""
+        self.short_circuit |= server_is_gone()
+        super().handle_crash(exc)
 
     def handle_exception(self, exc: Exception, msg: str | None = None, result_store: object = None) -> State[Any]:
         """The flow has broken."""

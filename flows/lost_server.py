@@ -11,7 +11,7 @@ from prefect.exceptions import ObjectNotFound, PrefectException, PrefectHTTPStat
 
 from dcap.scene.machine_errors import says_no_server
 from dcap.scene.team_server import team_server
-from flows.server_wait import team_server_is_gone
+from flows.server_wait import server_is_gone
 
 AWAY = (502, 503, 504)
 """What a web server answers that has no answer from the server behind it, or not now."""
@@ -49,7 +49,7 @@ def refusals_passed() -> Iterator[None]:
     try:
         yield
     except (PrefectHTTPStatusError, ObjectNotFound) as error:
-        if status_of(error) in AWAY or (status_of(error) == BROKEN and team_server_is_gone()):
+        if status_of(error) in AWAY or (status_of(error) == BROKEN and server_is_gone()):
             raise
 
 

@@ -11,6 +11,7 @@ import fcntl
 import json
 import logging
 import os
+import re
 import signal
 import socket
 import subprocess
@@ -20,7 +21,7 @@ import time
 import urllib.request
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from http.client import HTTPException
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -34,6 +35,7 @@ from dcap.scene.secrets import redacted
 from dcap.scene.settings import server_folder
 from dcap.scene.team_server import API_URL, LOGIN, OWN_URL, team_server
 from dcap.scene.whole_files import write_whole
+from flows.interrupts import say
 from flows.own_requests import LOOPBACK, is_loopback, url_host
 from flows.prefect_settings import apply_settings
 from flows.server_program import USERS
@@ -50,10 +52,14 @@ INTERRUPTED_STOP_SECONDS = 0.5
 """Who interrupts a run does not wait for requests that are under way; states of flow runs are in the database by
 then."""
 DELIVER_SECONDS = 15.0
+LISTEN_SECONDS, MOST_MISSED = 5.0, 2
+"""How often a server of others is looked for, and how often in vain until it counts as away: one may be busy."""
 WATCH_SECONDS = 0.5
 """How often a run looks whether its server lives."""
 HEALTHY = b"true"
 """What a server of Prefect says of its health; pages of any kind may answer, too."""
+ERROR_LINE = re.compile(r"[\w.]*(Error|Exception)\b.*:")
+"""How the last line of a traceback begins."""
 LONGEST_LINE, LOG_END = 300, 1 << 13
 """Letters of a line of a log that is shown, and bytes of its end that are read."""
 SHORT_ANSWER = 100
@@ -64,9 +70,10 @@ ROOM = "make room, or name a folder on another disk with DCAP_DATA"
 
 
 @contextmanager
-def prefect_server(port: int | None = None) -> Iterator[str]:
-    """URL of a healthy server, also in $PREFECT_API_URL, as long as the block runs."""
-    with quiet_logging(), some_server(port) as url:
+def prefect_server(port: int | None = None, *, tells: bool = True) -> Iterator[str]:
+    """URL of a healthy server, also in $PREFECT_API_URL, as long as the block runs. It `tells` where a server of others
+    is away for a while."""
+    with quiet_logging(), some_server(port, tells=tells) as url:
         yield url
 
 
@@ -82,7 +89,7 @@ def quiet_logging() -> Iterator[None]:
 
 
 @contextmanager
-def some_server(port: int | None) -> Iterator[str]:
+def some_server(port: int | None, *, tells: bool) -> Iterator[str]:
     """The server that $PREFECT_API_URL names, the one of this data folder, or a new one."""
     apply_settings()
     given = os.environ.get(API_URL)
@@ -90,7 +97,8 @@ def some_server(port: int | None) -> Iterator[str]:
         if not is_healthy(given):
             raise DcapError(f"{API_URL}={redacted_url(given)}: {unanswered(given)}")
         notice_settings()
-        yield given
+        with absences_told(given) if tells else nullcontext():
+            yield given
         return
     host, folder = server_host(), server_folder()
     folder.mkdir(parents=True, exist_ok=True)
@@ -125,6 +133,33 @@ def some_server(port: int | None) -> Iterator[str]:
             os.close(users)
             if nobody_uses(folder):
                 stop(folder, patience)
+
+
+@contextmanager
+def absences_told(url: str) -> Iterator[None]:
+    """Say that a server does not answer, and that it does again, as long as the block runs: Prefect's client would ask
+    for a minute before it complains."""
+    done = threading.Event()
+    name = f"the Prefect server {redacted_url(url)}"
+
+    def watch() -> None:
+        missed = 0
+        while not done.wait(LISTEN_SECONDS):
+            if is_ready(url):
+                if missed >= MOST_MISSED:
+                    say(f"{name} answers again")
+                missed = 0
+            else:
+                missed += 1
+                if missed == MOST_MISSED:
+                    say(f"{name} does not answer; it is waited for")
+
+    thread = threading.Thread(target=watch, name="server listener", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        done.set()
 
 
 def server_host() -> str:
@@ -339,7 +374,7 @@ def why_gone(folder: Path) -> str:
 
 
 def last_line(log: Path) -> str:
-    """The end of a log as a line to be shown, without the secrets that it quotes."""
+    """The last error of a log, or its end, as a line to be shown, without the secrets that it quotes."""
     try:
         with log.open("rb") as file:
             begin = file.seek(max(0, file.seek(0, os.SEEK_END) - LOG_END))
@@ -348,8 +383,9 @@ def last_line(log: Path) -> str:
         return ""
     if begin:  # in the middle of a line or a word, which may be half a secret
         words = words.partition(b"\n")[2].strip() or words.partition(b" ")[2]
-    lines = words.decode(errors="replace").split("\n")
-    return shortened(redacted(next((line.strip() for line in reversed(lines) if line.strip()), "")), LONGEST_LINE)
+    lines = [line.strip() for line in words.decode(errors="replace").split("\n") if line.strip()]
+    errors = [line for line in lines if ERROR_LINE.match(line)]
+    return shortened(redacted((errors or lines or [""])[-1]), LONGEST_LINE)
 
 
 def launch(folder: Path, host: str, port: int) -> "subprocess.Popen[bytes]":

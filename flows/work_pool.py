@@ -32,7 +32,7 @@ from flows.lost_server import is_missing, server_errors_passed, server_lost
 from flows.run_names import sample_tags
 from flows.sample_flow import MOST_BEGINNINGS
 from flows.server import START_SECONDS
-from flows.server_wait import team_server_is_gone, wait_for_server
+from flows.server_wait import server_is_gone, wait_for_server
 
 POOL = "dcap"
 SAMPLE = "place/sample"
@@ -129,7 +129,7 @@ class WorkPool:
                         wait_for_server()
                     yield told
             finally:  # who ends does not wait for a server
-                for end in () if team_server_is_gone() else (self.end_lost, self.end_waiting):
+                for end in () if server_is_gone() else (self.end_lost, self.end_waiting):
                     with server_errors_passed():
                         end(client)
 

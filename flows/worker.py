@@ -23,7 +23,7 @@ from dcap.packages import module_command
 from dcap.scene.errors import DcapError
 from dcap.scene.settings import data_root, server_folder, shared_store_url
 from flows.interrupts import say
-from flows.server import is_ready, pages_of, prefect_server
+from flows.server import LISTEN_SECONDS, MOST_MISSED, is_ready, pages_of, prefect_server
 from flows.settings.given import FILE_VARIABLE, settings_file
 from flows.worker_program import kill, started_by
 
@@ -32,9 +32,6 @@ HEARTBEAT_SECONDS = 10
 """Three that are missed make a worker lost."""
 LOOK_SECONDS = 1.0
 """How often it is noted what a worker has started: one that was killed tells no more."""
-SERVER_SECONDS, MOST_MISSED = 5.0, 2
-"""How often the server is looked for, and how often in vain until it counts as away: sooner than Prefect's worker
-complains of it, which asks each time for a minute."""
 LONGEST_LOG = 1 << 20
 """Bytes that are kept of what is said of a server that is away."""
 STOP_SECONDS = 15.0
@@ -42,7 +39,7 @@ STOP_SECONDS = 15.0
 
 def serve_pool(at_a_time: int, announce: Callable[[str], None]) -> None:
     """Serve the pool until interrupted; `announce` is given a line when the worker starts."""
-    with prefect_server() as url, tempfile.TemporaryDirectory(prefix="dcap-worker-") as folder:
+    with prefect_server(tells=False) as url, tempfile.TemporaryDirectory(prefix="dcap-worker-") as folder:
         from flows.work_pool import POOL, WORKER, register
 
         register()
@@ -76,7 +73,7 @@ def serve_pool(at_a_time: int, announce: Callable[[str], None]) -> None:
                 started = started_by(process.pid) or started
                 with suppress(subprocess.TimeoutExpired):
                     process.wait(LOOK_SECONDS)
-                if time.monotonic() - looked > SERVER_SECONDS:
+                if time.monotonic() - looked > LISTEN_SECONDS:
                     looked = time.monotonic()
                     said.server_is(is_ready(url), url)
         finally:

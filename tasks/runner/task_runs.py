@@ -15,6 +15,7 @@ from contextlib import contextmanager
 from typing import Any
 from uuid import UUID
 
+import httpx
 from prefect import Task
 from prefect._internal.result_records import ResultRecord
 from prefect.client.schemas.objects import RunInput, State, TaskRunResult
@@ -23,6 +24,7 @@ from prefect.task_engine import SyncTaskRunEngine
 from prefect.transactions import Transaction
 
 from dcap.scene.errors import DcapError
+from dcap.scene.machine_errors import says_no_server
 from dcap.scene.store.artifacts import Store
 from dcap.scene.store.ref import Ref
 from dcap.scene.types.outcome import Infeasible
@@ -64,9 +66,12 @@ class StageRunEngine(SyncTaskRunEngine[..., dict[str, object]]):
 
 
 def broken(exc: Exception, logger: logging.Logger | logging.LoggerAdapter[Any]) -> State[Any]:
-    """The final state of a run that has broken: Failed, or Crashed where its program was interrupted; logged."""
+    """The final state of a run that has broken: Failed, or Crashed where its program was interrupted, or its server was
+    lost; logged."""
     if isinstance(exc, InterruptedRunError):
         return Crashed(message=str(exc))
+    if isinstance(exc, httpx.TransportError) or says_no_server(exc):
+        return Crashed(message="the server was lost")
     logger.error("%s", error_line(exc), exc_info=None if isinstance(exc, DcapError) else exc)
     return Failed(message=error_line(exc))
 

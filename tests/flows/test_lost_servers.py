@@ -24,9 +24,9 @@ from flows.server import is_server, known_pid, port_of, prefect_server, start
 SAMPLES = {"mug": "put the mug on the desk", "book": "put the book on the desk", "lost": "put the mug on the piano"}
 IMPATIENT = """
 import sys
-from flows import server_wait
+from flows import server, server_wait
 from flows.cli import main
-server_wait.START_SECONDS = 10.0
+server_wait.START_SECONDS, server.LISTEN_SECONDS = 10.0, 1.0
 sys.exit(main())
 """
 """`dcap` that gives a server up sooner."""
@@ -127,9 +127,32 @@ def test_a_server_that_stays_away_ends_a_benchmark(
         last = told.rstrip().splitlines()[-1]
         assert benchmark.returncode == 2, told
         assert last.startswith(f"dcap: the Prefect server {team.url} is gone; {API_URL} names it"), told
-        assert "does not answer; it is waited for\n" in told
+        assert f"the Prefect server {team.url} does not answer; it is waited for\n" in told
         assert "Traceback" not in told
         assert "failed" not in told
+        team.start()
+        with benchmark_of(dataset, runner) as benchmark:
+            _, told = benchmark.communicate(timeout=PATIENCE)
+        assert benchmark.returncode == 0, told
+        wait_until(lambda: not running(team.pages))
+
+
+@pytest.mark.slow
+@pytest.mark.long
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize("runner", ["local", "pool"])
+def test_who_interrupts_does_not_wait_for_a_server_that_is_away(
+    dataset: Path, team: TeamServer, monkeypatch: pytest.MonkeyPatch, runner: str
+) -> None:
+    """Prefect's client would ask it for a minute, here for hours. The next benchmark says that the other is over."""
+    monkeypatch.setenv("PREFECT_CLIENT_MAX_RETRIES", "12")
+    with a_worker(1) if runner == "pool" else nullcontext():
+        with benchmark_of(dataset, runner) as benchmark:
+            wait_until(lambda: len(running(team.pages)) > 1)
+            team.kill()
+            benchmark.send_signal(signal.SIGINT)
+            _, told = benchmark.communicate(timeout=PATIENCE)
+        assert (benchmark.returncode, told.splitlines()[-1]) == (130, "dcap: interrupted")
         team.start()
         with benchmark_of(dataset, runner) as benchmark:
             _, told = benchmark.communicate(timeout=PATIENCE)

@@ -8,10 +8,10 @@ import subprocess
 import sys
 import threading
 import time
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import httpx
@@ -24,6 +24,8 @@ from flows.display import Display
 from flows.server import (
     DATABASES,
     LOG_END,
+    START_SECONDS,
+    absences_told,
     check_port,
     free_port,
     is_healthy,
@@ -255,7 +257,7 @@ def test_why_a_server_is_gone_is_told_by_its_log(tmp_path: Path, monkeypatch: py
         monkeypatch.delenv(one, raising=False)
     log = tmp_path / "server.log"
     assert why_gone(tmp_path) == f"its log is {log}"
-    log.write_text("Traceback (most recent call last):\n  File x\nArgumentError: no such database\n\n")
+    log.write_text("Traceback (most recent call last):\n  File x\nArgumentError: no such database\n\nIt has stopped.\n")
     assert why_gone(tmp_path) == f"its last words are: ArgumentError: no such database; its log is {log}"
     monkeypatch.setenv(DATABASES[0], "nonsense")
     assert why_gone(tmp_path).startswith(f"its database is what {DATABASES[0]} names; its last words are: Arg")
@@ -273,32 +275,53 @@ def test_an_address_of_another_machine_is_no_port(monkeypatch: pytest.MonkeyPatc
         check_port(free_port(), "192.0.2.7")
 
 
-def test_who_waits_says_so_once(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+def test_a_server_of_a_team_that_is_away_is_told_once(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """However many threads wait; and where one has waited in vain, the others do not go on."""
+    """One look that is missed says nothing; nor does a server that is there."""
+    looks, done = iter([False, True, False, False, False, True, True]), threading.Event()
+
+    def ready(_: str) -> bool:
+        found = next(looks, None)
+        if found is None:
+            done.set()
+        return found is not False
+
+    monkeypatch.setattr("flows.server.is_ready", ready)
+    monkeypatch.setattr("flows.server.LISTEN_SECONDS", 0.001)
+    with absences_told("http://team:of-ours@127.0.0.1:1/api"):
+        assert done.wait(60.0)
+    assert capsys.readouterr().err.splitlines() == [
+        "the Prefect server http://***@127.0.0.1:1/api does not answer; it is waited for",
+        "the Prefect server http://***@127.0.0.1:1/api answers again",
+    ]
+
+
+def test_nobody_waits_soon_where_somebody_has_waited_in_vain(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All threads of a benchmark end with the first; who comes later, or has nothing better to do, waits again."""
+    clock = [1000.0]
+    looks: list[bool] = []
     monkeypatch.setenv("PREFECT_API_URL", "http://127.0.0.1:1/api")
-    monkeypatch.setattr("flows.server_wait.SILENT_SECONDS", 0.0)
-    monkeypatch.setattr("flows.server_wait.START_SECONDS", 0.5)
     monkeypatch.setattr("flows.server_wait.GIVEN_UP", {})
+    monkeypatch.setattr("flows.server_wait.is_ready", lambda url: bool(looks) and looks.pop(0))
+    clocks = SimpleNamespace(monotonic=lambda: clock[0], sleep=lambda _: clock.append(clock.pop() + 1.0))
+    monkeypatch.setattr("flows.server_wait.time", clocks)
 
-    def waits(_: int) -> str:
-        with pytest.raises(ServerGoneError) as gone:
+    def gives_up() -> float:
+        begin = clock[0]
+        with pytest.raises(ServerGoneError):
             wait_for_server()
-        return str(gone.value)
+        return clock[0] - begin
 
-    with ThreadPoolExecutor(4) as threads:
-        told = set(threads.map(waits, range(4)))
-    assert len(told) == 1
-    said = capsys.readouterr().err
-    assert said == "the Prefect server http://127.0.0.1:1/api does not answer; it is waited for\n"
-    monkeypatch.setattr("flows.server_wait.START_SECONDS", 3600.0)
-    assert waits(0) in told
-    answers = iter([False, True])
-    monkeypatch.setattr("flows.server_wait.is_ready", lambda url: next(answers))
-    wait_for_server(math.inf)  # who has nothing better to do looks again
-    answers = iter([False, True])
-    wait_for_server()  # and once it was there, so do all
+    assert gives_up() > START_SECONDS
+    assert gives_up() == 0.0
+    looks[:] = [False, True]
+    wait_for_server(math.inf)
+    looks[:] = [False, True]
+    wait_for_server()  # it was there since
+    assert gives_up() > START_SECONDS
+    clock[0] += 2.0 * START_SECONDS
+    assert gives_up() > START_SECONDS
 
 
 @pytest.mark.parametrize("name", DATABASES)
