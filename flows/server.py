@@ -19,9 +19,10 @@ import sys
 import threading
 import time
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, nullcontext, suppress
+from functools import partial
 from http.client import HTTPException
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -53,7 +54,7 @@ INTERRUPTED_STOP_SECONDS = 0.5
 then."""
 DELIVER_SECONDS = 15.0
 LISTEN_SECONDS, MOST_MISSED = 5.0, 2
-"""How often a server of others is looked for, and how often in vain until it counts as away: one may be busy."""
+"""How often a server is looked for, and how often in vain until it counts as away: one may be busy."""
 WATCH_SECONDS = 0.5
 """How often a run looks whether its server lives."""
 HEALTHY = b"true"
@@ -97,7 +98,7 @@ def some_server(port: int | None, *, tells: bool) -> Iterator[str]:
         if not is_healthy(given):
             raise DcapError(f"{API_URL}={redacted_url(given)}: {unanswered(given)}")
         notice_settings()
-        with absences_told(given) if tells else nullcontext():
+        with listened_to(given, partial(say_whether, given)) if tells else nullcontext():
             yield given
         return
     host, folder = server_host(), server_folder()
@@ -136,30 +137,29 @@ def some_server(port: int | None, *, tells: bool) -> Iterator[str]:
 
 
 @contextmanager
-def absences_told(url: str) -> Iterator[None]:
-    """Say that a server does not answer, and that it does again, as long as the block runs: Prefect's client would ask
-    for a minute before it complains."""
+def listened_to(url: str, tell: Callable[[bool], None]) -> Iterator[None]:
+    """Tell that a server does not answer (False), and that it does again (True), as long as the block runs: Prefect's
+    client would ask for a minute before it complains."""
     done = threading.Event()
-    name = f"the Prefect server {redacted_url(url)}"
 
-    def watch() -> None:
+    def listen() -> None:
         missed = 0
         while not done.wait(LISTEN_SECONDS):
-            if is_ready(url):
-                if missed >= MOST_MISSED:
-                    say(f"{name} answers again")
-                missed = 0
-            else:
-                missed += 1
-                if missed == MOST_MISSED:
-                    say(f"{name} does not answer; it is waited for")
+            missed, before = 0 if is_ready(url) else missed + 1, missed
+            if missed == MOST_MISSED or (missed == 0 and before >= MOST_MISSED):
+                tell(missed == 0)
 
-    thread = threading.Thread(target=watch, name="server listener", daemon=True)
-    thread.start()
+    threading.Thread(target=listen, name="server listener", daemon=True).start()
     try:
         yield
     finally:
         done.set()
+
+
+def say_whether(url: str, answers: bool) -> None:
+    """A line that a server does not answer, or does again."""
+    whether = "answers again" if answers else "does not answer; it is waited for"
+    say(f"the Prefect server {redacted_url(url)} {whether}")
 
 
 def server_host() -> str:

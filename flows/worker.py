@@ -10,7 +10,6 @@ import signal
 import subprocess
 import tempfile
 import threading
-import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -23,7 +22,7 @@ from dcap.packages import module_command
 from dcap.scene.errors import DcapError
 from dcap.scene.settings import data_root, server_folder, shared_store_url
 from flows.interrupts import say
-from flows.server import LISTEN_SECONDS, MOST_MISSED, is_ready, pages_of, prefect_server
+from flows.server import listened_to, pages_of, prefect_server
 from flows.settings.given import FILE_VARIABLE, settings_file
 from flows.worker_program import kill, started_by
 
@@ -66,16 +65,13 @@ def serve_pool(at_a_time: int, announce: Callable[[str], None]) -> None:
         )
         said = WorkerWords(process, server_folder() / f"{name}.log")
         started = list[psutil.Process]()
-        looked = time.monotonic()
         try:
             announce(f"worker {name} of the pool {POOL!r}, server {pages_of(url)}, {at_a_time} at a time")
-            while process.poll() is None:
-                started = started_by(process.pid) or started
-                with suppress(subprocess.TimeoutExpired):
-                    process.wait(LOOK_SECONDS)
-                if time.monotonic() - looked > LISTEN_SECONDS:
-                    looked = time.monotonic()
-                    said.server_is(is_ready(url), url)
+            with listened_to(url, said.server_is):
+                while process.poll() is None:
+                    started = started_by(process.pid) or started
+                    with suppress(subprocess.TimeoutExpired):
+                        process.wait(LOOK_SECONDS)
         finally:
             stop(process, started)
             where = said.end()
@@ -91,24 +87,20 @@ class WorkerWords:
         assert process.stdout is not None
         self._said = process.stdout
         self._log = log
-        self._missed = 0
-        """Looks in a row that have found no server."""
         self._is_away = threading.Event()
         self._is_last_kept = False
         """Whether the last line went into the log."""
         self._thread = threading.Thread(target=self._hand_on, name="words of the worker", daemon=True)
         self._thread.start()
 
-    def server_is(self, ready: bool, url: str) -> None:
-        """What was found of the server; one that is busy may miss a look."""
-        self._missed = 0 if ready else self._missed + 1
-        if ready and self._is_away.is_set():
+    def server_is(self, there: bool) -> None:
+        """Whether the server answers, as it is told where that changes."""
+        if there:
             self._is_away.clear()
             say("the Prefect server answers again")
-        elif self._missed == MOST_MISSED:
+        else:
             self._is_away.set()
-            gone = f"the Prefect server {pages_of(url)} does not answer; it is waited for"
-            say(f"{gone}, what Prefect says of it is in {self._log}")
+            say(f"the Prefect server does not answer; it is waited for, what Prefect says of it is in {self._log}")
 
     def end(self) -> str:
         """The worker has ended; where its last words are."""

@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 from contextlib import suppress
+from functools import partial
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from types import SimpleNamespace
@@ -25,13 +26,14 @@ from flows.server import (
     DATABASES,
     LOG_END,
     START_SECONDS,
-    absences_told,
     check_port,
     free_port,
     is_healthy,
     is_server,
     launch,
+    listened_to,
     prefect_server,
+    say_whether,
     why_gone,
 )
 from flows.server_wait import wait_for_server
@@ -289,7 +291,8 @@ def test_a_server_of_a_team_that_is_away_is_told_once(
 
     monkeypatch.setattr("flows.server.is_ready", ready)
     monkeypatch.setattr("flows.server.LISTEN_SECONDS", 0.001)
-    with absences_told("http://team:of-ours@127.0.0.1:1/api"):
+    url = "http://team:of-ours@127.0.0.1:1/api"
+    with listened_to(url, partial(say_whether, url)):
         assert done.wait(60.0)
     assert capsys.readouterr().err.splitlines() == [
         "the Prefect server http://***@127.0.0.1:1/api does not answer; it is waited for",
