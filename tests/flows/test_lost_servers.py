@@ -130,11 +130,7 @@ def test_a_server_that_stays_away_ends_a_benchmark(
         assert f"the Prefect server {team.url} does not answer; it is waited for\n" in told
         assert "Traceback" not in told
         assert "failed" not in told
-        team.start()
-        with benchmark_of(dataset, runner) as benchmark:
-            _, told = benchmark.communicate(timeout=PATIENCE)
-        assert benchmark.returncode == 0, told
-        wait_until(lambda: not running(team.pages))
+        the_next_one_goes_on(dataset, team, runner)
 
 
 @pytest.mark.slow
@@ -153,11 +149,16 @@ def test_who_interrupts_does_not_wait_for_a_server_that_is_away(
             benchmark.send_signal(signal.SIGINT)
             _, told = benchmark.communicate(timeout=PATIENCE)
         assert (benchmark.returncode, told.splitlines()[-1]) == (130, "dcap: interrupted")
-        team.start()
-        with benchmark_of(dataset, runner) as benchmark:
-            _, told = benchmark.communicate(timeout=PATIENCE)
-        assert benchmark.returncode == 0, told
-        wait_until(lambda: not running(team.pages))
+        the_next_one_goes_on(dataset, team, runner)
+
+
+def the_next_one_goes_on(dataset: Path, team: TeamServer, runner: str) -> None:
+    """Once the server is there again, a benchmark places what is left, and nothing seems to run after it."""
+    team.start()
+    with benchmark_of(dataset, runner) as benchmark:
+        _, told = benchmark.communicate(timeout=PATIENCE)
+    assert benchmark.returncode == 0, told
+    wait_until(lambda: not running(team.pages))
 
 
 def running(pages: PrefectPages) -> list[object]:

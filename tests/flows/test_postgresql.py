@@ -90,6 +90,15 @@ def database() -> Iterator[Database]:
         shutil.rmtree(found.folder, ignore_errors=True)
 
 
+@pytest.fixture
+def dataset(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A data set, and an empty data folder of who places it."""
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path / "data"))
+    monkeypatch.setenv("DCAP_RENDER__SIZE", "256")  # nothing here is seen in the pictures
+    monkeypatch.setenv("PREFECT_HOME", str(tmp_path / "home"))
+    return desk_dataset(tmp_path, SAMPLES)
+
+
 @contextmanager
 def program_of_ours(words: Sequence[str], said: Path, **own: str) -> Iterator["subprocess.Popen[bytes]"]:
     """A command of dcap that goes on until it is interrupted, with variables of its own."""
@@ -125,13 +134,9 @@ def server_over(database: Database, folder: Path) -> Iterator[str]:
 @pytest.mark.long
 @pytest.mark.timeout(900)
 def test_a_team_s_server_keeps_its_runs_in_postgresql(
-    database: Database, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    database: Database, dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What a worker has placed is in its tables; who does not sign in is told nothing, nor is a page of others."""
-    monkeypatch.setenv("DCAP_DATA", str(tmp_path / "data"))
-    monkeypatch.setenv("DCAP_RENDER__SIZE", "256")  # nothing here is seen in the pictures
-    monkeypatch.setenv("PREFECT_HOME", str(tmp_path / "home"))
-    dataset = desk_dataset(tmp_path, SAMPLES)
     with server_over(database, tmp_path) as url:
         monkeypatch.setenv("PREFECT_API_URL", url)
         monkeypatch.setenv("PREFECT_API_AUTH_STRING", LOG_IN)
@@ -149,13 +154,9 @@ def test_a_team_s_server_keeps_its_runs_in_postgresql(
 @pytest.mark.long
 @pytest.mark.timeout(900)
 def test_a_database_that_is_gone_for_a_while_is_waited_for(
-    database: Database, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    database: Database, dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """By the benchmark and its worker, though the server itself is there and answers; each sample is placed once."""
-    monkeypatch.setenv("DCAP_DATA", str(tmp_path / "data"))
-    monkeypatch.setenv("DCAP_RENDER__SIZE", "256")
-    monkeypatch.setenv("PREFECT_HOME", str(tmp_path / "home"))
-    dataset = desk_dataset(tmp_path, SAMPLES)
     with server_over(database, tmp_path) as url:
         monkeypatch.setenv("PREFECT_API_URL", url)
         monkeypatch.setenv("PREFECT_API_AUTH_STRING", LOG_IN)
