@@ -97,6 +97,8 @@ def some_server(port: int | None, *, tells: bool) -> Iterator[str]:
     if given:
         if not is_healthy(given):
             raise DcapError(f"{API_URL}={redacted_url(given)}: {unanswered(given)}")
+        with suppress(OSError):  # Prefect's home: it warns where it cannot make it, and does not make what is above it
+            server_folder().mkdir(parents=True, exist_ok=True)
         notice_settings()
         with listened_to(given, partial(say_whether, given)) if tells else nullcontext():
             yield given

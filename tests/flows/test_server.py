@@ -20,7 +20,7 @@ import pytest
 from foreign_names import LIBRARIES, OURS, foreign_folder, marks
 
 from dcap.scene.errors import DcapError, InputError, ServerGoneError
-from dcap.scene.settings import PROJECT_ROOT
+from dcap.scene.settings import PROJECT_ROOT, server_folder
 from flows.display import Display
 from flows.server import (
     DATABASES,
@@ -238,6 +238,8 @@ def test_nobody_is_shown_who_signs_in_at_a_server(
     monkeypatch.setattr("signal.pause", lambda: None)
     Display([]).serving(url)
     told = [capsys.readouterr().err]
+    with prefect_server():
+        assert server_folder().is_dir()  # Prefect's home, of which it would warn
     serve_pages(4200, told.append)
     with pytest.raises(InterruptedError):
         serve_pool(1, lambda line: interrupted(told, line))
