@@ -13,15 +13,13 @@ COMPILE := import importlib, pkgutil, prefect.server.api.server; [importlib.impo
 PACKAGES := import sysconfig; print(sysconfig.get_path('purelib'))
 DATA := $(or $(DCAP_DATA),data)
 OUT ?= $(DATA)/runs/demo
-# Two tests at a time, those of one file one after the other; a third would only fight with the kernels' own threads.
-PARALLEL := -n 2 --dist loadfile
-# What `make check` runs, what it leaves out, and what takes ten seconds or more each: no test is in two of them, and
-# together they are what `make test` runs.
+# Two tests at a time; a third would only fight with the kernels' own threads.
+PARALLEL := -n 2 --dist worksteal
+# What `make check` runs; `make test` runs this and what is slow or needs third-party data.
 FAST := not slow and not long and not sweep and not third_party and not gpu
-REST := (slow or third_party or gpu) and not sweep and not long
 
 .DEFAULT_GOAL := help
-.PHONY: setup node-tools test types fast rest long clusters sweep check benchmark demo ui worker perf perf-peers docs docs-serve docs-pictures clean help lock system-libraries
+.PHONY: setup node-tools test test-all types fast clusters sweep check benchmark demo ui worker perf perf-peers docs docs-serve docs-pictures clean help lock system-libraries
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-18s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -50,14 +48,11 @@ system-libraries: ## install the few system libraries that Open3D loads, or prin
 node-tools: ## install Khronos' glTF validator into build/node, for the tests marked `node`
 	npm install --silent --no-audit --no-fund --prefix build/node gltf-validator@2.0.0-dev.3.10
 
-test: $(READY) ## all tests
-	$(BIN)/pytest $(PARALLEL)
+test: $(READY) ## what protects the product; twelve minutes on two cores
+	$(BIN)/pytest $(PARALLEL) -m "not long and not sweep"
 
-rest: $(READY) ## the tests that `make check` leaves out, slow or on third-party data
+test-all: $(READY) clusters ## the rest, each test ten seconds or more: long physics, browsers, killed programs, damage
 	@if command -v npm >/dev/null; then $(MAKE) --no-print-directory node-tools || echo "no npm registry: tests marked node are skipped"; fi
-	$(BIN)/pytest $(PARALLEL) -m "$(REST)"
-
-long: $(READY) ## the tests that take ten seconds or more each: killed programs, endless damage, fine grids
 	$(BIN)/pytest $(PARALLEL) -m "long and not sweep"
 
 clusters: $(READY) ## the tests with clusters of Dask and Ray, which it installs into build/clusters, beside what .venv has
@@ -70,7 +65,7 @@ sweep: $(READY) ## the long physics tests: whole ranges of mass, stiffness and r
 	$(BIN)/pytest -m sweep
 
 # Types take one core for three minutes where nothing is known of the libraries yet.
-check: $(READY) ## format, lint, types, imports and fast tests; five minutes
+check: $(READY) ## format, lint, types, imports and fast tests
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/lint-imports --no-logo

@@ -23,7 +23,7 @@ from dcap.geometry.camera import Camera, looking_at
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.rendering.picture import picture
 from dcap.scene.settings import data_root, runs_root
-from dcap.scene.store.artifacts import Store
+from tasks.artifact import Store
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.paint import PaintedMesh
 from dcap.scene.types.particles import SoftSimulationBody

@@ -6,44 +6,41 @@ given may stand in `dcap.yaml` or the environment, as there.
 
 import os
 import secrets
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from datetime import datetime
+from inspect import cleandoc
 from pathlib import Path
-from typing import Unpack
+from typing import TypeVar
 
 from dcap.quiet_imports import quiet_imports
 from dcap.scene.machine_errors import as_machine_errors
 from dcap.scene.settings import runs_root
-from flows.options import (
-    DropKeywords,
-    DropOptions,
-    PlaceKeywords,
-    PlaceOptions,
-    check_case,
-    check_out,
-    check_prompt,
-)
+from flows.options import DropOptions, Options, PlaceOptions, check_case, check_out, check_prompt
 from flows.results import Placement, Result
-from flows.settings.own import effective_options, exported_paths
+from flows.settings.effective import effective_options, exported_paths
 
 AnyPath = str | os.PathLike[str]
+Function = TypeVar("Function", bound=Callable[..., object])
 
 
+def with_help(kind: type[Options]) -> Callable[[Function], Function]:
+    """Add every option of a model, with its meaning, to what `help` shows of a function."""
+
+    def decorate(function: Function) -> Function:
+        rows = [f"- `{name}`: {field.description}" for name, field in kind.model_fields.items()]
+        function.__doc__ = "\n".join([cleandoc(function.__doc__ or ""), "", "Options:", "", *rows])
+        return function
+
+    return decorate
+
+
+@with_help(PlaceOptions)
 @exported_paths()
-def place(scene: AnyPath, object: AnyPath, prompt: str, **options: Unpack[PlaceKeywords]) -> Placement:  # noqa: A002
+def place(scene: AnyPath, object: AnyPath, prompt: str, **options: object) -> Placement:  # noqa: A002
     """Place one object in one scene, as `dcap place` does.
 
     `scene` is a folder (InteriorGS, ScanNet, SuGaR) or a mesh, `object` a mesh, `prompt` says what to do. An infeasible
     placement is a result with a reason. The files go into `out`, by default a new folder below `data/runs/python`.
-
-    What the files do not say: `label`, `up` and `unit` of the scene, `height_of` (THING=METRES) for its scale,
-    `labels` (a file that names its things), `at` or `support` (a point or a box of its own frame) for the place;
-    `object_label`, `object_up`, `object_unit`, `mass` [kg]. Who reads the prompt: `language`, `model`, `record`,
-    `replay`, `max_cost` [USD]; `ambiguous`: ask (an error that lists what may be meant) or best. The physics:
-    `solver`, `resolution` [m], `threads`, `arch`, `seed`, `stability`, `load_aware`, `paper_limits`. Each is
-    explained by `dcap place --help`. `out` is the folder of the results; `maps` adds
-    conditioning maps to it, `animate` a film of the drop,
-    `surface` "iso" the surfaces around the material points.
 
     Raises InputError for input or options that cannot be used, LanguageError for a prompt that was not understood,
     MachineError for a full disk and the like, and other kinds of DcapError.
@@ -59,12 +56,13 @@ def place(scene: AnyPath, object: AnyPath, prompt: str, **options: Unpack[PlaceK
         return Placement.of(place_files(os.fspath(scene), os.fspath(object), prompt, chosen, out, quiet=True), out)
 
 
+@with_help(DropOptions)
 @exported_paths()
-def drop(case: AnyPath | Mapping[str, object], **options: Unpack[DropKeywords]) -> Result:
+def drop(case: AnyPath | Mapping[str, object], **options: object) -> Result:
     """Settle the bodies of a case file, or of a dict of the same structure, as `dcap drop` does; physics only.
 
     Meshes that a dict names are relative to the working directory. The files go into `out`, by default a new folder
-    below `data/runs/python`. Options: `solver`, `resolution` [m], `threads`, `arch`, `stability`, `load_aware`.
+    below `data/runs/python`.
 
     Raises InputError for a case or options that cannot be used, MachineError for a full disk and the like.
     """

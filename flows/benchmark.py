@@ -8,11 +8,14 @@ after the last sample has finished, and only for the report.
 import os
 import platform
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
+from threading import Semaphore
+from typing import TYPE_CHECKING
 
 from dcap.evaluation.method_report import MethodTable, shown_lines
 from dcap.evaluation.methods import DCAP, METHODS, by_method, split_id, with_examples
@@ -20,44 +23,39 @@ from dcap.evaluation.outcome_table import ExpectedOutcome, SampleOutcome, read_t
 from dcap.evaluation.report import write_report
 from dcap.evaluation.run_folder import sample_folder
 from dcap.evaluation.run_summary import RunSummary, summary_of
+from dcap.language.model.batch import batch_queue
 from dcap.language.model.ledger import check_budget, spending_of
 from dcap.language.protocol.client import ClientName
+from dcap.language.protocol.session import Session
 from dcap.scene.errors import InputError
 from dcap.scene.json_tree import JsonObject, object_to_json
 from dcap.scene.settings import data_root, runs_root, version
 from dcap.scene.spelling import not_one_of
 from dcap.scene.types.sample import Sample
 from dcap.scene.whole_files import write_whole
-from flows.display import Display, print_lines, print_table, summary_line
+from flows.display import Display, console_on_stderr, print_lines, print_table, summary_line
 from flows.failed_before import failed_before
 from flows.find_run import RUN, find_run
 from flows.judge_run import judged_rows, write_rows
 from flows.language_options import LEDGER, LanguageOptions
-from flows.look_ahead import plan_ahead
-from flows.output import readable_json
+from flows.measures_file import write_measures
+from flows.output import readable_json, write_placement
 from flows.place import PlaceConfig
+from flows.place_one import stage_lines
 from flows.run_files import asked_of_run, kept, located, read_result, sample_from_json, undamaged
-from flows.run_names import WatchedRun
-from flows.run_samples import run_all, settle_result
+from flows.run_names import benchmark_tags
 from flows.runners import SampleRunner
-from flows.sample_run import (
-    OVERVIEW,
-    STAGE_NAMES,
-    FailedSample,
-    Plan,
-    heavy_modules,
-    plan_sample,
-    try_sample,
-)
+from flows.sample_run import OVERVIEW, STAGE_NAMES, FailedSample, FinishedSample, plan_sample
 from flows.samples import EMBEDDED, SPLAT_ROOMS, TRUTH, load_samples, load_yaml
 from flows.scene_lists import of_scenes
 from flows.scoring import scored_row
-from flows.server import prefect_server, server_answers
-from flows.watching import Watch
+from flows.server import pages_of, prefect_server
+from tasks.cache import RunContext, use_context
+from tasks.code import installed_version
 from tasks.mesh.stage import mesh_object_task, mesh_scene_task
-from tasks.runner.context import RunContext
-from tasks.runner.digests import installed_version
-from tasks.runner.process_server import process_server
+
+if TYPE_CHECKING:
+    from flows.watched import BenchmarkPage, SampleJob
 
 DATASET_SEED = 0
 LOCAL = SampleRunner()
@@ -66,6 +64,8 @@ MESH, BOTH_MESHES = "mesh", {mesh_scene_task.name, mesh_object_task.name}
 SPLATS = 500_000
 """Gaussians per room of the embedded dataset of splats; a scene of InteriorGS has as many."""
 
+IN_A_BATCH = 32
+"""Samples whose questions gather for one batch; each waits in a thread of its own."""
 LIBRARIES = (
     "numpy", "scipy", "taichi", "open3d", "libigl", "manifold3d", "shapely", "trimesh", "scikit-image", "pyarrow",
     "prefect", "anthropic", "openai",
@@ -108,21 +108,109 @@ def run_benchmark(
     if only_failed:
         samples = failed_before(path, samples, config)
     language = language or LanguageOptions()
-    with Display(samples) as display:
-        plans = plan_all(samples, config, display)
-        asked: dict[str, object] = {"dataset": str(path), "workers": workers, "runner": runner.name}
-        # a run begins once its server answers: what is refused before leaves none behind
-        with served(plans, display) as shown:
-            folder = new_run_folder(path, samples, config, language)
-            with watched(folder, plans, asked) if shown else nullcontext(Watch()) as watch:
-                run_all(plans, config, folder, language.session(folder), workers, display, watch, runner)
-                rows = scored_rows(folder, samples, path)
-                run = finish(folder, rows, time.monotonic() - begin)
-                watch.finished(run.failed == 0, summary_line(run.summary))
-    print_table(run.rows, run.summary, folder, {plan.sample.id for plan in plans if plan.finished})
-    if run.table:
-        print_lines(shown_lines(run.table))
-    return run
+    # a run begins once its server answers: what is refused before leaves none behind
+    with prefect_server() as url:
+        from flows.watched import BenchmarkPage, SampleJob, benchmark, in_flow
+
+        check_access()
+        limits = set_limits(runner.limits)
+        folder = new_run_folder(path, samples, config, language)
+        page, runs = BenchmarkPage(folder), list[Run]()
+        session = language.session(folder)
+        jobs = [SampleJob(one, config, session, folder.name, limits) for one in samples]
+
+        def work() -> tuple[str, str]:
+            cached = run_all(jobs, folder, session, workers, page, runner)
+            runs.append(finish(folder, scored_rows(folder, samples, path), time.monotonic() - begin))
+            line = summary_line(runs[0].summary)
+            page.show_results([shown_row(row) for row in runs[0].rows], line)
+            print_table(runs[0].rows, runs[0].summary, folder, cached)
+            return ("Failed" if runs[0].failed else "Completed"), line
+
+        print_lines([f"Prefect: {pages_of(url)}"])
+        at_a_time = max(workers, IN_A_BATCH) if session.batch else workers
+        shown = benchmark.with_options(flow_run_name=lambda: folder.name, task_runner=runner.task_runner(at_a_time))
+        parameters = (str(path), list(methods), workers, runner.name)
+        if in_flow(partial(shown, *parameters), benchmark_tags(folder.name, methods), work):
+            print_lines(["the Prefect server was lost: its page of this run is incomplete, the results are whole"])
+    if runs[0].table:
+        print_lines(shown_lines(runs[0].table))
+    return runs[0]
+
+
+def run_all(
+    jobs: Sequence["SampleJob"],
+    folder: Path,
+    session: Session,
+    workers: int,
+    page: "BenchmarkPage",
+    runner: SampleRunner,
+) -> set[str]:
+    """Place the samples and leave in the run's folder what each ended with; the ids of those that were cached."""
+    from flows.watched import place_all
+
+    cached = set[str]()
+    slots = Semaphore(workers) if session.batch else None
+    with (
+        Display([job.sample for job in jobs]) as display,
+        batch_queue(Path(session.batch), session, display.say) if session.batch else nullcontext(),
+        use_context(RunContext(slots=slots)),
+    ):
+        for job, result in place_all(jobs, runner.task(), display.listener):
+            if isinstance(result, FinishedSample) and not any(one.computed for one in result.results):
+                cached.add(job.sample.id)
+            _, error = keep_result(folder, job.sample, result)
+            display.ended(job.sample, error)
+            page.show_progress(display.share, display.counts)
+    return cached
+
+
+def keep_result(folder: Path, sample: Sample, result: FinishedSample | BaseException) -> tuple[JsonObject | None, str]:
+    """Write what a sample came to into the run: its placement.json, or why it failed."""
+    out = sample_folder(folder, sample.id)
+    if isinstance(result, FinishedSample):
+        try:
+            (out / "error.txt").unlink(missing_ok=True)
+            tree = write_placement(result, out)
+            write_measures(result, out)
+        except Exception as error:  # a result that cannot be written is this sample's failure
+            return keep_result(folder, sample, error)
+        return tree, ""
+    failed = FailedSample(sample, result)
+    out.mkdir(parents=True, exist_ok=True)
+    write_whole(out / "error.txt", (f"{failed.message}\n\n{failed.details}".rstrip() + "\n").encode())
+    return None, failed.message
+
+
+def shown_row(row: SampleOutcome) -> dict[str, object]:
+    """Return the row of a sample in the table on Prefect's page."""
+    return {
+        "sample": row.sample,
+        "method": row.method,
+        "verdict": row.verdict,
+        "on": f"{row.base} {row.part}".strip(),
+        "seconds": row.seconds,
+        "why": row.error or " ".join(f"{row.reason}: {row.message}".split()).rstrip(": ") * bool(row.reason),
+    }
+
+
+def check_access() -> None:
+    """Raise what the server answers to those who do not sign in, before a run begins."""
+    from prefect.client.orchestration import get_client
+
+    with get_client(sync_client=True) as client:
+        client.read_flow_runs(limit=1)
+
+
+def set_limits(limits: Mapping[str, int]) -> frozenset[str]:
+    """Tell the server how many stages of a kind may compute at a time; the names of these limits."""
+    from prefect.client.orchestration import get_client
+
+    if limits:
+        with get_client(sync_client=True) as client:
+            for name, most in limits.items():
+                client.upsert_global_concurrency_limit_by_name(name, most)
+    return frozenset(limits)
 
 
 def scored_rows(folder: Path, samples: Sequence[Sample], dataset: Path) -> tuple[SampleOutcome, ...]:
@@ -157,39 +245,6 @@ def ensure_dataset(folder: Path, seed: int, *, rooms: Sequence[str] = (), splats
 
     make_dataset(folder, seed, rooms=rooms, splats=splats, scenes=scenes)
     return folder
-
-
-def plan_all(samples: Sequence[Sample], config: PlaceConfig, display: Display) -> list[Plan]:
-    """Plans of all samples."""
-    plans = []
-    for sample in samples:
-        plans.append(plan_sample(sample, config))
-        display.planned(plans[-1])
-    return plans
-
-
-@contextmanager
-def served(plans: Sequence[Plan], display: Display) -> Iterator[bool]:
-    """A block with a server, and whether there is one. Where all is cached, none is started: then the benchmark is
-    shown only if one runs already."""
-    work = any(plan.settled is None for plan in plans)
-    if not work and not server_answers():
-        yield False
-        return
-    with prefect_server() as url:
-        from flows.benchmark_flow import check_access  # imports Prefect, after the server's address is known
-
-        check_access()
-        if work:
-            display.serving(url)
-        yield True
-
-
-def watched(folder: Path, plans: Sequence[Plan], asked: dict[str, object]) -> AbstractContextManager[Watch]:
-    """A block as the flow run of the whole benchmark."""
-    from flows.benchmark_flow import benchmark_run  # imports Prefect, after the server's address is known
-
-    return benchmark_run(folder, [plan.sample for plan in plans], asked)
 
 
 def new_run_folder(dataset: Path, samples: Sequence[Sample], config: PlaceConfig, language: LanguageOptions) -> Path:
@@ -261,23 +316,21 @@ def rerun_sample(run: str, sample_id: str, stage: str, max_cost: float | None = 
     if language.client is ClientName.REPLAY and language.config() != config.intent.language:
         raise InputError(f"--replay {language.replay}: the recording has changed since {folder.name}; run it again")
     check_budget(config.intent.language.model, max_cost)
-    with (
-        Display([sample]) as display,
-        prefect_server() as url,
-        process_server(heavy_modules(STAGE_NAMES)) as server,
-    ):
-        display.serving(url)
-        result = try_sample(
-            sample,
-            config,
-            context=RunContext(refresh=refreshed, session=replace(language.session(folder), fresh=True), server=server),
-            listener=display.listener(sample),
-            run=WatchedRun(folder.name),
-        )
-        tree, _ = settle_result(folder, result, display)
+    session = replace(language.session(folder), fresh=True)
+    console = console_on_stderr()
+    result: FinishedSample | Exception
+    with prefect_server(), console.status("starting") as status:
+        from flows.watched import place_in_flow
+
+        context = RunContext(refresh=refreshed, session=session, on_event=stage_lines(console, status))
+        try:
+            result = place_in_flow(sample, config, context, folder.name)
+        except Exception as error:
+            result = error
+    tree, _ = keep_result(folder, sample, result)
     page = rewrite_report(run)
-    if isinstance(result, FailedSample):
-        raise result.error
+    if isinstance(result, Exception):
+        raise result
     assert tree is not None
     return tree, page
 
@@ -287,7 +340,7 @@ def stages_to_refresh(stage: str, sample: Sample, config: PlaceConfig) -> frozen
     refreshed = frozenset(BOTH_MESHES if stage == MESH else {stage})
     known = dict.fromkeys((*STAGE_NAMES, OVERVIEW))
     if not refreshed.issubset(known):
-        known |= dict.fromkeys(one.stage for one in plan_ahead(sample, config).stages)
+        known |= dict.fromkeys(one.stage for one in plan_sample(sample, config).stages)
     if not refreshed.issubset(known):
         raise InputError(f"--stage {stage!r} {not_one_of(stage, (MESH, *known))}")
     return refreshed

@@ -6,16 +6,15 @@ from typing import TypeVar
 from pydantic import BaseModel
 
 from dcap.language.protocol.client import LanguageConfig
-from flows.options import PlaceOptions
+from flows.options import StageOptions
 from flows.place import PlaceConfig
-from flows.settings.own import effective_options
 from flows.settings.stages import stage_settings
 
 Config = TypeVar("Config", bound=BaseModel)
 
 
-def configured(options: PlaceOptions, *, language: LanguageConfig | None = None, arch: str = "cpu") -> PlaceConfig:
-    """The stages' settings (flows/settings) with a person's choices in them.
+def configured(options: StageOptions, *, language: LanguageConfig | None = None, arch: str = "cpu") -> PlaceConfig:
+    """Return the stages' settings (flows/settings) with a person's choices in them.
 
     `arch` is cpu or cuda, what `options.arch` stands for on this machine: a key of the cache must not depend on what
     this machine has. Who is asked (`language`) follows from several options (flows/language_options.py).
@@ -50,20 +49,13 @@ def configured(options: PlaceOptions, *, language: LanguageConfig | None = None,
 
 
 def with_threads(config: PlaceConfig, threads: int) -> PlaceConfig:
-    """The settings with so many threads for every stage that has some: they change no result."""
+    """Return the settings with so many threads for every stage that has some: they change no result."""
     stages = {name: getattr(config, name) for name in PlaceConfig.model_fields}
     return changed(
         config, {name: changed(one, {"threads": threads}) for name, one in stages.items() if hasattr(one, "threads")}
     )
 
 
-def many_options(flags: Mapping[str, object], threads: int = 0) -> PlaceOptions:
-    """The options of a benchmark, whose samples have no person who could be asked what was meant."""
-    mine = {name: value for name, value in flags.items() if name in PlaceOptions.model_fields}
-    options = effective_options(PlaceOptions, mine, {"ambiguous": "best"})
-    return options.model_copy(update={"threads": threads})
-
-
 def changed(config: Config, settings: Mapping[str, object]) -> Config:
-    """The configuration with some settings replaced and checked; a name that it does not have is an error."""
+    """Return the configuration with some settings replaced and checked; a name that it does not have is an error."""
     return type(config).model_validate({**dict(config), **settings})

@@ -30,7 +30,6 @@ from dcap.scene.checks.layout import layout_of
 from dcap.scene.errors import BudgetError, InputError, LanguageError
 from dcap.scene.readers.scenes.sugar import MESH_SUFFIXES
 from dcap.scene.settings import runs_root
-from dcap.scene.store.artifacts import Store
 from dcap.scene.types.sample import Sample, SourceOptions
 from dcap.scene.types.segmentation import Segmentation
 from dcap.scene.whole_files import DRAFTS
@@ -40,6 +39,7 @@ from flows.options import PlaceOptions
 from flows.sample_files import TRUTH_FILE, SampledRow, check_free, dataset_text, lists_of, slug, truth_text
 from flows.scene_contents import read_all
 from flows.scene_lists import named_paths, named_scenes
+from tasks.artifact import Store
 from tasks.intent.rescale import rescale
 from tasks.requests.views import instance_views, object_view, room_center
 

@@ -18,8 +18,8 @@ from flows.find_run import RUN, find_run
 from flows.results import read_json
 from flows.run_files import PLACEMENT, UNFINISHED, sample_from_json
 from flows.scoring import scored_row
-from tasks.runner.stage import deciding
-from tasks.runner.why import flattened
+from tasks.cache import deciding
+from tasks.why import flattened
 
 RESULT, TABLE = "placement.json", "results.parquet"
 NO_WORDS = frozenset({"sample", "method", "scene", "object", "prompt", "message", "seconds"})

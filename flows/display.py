@@ -1,4 +1,4 @@
-"""What a benchmark shows while it runs, and the tables it ends with, on standard error; and what a plan shows."""
+"""What a benchmark shows while it runs, and the tables it ends with, on standard error."""
 
 import sys
 import threading
@@ -19,9 +19,7 @@ from dcap.evaluation.outcome_table import SampleOutcome
 from dcap.evaluation.run_summary import RunSummary
 from dcap.language.model.ledger import in_words
 from dcap.scene.types.sample import Sample
-from flows.sample_run import STAGE_NAMES, Plan
-from flows.server import pages_of
-from tasks.runner.context import Event, OnEvent, StageEvent
+from tasks.cache import Event, OnEvent, StageEvent
 
 SHOWN_WIDTH = 46
 WIDTH = 160
@@ -52,12 +50,9 @@ class Display:
             TextColumn("{task.fields[left]}"),
             console=self.console,
         )
-        self.bar = self.progress.add_task("planning", total=len(samples), left="")
+        self.bar = self.progress.add_task("placing", total=len(samples), left="")
         self.begin = time.monotonic()
-        self.stages = {sample.id: len(STAGE_NAMES) for sample in samples}
-        """Number of stages of every sample that planning has not settled, as far as one can see."""
-        self.stages_done = dict.fromkeys(self.stages, 0)
-        self.ran = 0
+        self.count, self.done, self.failures, self.stages = len(samples), 0, 0, 0
         self.at_work: dict[str, tuple[str, str, float]] = {}
         self.lock = threading.Lock()
         self.live = Live(console=self.console, refresh_per_second=4, get_renderable=self.rendered)
@@ -74,30 +69,14 @@ class Display:
             self.console.line()
 
     def rendered(self) -> RenderableType:
-        """The bar and one line per sample at work."""
+        """Return the bar and one line per sample at work."""
         with self.lock:
-            done, total = sum(self.stages_done.values()), sum(self.stages.values())
-            stages = Text(f"  {done} of {total} stages" if done or self.at_work else "")
+            stages = Text(f"  {self.stages} stages done" if self.stages else "")
             lines = [stages] + [Text(work_line(sample, *work)) for sample, work in self.at_work.items()]
         return Group(self.progress, *lines)
 
-    def planned(self, plan: Plan) -> None:
-        """One sample has been looked up."""
-        with self.lock:
-            if plan.finished is not None or plan.failed is not None:
-                del self.stages[plan.sample.id]
-            else:
-                self.stages[plan.sample.id] = plan.stage_count
-        self.progress.advance(self.bar)
-
-    def serving(self, url: str) -> None:
-        """Work begins; the runs can be watched at `url`."""
-        self.console.print(f"Prefect: {pages_of(url)}")
-        self.begin = time.monotonic()
-        self.progress.reset(self.bar, total=len(self.stages), description="placing", left="")
-
     def listener(self, sample: Sample) -> OnEvent:
-        """Where the stages of one sample report."""
+        """Return where the stages of one sample report."""
 
         def on_event(event: StageEvent) -> None:
             with self.lock:
@@ -106,60 +85,40 @@ class Display:
                     begun = since[2] if since[0] == event.stage else time.monotonic()
                     self.at_work[sample.id] = (event.stage, event.text, begun)
                 else:
-                    self.stages_done[sample.id] += 1
+                    self.stages += 1
 
         return on_event
 
+    @property
     def share(self) -> float:
-        """How much of the work that planning has left is done, 0..1, by its stages."""
-        with self.lock:
-            return sum(self.stages_done[name] for name in self.stages) / (sum(self.stages.values()) or 1)
+        """How much of the work is done, 0..1."""
+        return self.done / self.count
+
+    @property
+    def counts(self) -> str:
+        """The same in words."""
+        return f"{self.done} of {self.count} samples" + (f", {self.failures} failed" if self.failures else "")
 
     def say(self, text: str) -> None:
-        """A line that is not about one sample."""
+        """Show a line that is not about one sample."""
         self.console.print(text)
 
-    def finished(self, sample: Sample) -> None:
-        """A sample is done; one that was placed elsewhere has told nothing of its stages."""
-        with self.lock:
-            if sample.id in self.stages and not self.stages_done[sample.id]:
-                self.stages_done[sample.id] = self.stages[sample.id]
-        self.count(sample)
-
-    def failed(self, sample: Sample, message: str) -> None:
-        """A sample did not get through."""
-        self.console.print(Text("failed", "red"), f"{sample.id}: {message}")
-        self.count(sample)
-
-    def count(self, sample: Sample) -> None:
-        """Move the bar, however the sample ended; what planning has settled has moved it already."""
-        if sample.id not in self.stages:
-            return
+    def ended(self, sample: Sample, failure: str = "") -> None:
+        """Count a sample that has ended, and show why it failed."""
+        if failure:
+            self.console.print(Text("failed", "red"), f"{sample.id}: {failure}")
         with self.lock:
             self.at_work.pop(sample.id, None)
-            self.ran += 1
-            self.stages[sample.id] = self.stages_done[sample.id]  # now one knows
-            left = (time.monotonic() - self.begin) / self.ran * (len(self.stages) - self.ran)
-        self.progress.update(self.bar, completed=self.ran, left=f"about {left / 60:.0f} min left" if left > 60 else "")
+            self.done += 1
+            self.failures += failure != ""
+            left = (time.monotonic() - self.begin) / self.done * (self.count - self.done)
+        self.progress.update(self.bar, completed=self.done, left=f"about {left / 60:.0f} min left" if left > 60 else "")
 
 
 def work_line(sample: str, stage: str, text: str, since: float) -> str:
     """A sample at work in a line."""
     seconds = time.monotonic() - since
     return f"  {sample[:SHOWN_WIDTH]:<{SHOWN_WIDTH}} {stage:<14} {seconds:5.0f} s  {text[:40]}"
-
-
-def print_plan(plans: Sequence[Plan], *, stages: bool = False, to_stderr: bool = False) -> None:
-    """What would run, per sample and perhaps per stage, and a line of totals, on standard output or error."""
-    console = console_on(sys.stderr if to_stderr else sys.stdout)
-    table = Table("sample", "cached", "would run", "why", box=None)
-    for plan in plans:
-        count = "all" if plan.finished else ("-" if plan.failed else f"{len(plan.cached)} of {plan.stage_count}")
-        table.add_row(plan.sample.id, count, plan.missing or "-", plan.failed.message if plan.failed else plan.why)
-        for one in plan.stages if stages else ():
-            table.add_row("", "", f"{one.state.replace('_', ' ')} {one.stage}", one.why or "")
-    console.print(table)
-    console.print(f"{sum(plan.finished is not None for plan in plans)} of {len(plans)} samples are cached")
 
 
 def print_table(rows: Sequence[SampleOutcome], summary: RunSummary, folder: Path, cached: Collection[str] = ()) -> None:

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from dcap.scene.json_tree import JsonObject
+from flows.given_settings import given_settings
 from flows.options import DropOptions
-from flows.settings.given import given_settings
-from flows.settings.own import OWN
+from flows.settings.effective import OWN
 from tasks.arch import chosen_arch
 from tasks.case.run import run_case
 

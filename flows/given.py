@@ -6,10 +6,9 @@ from pathlib import Path
 
 from dcap.scene.errors import InputError
 from dcap.scene.readers.labels.given import read_given_labels
-from dcap.scene.store.artifacts import Store
-from dcap.scene.store.ref import Ref
 from dcap.scene.types.given_labels import GivenLabels, VertexLabels
 from dcap.scene.types.sample import GivenPlace, KnownHeight
+from tasks.artifact import Ref, Store
 
 LOWEST, HIGHEST = 0.02, 3.0
 """Surfaces that carry things are between these heights [m]."""

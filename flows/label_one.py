@@ -4,7 +4,6 @@ import os
 import sys
 import tempfile
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,6 @@ from dcap.geometry.segmentation.main_surface import main_level
 from dcap.language.protocol.session import Session
 from dcap.scene.json_tree import JsonObject, object_to_json
 from dcap.scene.settings import runs_root
-from dcap.scene.store.artifacts import Store
 from dcap.scene.types.sample import Sample
 from dcap.scene.types.scan import Scan
 from dcap.scene.types.segmentation import Instance, Segmentation
@@ -25,15 +23,14 @@ from dcap.scene.whole_files import DRAFTS
 from dcap.scene.writers.labels import FoundThing, labels_text, labels_tree
 from flows.configure import configured
 from flows.language_options import language_options
-from flows.one_sample import sample_of, show
 from flows.options import PlaceOptions
 from flows.place import PlaceConfig, SceneRefs, scene_of
-from flows.run_names import plain_name, scene_tags, shown
-from flows.sample_run import recorded
-from flows.server import prefect_server
+from flows.place_one import sample_of, stage_lines
+from flows.sample_run import sample_context
+from tasks.artifact import Store
+from tasks.cache import RunContext
 from tasks.requests.badges import paint
 from tasks.requests.marks import MarkedScene, marked, numbers_of, plan_picture, room_pictures, thumbnail
-from tasks.runner.context import NotCachedError, RunContext, use_context
 
 LABELS, PAGE, PLAN = "labels.json", "labels.html", "plan.png"
 LEAST_GUESS, MOST_GUESSES = 0.05, 3
@@ -61,20 +58,12 @@ def label_scene(scene: str, out: Path | None, options: PlaceOptions, *, quiet: b
 
 
 def found_scene(sample: Sample, config: PlaceConfig, session: Session, *, quiet: bool) -> SceneRefs:
-    """The two stages, from the cache where they are there."""
+    """Run the two stages, or find their results in the cache."""
     console = Console(file=sys.stderr, quiet=quiet, highlight=False, force_jupyter=False)
-    try:
-        with use_context(RunContext(lookup_only=True)):
+    with console.status("reading") as status:
+        context = RunContext(on_event=stage_lines(console, status), session=session)
+        with sample_context(sample, context):
             return scene_of(sample, config)
-    except NotCachedError:
-        pass
-    with console.status("starting") as status, prefect_server():
-        from prefect import Flow, tags  # once the server's address is known
-
-        name = shown(f"label / {plain_name(sample.scene)}")
-        flow = Flow(scene_of, name="label", flow_run_name=lambda: name, validate_parameters=False, persist_result=False)
-        with tags(*scene_tags(sample)), recorded(sample, RunContext(session=session), partial(show, console, status)):
-            return flow(sample, config)
 
 
 def found_things(scene: Segmentation) -> list[FoundThing]:

@@ -3,7 +3,7 @@
 In: the options. Out: the part that decides results (`LanguageConfig`) and the part that does not (`Session`).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -14,8 +14,7 @@ from dcap.language.protocol.client import DEFAULT_MODEL, ClientName, LanguageCon
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import InputError
 from dcap.scene.spelling import not_one_of
-from flows.options import PlaceOptions
-from flows.settings.own import RunSettings
+from flows.options import Options
 
 LEDGER = "usage.jsonl"
 """Name of the ledger in a run's folder."""
@@ -98,14 +97,10 @@ class LanguageOptions:
         )
 
 
-def language_options(options: PlaceOptions) -> LanguageOptions:
-    """Those of a single placement."""
-    return LanguageOptions(options.language, options.model, options.record, options.replay, options.max_cost)
-
-
-def language_of(run: RunSettings) -> LanguageOptions:
-    """Those of a benchmark."""
-    return LanguageOptions(run.language, run.model, run.record, run.replay, run.max_cost, run.batch)
+def language_options(options: Options) -> LanguageOptions:
+    """Return what the options of a command say about language; a command that has no such option leaves it out."""
+    names = [one.name for one in fields(LanguageOptions)]
+    return LanguageOptions(**{name: getattr(options, name) for name in names if hasattr(options, name)})
 
 
 def recorded_model(folder: ReplyFolder, wanted: str) -> str:

@@ -6,12 +6,12 @@ from dataclasses import fields
 from pathlib import Path
 
 from dcap.scene.json_tree import JsonObject, JsonValue, object_to_json
-from dcap.scene.store.artifacts import Store
 from dcap.scene.types.judged_views import JudgedViews
 from dcap.scene.types.measures import Drift, Indentation, Measures
 from dcap.scene.whole_files import write_whole
 from flows.output import load, readable_json
 from flows.sample_run import FinishedSample
+from tasks.artifact import Store
 
 MEASURES, VIEWS = "measures.json", "views"
 

@@ -10,17 +10,15 @@ from pathlib import Path
 
 from dcap.evaluation.methods import BASELINES, DCAP
 from dcap.scene.errors import GeometryError, InputError
-from dcap.scene.store.artifacts import Store
-from dcap.scene.store.ref import Ref
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.floor_plan import FloorPlans
 from dcap.scene.types.intent import Intent
-from dcap.scene.types.measures import Drift
 from dcap.scene.types.sample import Sample
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
-from dcap.scene.types.settled import Settled
-from flows.place import FileRefs, PlaceConfig, PlacementRefs, coarsened, feasible, place
+from flows.place import FileRefs, PlaceConfig, PlacementRefs, feasible, place
+from flows.repeats import coarsened, drift_broke_down
 from tasks.anchor.stage import anchor_task
+from tasks.artifact import Ref, Store
 from tasks.baselines.fireplace import FirePlaceConfig, fireplace_task
 from tasks.baselines.floor_plan import floor_plan_task, gathered_task
 from tasks.baselines.holodeck import HolodeckConfig, holodeck_task
@@ -44,8 +42,6 @@ Examples = tuple[Ref[FloorPlans] | None, tuple[str, ...]]
 """Gathered plans, and names of the scenes that have none."""
 EXAMPLES: dict[Hashable, Examples] = {}
 """What was gathered in this process: a chain of stages as long as there are scenes, for each scene."""
-PENDING = "Pending"
-"""Kind of what stands for a result that is not there yet, while a plan looks ahead."""
 NO_DROP, RIGID_DROP = "no_drop", "rigid_drop"
 OTHER_MATERIALS = frozenset({RIGID_DROP, "blended_materials", "paper"})
 """Ablations whose drop has other materials, or none that gives way."""
@@ -160,18 +156,9 @@ def examples_of(sample: Sample, config: PlaceConfig) -> Examples:
             left_out.append(Path(other).name)
         else:
             plans = gathered_task(plan, plans)
-    if plans is not None and plans.kind == PENDING:
+    if plans is not None and plans.pending:
         return plans, tuple(left_out)
     return EXAMPLES.setdefault(asked, (plans, tuple(left_out)))
-
-
-def measuring(config: PlaceConfig) -> tuple[str, ...]:
-    """Names of the stages that `measured` adds to those of a placement by DCAP, in order."""
-    if not config.measured:
-        return ()
-    if not config.compared:
-        return measure_task.name, indentation_task.name
-    return measure_task.name, judged_views_task.name, indentation_task.name, drift_task.name
 
 
 def measured(sample: Sample, found: PlacementRefs, config: PlaceConfig) -> PlacementRefs:
@@ -201,18 +188,8 @@ def measured(sample: Sample, found: PlacementRefs, config: PlaceConfig) -> Place
         return found
     simulated = particles if sample.method == RIGID_DROP else found.particles
     drift = drift_task(simulated, settled, config=config.drift)
-    if broken(drift, settled):
+    if drift_broke_down(drift, settled):
         cells = coarsened(config.particles)
         larger = proposal_particles_task(scene, item, found.intent, anchor, materials, config=cells)
         drift = drift if larger.infeasible else drift_task(larger, settled, config=config.drift)
     return replace(found, drift=drift)
-
-
-def broken(drift: Ref[Drift], settled: Ref[Settled]) -> bool:
-    """Whether a step broke where a pose was simulated on. It is tried on other cells then, as a drop that breaks is:
-    where a grid cuts is chance. A dent has no other cells than its drop's, which have lasted a whole drop."""
-    found = Store.default().load(drift)
-    if not isinstance(found, Drift) or not found.broken:
-        return False
-    state = Store.default().load(settled)
-    return isinstance(state, Settled) and not state.nodes

@@ -1,31 +1,28 @@
-"""The options of `place` and `drop`, checked once: for the command line, for Python, and for the stages' settings.
+"""The options of the commands, each declared once: type, range, default, meaning, and its key in `dcap.yaml`.
 
-In: what a person gave, by name. Out: a frozen `DropOptions` or `PlaceOptions`. An unknown name is an error that names
-the nearest known one; messages write options as the command line does, `object_up` as `--object-up`.
+From these models follow the command line (flows/cli/checks.py), the keys of `dcap.yaml` with their environment
+variables (flows/settings), the keywords of `dcap.place` and `dcap.drop`, and tables of docs/configuration.md. A model
+that is constructed takes what it is not given from the environment, else from `dcap.yaml`, else it has its defaults;
+`effective_options` (flows/settings/effective.py) does that with messages that name the option or the place of a value.
 """
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal, TypedDict, TypeVar, get_args
+from typing import Annotated, Literal, get_args
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, Field, ValidationError, model_validator
-from pydantic_core import ErrorDetails
+from pydantic import AfterValidator, BeforeValidator, Field, NonNegativeInt, PositiveInt, model_validator
+from pydantic.fields import FieldInfo
+from pydantic_settings import BaseSettings, InitSettingsSource, PydanticBaseSettingsSource, SettingsConfigDict
 
+from dcap.language.protocol.client import DEFAULT_MODEL
 from dcap.scene.errors import InputError
 from dcap.scene.given_text import LONGEST_PROMPT, LONGEST_WORDS, shortened, unfit
-from dcap.scene.spelling import did_you_mean, not_one_of
+from flows.given_settings import given_settings
 
 LARGEST_RESOLUTION_M = 1.0
 """A cell larger than this resolves nothing that can be placed in a room [m]."""
-SolverName = Literal["tl", "mls"]
-ArchName = Literal["auto", "cpu", "cuda"]
-AmbiguousName = Literal["ask", "best"]
-SurfaceName = Literal["embedded", "iso"]
-UpName = Literal["auto", "y", "z", "-y", "-z"]
-UnitName = Literal["auto", "m", "cm", "mm", "in"]  # the keys of METRES: a Literal cannot be computed
-UPS: tuple[str, ...] = get_args(UpName)
-UNITS: tuple[str, ...] = get_args(UnitName)
 LONGEST_NAME = 255
 """Bytes of the name of a file or folder on all common file systems."""
 LONGEST_FOLDER = 3500
@@ -37,20 +34,25 @@ SHOWN = 100
 CROSSED = "--stability needs --solver tl: mls does not verify rest states"
 
 
-def one_of(words: object) -> BeforeValidator:
-    """A word from a closed list, given as a Literal: refused in our words before pydantic refuses it in its own."""
-    allowed = get_args(words)
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """How a field of a model is given besides its name."""
 
-    def check(value: object) -> object:
-        if value not in allowed:
-            raise ValueError(not_one_of(value, allowed))
-        return value
+    key: str = ""
+    """Dotted key in `dcap.yaml`, from which its environment variable follows; empty: it has none."""
+    metavar: str | None = None
+    """What the help shows for its value."""
+    is_flag: bool = True
+    """Whether the command line has it."""
 
-    return BeforeValidator(check)
+
+def setting_of(field: FieldInfo) -> Setting:
+    """Return what a field's annotation says of how it is given."""
+    return next((one for one in field.metadata if isinstance(one, Setting)), Setting())
 
 
 def within(low: float, high: float, meaning: str) -> AfterValidator:
-    """A number between two bounds, both excluded; a NaN is in no range."""
+    """Take a number between two bounds, both excluded; a NaN is in no range."""
 
     def check(value: float) -> float:
         if not low < value < high:
@@ -60,183 +62,225 @@ def within(low: float, high: float, meaning: str) -> AfterValidator:
     return AfterValidator(check)
 
 
-def fitting(value: str) -> str:
-    """Short text without control characters."""
+def short_text(value: str) -> str:
+    """Return short text; ValueError if it is long or has control characters."""
     if why := unfit(value, LONGEST_WORDS):
         raise ValueError(why)
     return value
 
 
-Phrase = Annotated[str, AfterValidator(fitting)]
-"""A label, a name or other short text."""
-Words = Annotated[Phrase, BeforeValidator(lambda value: os.fspath(value) if isinstance(value, os.PathLike) else value)]
-"""Text, or a path."""
-
-
-def between_commas(value: object) -> object:
-    """Numbers as the command line has them."""
+def joined_by_commas(value: object) -> object:
+    """Return a sequence of numbers as the command line has them."""
     if isinstance(value, str) or not isinstance(value, Iterable):
         return value
     return ",".join(str(one) for one in value)
 
 
-Numbers = Annotated[Phrase, BeforeValidator(between_commas)]
+Phrase = Annotated[str, AfterValidator(short_text)]
+"""A label, a name or other short text."""
+TextOrPath = Annotated[
+    Phrase, BeforeValidator(lambda value: os.fspath(value) if isinstance(value, os.PathLike) else value)
+]
+Numbers = Annotated[Phrase, BeforeValidator(joined_by_commas)]
 """Numbers between commas, or any sequence of them."""
-Up = Annotated[UpName, one_of(UpName)]
-Unit = Annotated[UnitName, one_of(UnitName)]
+Language = Literal["", "offline", "anthropic", "openai", "replay"]
+Ambiguous = Annotated[Literal["ask", "best"], Setting("intent.ambiguous")]
+Up = Literal["auto", "y", "z", "-y", "-z"]
+Unit = Literal["auto", "m", "cm", "mm", "in"]  # the keys of METRES: a Literal cannot be computed
+UPS: tuple[str, ...] = get_args(Up)
+UNITS: tuple[str, ...] = get_args(Unit)
 CellSize = Annotated[float, within(0.0, LARGEST_RESOLUTION_M, f"a cell size between 0 and {LARGEST_RESOLUTION_M} m")]
 Mass = Annotated[float, within(0.0, float("inf"), "a positive number of kilograms")]
-Whole = Annotated[int, Field(ge=0, le=LARGEST_SEED)]
+Seed = Annotated[int, Field(ge=0, lt=LARGEST_SEED + 1)]
+Cost = Annotated[float, within(0.0, float("inf"), "a positive number of dollars")]
+MaxCost = Annotated[Cost | None, Setting("run.max_cost")]
 
 
-class DropOptions(BaseModel, frozen=True, extra="forbid"):
-    """What `drop` takes; `place` takes the same and more."""
+class Options(BaseSettings):
+    """Options of a command: frozen, with no others; the docstring of a field is its help."""
 
-    out: Path | None = None
-    """Folder for the results; None: a folder of the caller's choice."""
-    solver: Annotated[SolverName, one_of(SolverName)] = "tl"
-    """Method: tl (implicit, total-Lagrangian) or mls (the paper's explicit MLS-MPM)."""
-    resolution: CellSize | None = None
-    """Cell size at the contact [m]; None: from the physics."""
-    threads: Whole = 0
-    """Threads of the solver, 0: all cores; never changes a result."""
-    arch: Annotated[ArchName, one_of(ArchName)] = "cpu"
-    """Where the solver runs; auto: cuda if it starts."""
-    stability: bool = False
-    """Push what rests around; grade what it can take."""
-    load_aware: bool = False
-    """What gives less than 0.05 mm under the load is rigid too, not only E > 1 GPa."""
+    model_config = SettingsConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+
+    @classmethod
+    def settings_customise_sources(
+        cls,
+        settings_cls: type[BaseSettings],
+        init_settings: PydanticBaseSettingsSource,
+        env_settings: PydanticBaseSettingsSource,
+        dotenv_settings: PydanticBaseSettingsSource,
+        file_secret_settings: PydanticBaseSettingsSource,
+    ) -> tuple[PydanticBaseSettingsSource, ...]:
+        """Return where values come from; the first wins: flags and keywords, then environment and file."""
+        given, keys = given_settings(), {name: setting_of(field).key for name, field in cls.model_fields.items()}
+        values = {name: given[key].value for name, key in keys.items() if key in given}
+        return init_settings, InitSettingsSource(settings_cls, values)
+
+
+class PhysicsOptions(Options):
+    """What decides how bodies settle."""
+
+    solver: Annotated[Literal["tl", "mls"], Setting("drop.solver.method")] = "tl"
+    """Method of the solver: tl (implicit, total-Lagrangian) or mls (the paper's explicit MLS-MPM)."""
+    resolution: Annotated[CellSize | None, Setting("particles.cell")] = None
+    """Cell size at the contact [m]; default: from the physics."""
+    threads: Annotated[NonNegativeInt, Setting("run.threads")] = 0
+    """Threads of each heavy stage, 0: all cores, in a benchmark its workers' share of them; never changes a result."""
+    arch: Annotated[Literal["auto", "cpu", "cuda"], Setting("run.arch")] = "cpu"
+    """Where the solver runs: cpu, cuda (a graphics card) or auto (cuda if it starts)."""
+    stability: Annotated[bool, Setting("drop.solver.stability")] = False
+    """Push what is at rest and grade how much it withstands."""
+    load_aware: Annotated[bool, Setting("materials.load_aware")] = False
+    """Treat parts that give less than 0.05 mm under the load as rigid too, not only those above 1 GPa."""
 
     @model_validator(mode="after")
-    def _pushed(self) -> "DropOptions":
+    def _stability_is_of_tl(self) -> "PhysicsOptions":
         if self.stability and self.solver == "mls":
             raise ValueError(CROSSED)
         return self
 
 
-class PlaceOptions(DropOptions, frozen=True, extra="forbid"):
-    """What `place` takes. A subclass, because options are given flat, by their names, on the command line and in
-    Python."""
+class DropOptions(PhysicsOptions):
+    """Options of `drop`."""
 
-    language: Phrase = ""
-    """Who reads the sentence: offline (default), anthropic, openai or replay."""
-    model: Phrase = ""
-    """Model to ask."""
-    record: Words = ""
-    """Folder that gets a copy of every reply."""
-    replay: Words = ""
-    """Folder of recorded replies to answer from."""
-    max_cost: float | None = None
-    """Most to be spent on a model [USD]."""
+    out: Path | None = None
+    """Folder for the results; default in Python: a new folder below data/runs/python."""
+
+
+class StageOptions(PhysicsOptions):
+    """What decides how the stages of a placement are configured."""
+
+    language: Annotated[Language, Setting("run.language")] = ""
+    """Who reads the sentence: offline (default), anthropic, openai, or replay (default where a recording is named)."""
+    model: Annotated[Phrase, Setting("run.model"), Field(description=f"Model to ask; default: {DEFAULT_MODEL}.")] = ""
+    record: Annotated[TextOrPath, Setting("run.record", "DIR")] = ""
+    """Keep a copy of each reply in this folder, for --replay."""
+    replay: Annotated[TextOrPath, Setting("run.replay", "DIR")] = ""
+    """Answer from replies recorded in this folder."""
+    paper_limits: Annotated[bool, Setting("materials.paper_limits")] = False
+    """Clamp materials to the paper's limits (E >= 5e4 Pa ...)."""
+    ambiguous: Ambiguous = "ask"
+    """Where the sentence may mean several things: ask (and end) or take the best."""
+
+
+class PlaceOptions(StageOptions):
+    """Options of `place`."""
+
+    out: Path | None = None
+    """Folder for the results; default: data/runs/place, or in Python a new folder below data/runs/python."""
+    max_cost: MaxCost = None
+    """Spend at most this on a model [USD]."""
     label: Phrase = ""
-    """What the scene mesh, or its unnamed nodes, shows."""
+    """What the scene mesh, or each of its unnamed nodes, is: table."""
     up: Up = "auto"
-    """Up axis of the scene file."""
+    """Up axis of the scene file: z, y, -y, -z or auto."""
     unit: Unit = "auto"
-    """Length unit of the scene file."""
-    height_of: Phrase = ""
-    """THING=METRES: the height of a thing of the scene, by which a file of unknown scale is scaled."""
-    labels: Words = ""
-    """File that names the scene's things."""
-    at: Numbers = ""
-    """X,Y,Z or X,Y: a point of the scene file's own frame that the object goes to."""
-    support: Numbers = ""
-    """x0,y0,z0,x1,y1,z1: a box of the scene file's own frame whose faces carry."""
+    """Length unit of the scene file: m, cm, mm, in or auto."""
+    height_of: Annotated[Phrase, Setting(metavar="THING=METRES")] = ""
+    """Height of a thing's surface, for a file of unknown scale: table=0.75."""
+    labels: Annotated[TextOrPath, Setting(metavar="FILE")] = ""
+    """Names of the scene's things: labels.json, vertex ids, RoomPlan's JSON."""
+    at: Annotated[Numbers, Setting(metavar="X,Y[,Z]")] = ""
+    """Point of the scene file's own frame that the object goes to."""
+    support: Annotated[Numbers, Setting(metavar="X0,Y0,Z0,X1,Y1,Z1")] = ""
+    """Box of the scene file's own frame whose faces carry."""
     object_label: Phrase = ""
-    """What the object is."""
+    """What the object is: mug."""
     object_up: Up = "auto"
-    """Up axis of the object file."""
+    """Up axis of the object file: z, y, -y, -z or auto."""
     object_unit: Unit = "auto"
-    """Length unit of the object file."""
+    """Length unit of the object file: m, cm, mm, in or auto."""
     mass: Mass | None = None
-    """Mass of the object [kg]; None: a prior for its kind."""
-    seed: Whole = 0
-    """Seed of everything random."""
-    paper_limits: bool = False
-    """Clamp the materials as the paper does."""
-    ambiguous: Annotated[AmbiguousName, one_of(AmbiguousName)] = "ask"
-    """Where the sentence may mean another thing as well: ask which, or take the best and say so."""
+    """Mass of the object [kg]; default: a prior for its kind."""
+    seed: Seed = 0
+    """Seed of all random numbers."""
     maps: bool = False
-    """Write conditioning maps, too."""
+    """Write conditioning maps, too: depth, normals, masks ..."""
     animate: bool = False
-    """Write a film of the drop, too."""
-    surface: Annotated[SurfaceName, one_of(SurfaceName)] = "embedded"
-    """iso: write the surfaces around the material points, too."""
+    """Write a film of the drop, too: drop.mp4."""
+    surface: Literal["embedded", "iso"] = "embedded"
+    """Surfaces of soft bodies: embedded, or also iso, those around the material points: iso.glb."""
 
 
-class DropKeywords(TypedDict, total=False):
-    """The fields of `DropOptions` as keyword arguments."""
+class DatasetOptions(StageOptions):
+    """What `benchmark` and `plan` have in common: which samples, by which methods."""
 
-    out: str | os.PathLike[str] | None
-    solver: SolverName
-    resolution: float | None
-    threads: int
-    arch: ArchName
-    stability: bool
-    load_aware: bool
-
-
-class PlaceKeywords(DropKeywords, total=False):
-    """The fields of `PlaceOptions` as keyword arguments."""
-
-    language: str
-    model: str
-    record: str | os.PathLike[str]
-    replay: str | os.PathLike[str]
-    max_cost: float | None
-    label: str
-    up: UpName
-    unit: UnitName
-    height_of: str
-    labels: str | os.PathLike[str]
-    at: str | Sequence[float]
-    support: str | Sequence[float]
-    object_label: str
-    object_up: UpName
-    object_unit: UnitName
-    mass: float | None
-    seed: int
-    paper_limits: bool
-    ambiguous: AmbiguousName
-    maps: bool
-    animate: bool
-    surface: SurfaceName
+    dataset: Path | None = None
+    """YAML list of samples; default: the embedded rooms."""
+    methods: Annotated[str, Setting("run.methods")] = "dcap"
+    """Methods, between commas: dcap, fireplace, layoutgpt, holodeck, ablations by name, or all."""
+    scenes: Annotated[str, Setting(metavar="LIST")] = ""
+    """Only these scenes: names between commas, a .txt file of names, or a split."""
+    limit: Annotated[int | None, Field(ge=1)] = None
+    """Only the first N samples."""
+    ambiguous: Ambiguous = "best"
+    """Where a sentence may mean several things: ask (and end) or take the best."""
 
 
-Options = TypeVar("Options", bound=DropOptions)
+class PlanOptions(DatasetOptions):
+    """Options of `plan`."""
+
+    stages: bool = False
+    """A line for each stage of each sample, too."""
 
 
-def checked(kind: type[Options], given: Mapping[str, object]) -> Options:
-    """The options that were given by name; raises InputError with the option, its value and what is wrong with it."""
-    for name in given:
-        if name not in kind.model_fields:
-            hint = did_you_mean(name, kind.model_fields) or f"; there are {', '.join(sorted(kind.model_fields))}"
-            raise InputError(f"unknown option {name!r}{hint}")
-    try:
-        return kind.model_validate(given)
-    except ValidationError as error:
-        raise InputError(complaint(error)) from None
+class BenchmarkOptions(DatasetOptions):
+    """Options of `benchmark`."""
+
+    workers: Annotated[int, Field(ge=1, le=64), Setting("run.workers")] = 2
+    """Samples to place in parallel."""
+    only_failed: bool = False
+    """Only samples that failed in the last run."""
+    max_cost: MaxCost = None
+    """Spend at most this on a model [USD]."""
+    batch: Annotated[bool, Setting("run.batch")] = False
+    """Ask in batches: half the price, answers within minutes to a day."""
+    runner: Annotated[Literal["local", "dask", "ray", "pool"], Setting("run.runner")] = "local"
+    """Who places the samples: local (threads of this program), dask, ray, or pool (workers)."""
+    cluster: Annotated[str, Setting("run.cluster", "ADDRESS")] = ""
+    """A cluster of Dask or Ray that is there; default: one of this machine for the time of the run."""
+    simulations: Annotated[PositiveInt | None, Setting("run.simulations", is_flag=False)] = None
+    """Most drops and drifts at a time on all machines of a server; default: as many as there are samples at work."""
+    model_calls: Annotated[PositiveInt | None, Setting("run.model_calls", is_flag=False)] = None
+    """Most stages at a time that ask a model, on all machines of a server; default: as many as there are."""
 
 
-def complaint(error: ValidationError) -> str:
-    """The first thing that is wrong, in a line."""
-    first = error.errors(include_url=False)[0]
-    if not first["loc"]:
-        return said_of(first)
-    option = "--" + str(first["loc"][0]).replace("_", "-")
-    value = first["input"]
-    shown = shortened(repr(value) if isinstance(value, str) else str(value), SHOWN)
-    return f"{option} {shown}{' ' if is_own(first) else ': '}{said_of(first)}"
+class JudgeOptions(Options):
+    """Options of `judge`; none has a key, because who judges need not be who reads the sentences."""
+
+    language: Language = ""
+    """Who judges: offline (default: the metric rubric), anthropic, openai or replay."""
+    model: Phrase = ""
+    """Model to ask; it must take pictures."""
+    record: Annotated[TextOrPath, Setting(metavar="DIR")] = ""
+    """Keep a copy of each reply in this folder."""
+    replay: Annotated[TextOrPath, Setting(metavar="DIR")] = ""
+    """Judge by replies recorded in this folder."""
+    max_cost: Cost | None = None
+    """Spend at most this on judging the run [USD]."""
+    batch: bool = False
+    """Ask in batches: half the price, answers within a day."""
 
 
-def said_of(first: ErrorDetails) -> str:
-    """What is wrong with a value: in our words where a check of ours said so, else in pydantic's."""
-    return str(first["ctx"]["error"]) if is_own(first) else first["msg"]
+class UiOptions(Options):
+    """Options of `ui`."""
+
+    port: Annotated[int, Field(ge=1, le=65535), Setting("server.port")] = 4200
+    """Port of Prefect's pages on this machine."""
 
 
-def is_own(first: ErrorDetails) -> bool:
-    """Whether a check of ours refused a value."""
-    return "error" in first.get("ctx", {})
+class AllSettings(BenchmarkOptions, UiOptions):
+    """Every field that has a key: the options of the commands, and what only `dcap.yaml` and the environment say."""
+
+    data: Annotated[str, Setting("paths.data", is_flag=False)] = ""
+    """Folder of cache, runs and generated rooms; default: `data/` of the clone, or the user's data folder."""
+    store: Annotated[str, Setting("paths.store", is_flag=False)] = ""
+    """Where the artifacts lie, a folder or a URL, if not in the cache."""
+    api_url: Annotated[str, Setting("server.api_url", is_flag=False)] = ""
+    """Address of a server that runs already; default: one is started where there is work."""
+
+
+KEYS = {key: name for name, field in AllSettings.model_fields.items() if (key := setting_of(field).key)}
+"""The name of the field of `AllSettings` that each key sets."""
 
 
 def check_out(folder: Path) -> None:

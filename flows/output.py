@@ -5,7 +5,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import asdict
 from pathlib import Path
 from typing import TypeVar
 
@@ -18,10 +18,6 @@ from dcap.geometry.distance import sampler
 from dcap.geometry.rendering.normals import ShadingNormals
 from dcap.scene.json_tree import JsonObject, JsonValue
 from dcap.scene.readers.scenes.placed_scene import DEFORMED, FACTS
-from dcap.scene.store.artifacts import Store
-from dcap.scene.store.earlier_files import copy_earlier, note_files
-from dcap.scene.store.ply import mesh_to_ply
-from dcap.scene.store.ref import Ref
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.materials import PartMaterials
@@ -34,21 +30,24 @@ from dcap.scene.types.scan import Scan
 from dcap.scene.types.segmentation import Segmentation
 from dcap.scene.types.settled import Settled
 from dcap.scene.whole_files import DRAFTS
+from dcap.scene.writers.earlier_files import copy_earlier, note_files
 from dcap.scene.writers.glb import Node, glb_bytes, labelled_nodes
+from dcap.scene.writers.ply import mesh_to_ply
 from flows.next_scene import next_scene_files
 from flows.placement_json import AT_REST, Values, placement_json
 from flows.placement_schema import placement_schema
 from flows.sample_records import RECORDS, records_json
 from flows.sample_run import FinishedSample
 from flows.scene_splats import SETTLED_SPLATS, splat_artifact
+from tasks.artifact import Ref, Store
+from tasks.code import code_of
 from tasks.render.contact_surfaces import contact_nodes
 from tasks.render.particle_table import distances, iso_surface, particle_columns, soft_bodies
 from tasks.render.settled_meshes import settled_item
 from tasks.render.source_surfaces import object_at_rest, scene_at_rest
-from tasks.runner.digests import reached_code
 
-SCHEMA = "placement.schema.json"
-"""The JSON Schema of placement.json, beside it."""
+RESULT, SCHEMA = "placement.json", "placement.schema.json"
+"""The result, and the JSON Schema of its keys."""
 PARTICLES, ISO = "particles.parquet", "iso.glb"
 PICTURES = ("clean", "asked", "settled", "closeup", "before_after", "contact", "profile", "candidates", "hole")
 GEOMETRY = ("object.ply", "object.glb", "contacts.glb", "scene.glb", PARTICLES, SETTLED_SPLATS)
@@ -89,41 +88,47 @@ def load(store: Store, ref: Ref[object], kind: type[Kind]) -> Kind | None:
 def write_placement(finished: FinishedSample, out: Path) -> JsonObject:
     """Write all files of a placement into `out` and return what placement.json holds.
 
-    The files are written beside and moved in, placement.json last: whoever sees it sees everything. What is made of
-    meshes is copied from an earlier folder of the same placement, if there is one.
+    The files are written as drafts and moved in, placement.json last: whoever sees it sees everything. They are copied
+    from an earlier folder of the same placement, if there is one.
     """
-    store = Store.default()
-    values = load_values(finished, store)
     out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=out, prefix=DRAFTS) as draft_name:
-        draft, key = Path(draft_name), geometry_key(finished)
-        geometry = copy_earlier(key, draft) or write_geometry(values, draft)
-        beside = copy_earlier(f"{key} beside", draft) or write_next_scene(values, finished.sample.prompt, draft)
-        artifacts = geometry | copy_pictures(finished, store, draft) | splat_artifact(finished, values, draft)
-        tree = placement_json(finished, values, artifacts)
-        (draft / SCHEMA).write_bytes(readable_json(placement_schema()))
-        os.replace(draft / SCHEMA, out / SCHEMA)
-        (out / "placement.json").unlink(missing_ok=True)
+        draft, key = Path(draft_name), placement_key(finished)
+        files = copy_earlier(key, draft) or write_files(finished, draft)
+        names = [name for name in files.values() if name != RESULT]
+        (out / RESULT).unlink(missing_ok=True)
         old = {FACTS, *OWNED, *(path.name for path in out.glob(DEFORMED))}
-        for name in old.difference(artifacts.values()):  # of an earlier result in the same folder
+        for name in old.difference(names):  # of an earlier result in the same folder
             (out / name).unlink(missing_ok=True)
-        (draft / RECORDS).write_bytes(readable_json(records_json(finished)))
-        for name in (*artifacts.values(), *beside, RECORDS):
+        for name in (*names, RESULT):
             os.replace(draft / name, out / name)
-        (draft / "placement.json").write_bytes(readable_json(tree))
-        os.replace(draft / "placement.json", out / "placement.json")
-    note_files(key, out, geometry)
-    note_files(f"{key} beside", out, beside)
+    note_files(key, out, files)
+    tree: JsonObject = json.loads((out / RESULT).read_bytes())
     return tree
 
 
-def geometry_key(finished: FinishedSample) -> str:
-    """What decides the files of a placement that are made of its meshes: what its stages returned, the sentence, and
-    the code that writes."""
-    code = reached_code(Path(__file__).resolve())
-    refs = [getattr(finished.placement, one.name) for one in fields(finished.placement)]
-    made_of = [ref.to_json() if isinstance(ref, Ref) else None for ref in refs]
-    return json.dumps([made_of, finished.sample.prompt, code.digests, code.libraries], sort_keys=True)
+def write_files(finished: FinishedSample, draft: Path) -> dict[str, str]:
+    """Write all files of a placement anew; their names by what they are."""
+    store = Store.default()
+    values = load_values(finished, store)
+    beside = write_next_scene(values, finished.sample.prompt, draft)
+    artifacts = (
+        write_geometry(values, draft) | copy_pictures(finished, store, draft) | splat_artifact(finished, values, draft)
+    )
+    for name, tree in (
+        (SCHEMA, placement_schema()),
+        (RECORDS, records_json(finished)),
+        (RESULT, placement_json(finished, values, artifacts)),
+    ):
+        (draft / name).write_bytes(readable_json(tree))
+    return artifacts | beside | {name: name for name in (SCHEMA, RECORDS, RESULT)}
+
+
+def placement_key(finished: FinishedSample) -> str:
+    """Return what decides the files of a placement: what was asked, its records, and the code that writes."""
+    code = code_of(Path(__file__).resolve())
+    records = [(one.record.key, one.record.seconds, *one.ref.to_json().values()) for one in finished.results]
+    return json.dumps([asdict(finished.sample), records, code.digest, dict(code.libraries)], sort_keys=True)
 
 
 def write_next_scene(values: Values, prompt: str, folder: Path) -> dict[str, str]:

@@ -9,15 +9,12 @@ from pydantic import BaseModel
 
 from dcap.scene.readers.frame.frame import ANY
 from dcap.scene.readers.scenes.placed_scene import is_placed_scene
-from dcap.scene.store.artifacts import Source, Store
-from dcap.scene.store.ref import Ref
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.file_scale import FileScale
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.judged_views import JudgedViews
 from dcap.scene.types.materials import PartMaterials
 from dcap.scene.types.measures import Drift, Indentation, Measures
-from dcap.scene.types.outcome import Infeasible, Reason
 from dcap.scene.types.paint import SourceSurface
 from dcap.scene.types.particles import Particles
 from dcap.scene.types.renders import Overview, Renders
@@ -27,8 +24,11 @@ from dcap.scene.types.scan import Scan
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
 from dcap.scene.types.settled import Settled
 from flows.given import LabelRefs, given_labels
+from flows.repeats import settle
 from tasks.anchor.stage import AnchorConfig, anchor_task
-from tasks.drop.stage import DropConfig, drop_task, unforeseen
+from tasks.artifact import Ref, Source, Store
+from tasks.cache import Stage
+from tasks.drop.stage import DropConfig, drop_task
 from tasks.freed.stage import freed_anchor_task, freed_scene_task, freed_task
 from tasks.intent.stage import IntentConfig, intent_task
 from tasks.materials.stage import MaterialsConfig, materials_task
@@ -43,13 +43,10 @@ from tasks.pointed.stage import point_out_task, point_task
 from tasks.render.config import RenderConfig
 from tasks.render.stage import render_task
 from tasks.rotation.stage import RotationConfig, rotation_task
-from tasks.runner.stage import Stage
 from tasks.segment.known_height import found_scale_task
 from tasks.segment.stage import SegmentConfig, segment_object_task, segment_task
 
 ValueT = TypeVar("ValueT")
-COARSER = 1.4
-"""How much larger cells are where a drop broke down: half as many along two axes [-]."""
 
 
 class PlaceConfig(BaseModel, frozen=True, extra="forbid"):
@@ -192,20 +189,9 @@ def place(sample: Sample, config: PlaceConfig, proposal: Proposal | None = None)
         freed = freed_task(scene_scan, scene, item, anchor)
         scene, anchor = freed_scene_task(freed), freed_anchor_task(freed)
     materials = materials_task(scene, item, intent, anchor, sample.prompt, config=config.materials, freed=freed)
-    particles = particles_task(scene, item, intent, anchor, materials, config=config.particles, freed=freed)
-    settled = drop_task(particles, anchor, intent, sample.seed, config=config.drop)
-    cells = config.particles
-    if broke(settled):
-        cells = coarsened(cells)
-        larger = particles_task(scene, item, intent, anchor, materials, config=cells, freed=freed)
-        again = drop_task(larger, anchor, intent, sample.seed, config=config.drop)
-        if not again.infeasible:
-            particles, settled = larger, again
-    if ended_elsewhere(settled):
-        finer = particles_task(scene, item, intent, anchor, materials, config=cells, rest=settled, freed=freed)
-        again = drop_task(finer, anchor, intent, sample.seed, config=config.drop)
-        if not again.infeasible:
-            particles, settled = finer, again
+    particles, settled = settle(
+        scene, item, intent, anchor, materials, sample.seed, freed=freed, cells=config.particles, drop=config.drop
+    )
     start, before, before_surface = scene_surface, None, None
     if freed is not None:
         start, before, before_surface = surface_start_task(scene_surface, given, scene), given, scene_surface
@@ -241,22 +227,6 @@ def scale_of(sample: Sample, source: Ref[Source], labels: LabelRefs, config: Pla
     options = replace(sample.scene_options, unit=ANY)
     guess = mesh_scene_task(source, options, config=config.scene_mesh, labels=labels.vertices)
     return found_scale_task(guess, sample.known_height, config=config.segment, labels=labels.things)
-
-
-def ended_elsewhere(settled: Ref[Settled]) -> bool:
-    """Whether the drop showed that cells must be fine at another place than was foreseen."""
-    return unforeseen(Store.default().load(settled))
-
-
-def broke(settled: Ref[Settled]) -> bool:
-    """Whether the drop broke down: slivers of material in cut cells can fold, and where the grid cuts is chance."""
-    value = Store.default().load(settled) if settled.infeasible else None
-    return isinstance(value, Infeasible) and value.reason is Reason.UNSTABLE_STEP
-
-
-def coarsened(cells: ParticlesConfig) -> ParticlesConfig:
-    """The same with larger cells."""
-    return cells.model_copy(update={"coarser": COARSER * cells.coarser})
 
 
 def feasible(ref: Ref[ValueT]) -> Ref[ValueT] | None:

@@ -1,32 +1,38 @@
-"""One placement for a person: says what is cached, starts a server only if something must run, shows the stages."""
+"""One placement for a person: stages on standard error, results in a folder.
+
+Where a Prefect server runs already (a team's, or that of `dcap ui` or a benchmark), the placement is a flow run there;
+where nobody watches, no server is started for it.
+"""
 
 import sys
-from functools import partial
 from pathlib import Path
 
 from rich.console import Console
+from rich.status import Status
+from rich.text import Text
 
 from dcap.language.model.ledger import in_words, spending_of
+from dcap.language.protocol.session import Session
 from dcap.scene.errors import InputError
 from dcap.scene.json_tree import JsonObject
-from dcap.scene.store.artifacts import Store
+from dcap.scene.types.sample import Sample, SourceOptions
 from dcap.scene.whole_files import write_whole
 from flows.configure import configured
 from flows.export_files import clear_exports
 from flows.film_output import FILM, write_film
+from flows.given import height_of, place_of
 from flows.language_options import LanguageOptions, language_options
 from flows.map_output import FOLDER, clear_maps, write_maps_of
-from flows.one_sample import sample_of, show
 from flows.options import PlaceOptions
 from flows.output import ISO, iso_glb, load_values, write_placement
-from flows.place import PlaceConfig, place
+from flows.place import PlaceConfig
 from flows.placement_json import AT_REST
 from flows.run_files import FinishedPlacement, write_asked
-from flows.sample_run import FinishedSample, heavy_modules, plan_sample, recorded, users_words
-from flows.server import prefect_server
+from flows.sample_run import STAGE_NAMES, FinishedSample, run_sample
+from flows.server import watching_server
 from tasks.arch import chosen_arch
-from tasks.runner.context import RunContext
-from tasks.runner.process_server import process_server
+from tasks.artifact import Store
+from tasks.cache import Event, OnEvent, RunContext, StageEvent
 
 
 def place_files(scene: str, thing: str, prompt: str, options: PlaceOptions, out: Path, *, quiet: bool) -> JsonObject:
@@ -34,7 +40,8 @@ def place_files(scene: str, thing: str, prompt: str, options: PlaceOptions, out:
 
     Stage lines go to standard error unless `quiet`.
     """
-    refuse_own_scene(scene, out)
+    if Path(scene).is_dir() and Path(scene).resolve() == out.resolve():
+        raise InputError(f"--out {out}: the scene itself; give another folder for the next placement")
     sample = sample_of(scene, thing, prompt, options)
     asking = language_options(options)
     config = configured(options, language=asking.config(), arch=chosen_arch(options.arch))
@@ -42,41 +49,64 @@ def place_files(scene: str, thing: str, prompt: str, options: PlaceOptions, out:
     if session.ledger:  # of an earlier placement into the same folder
         Path(session.ledger).unlink(missing_ok=True)
     console = Console(file=sys.stderr, quiet=quiet, highlight=False, force_jupyter=False)
-    plan = plan_sample(sample, config)
-    if plan.failed is not None:
-        raise plan.failed.error
-    if plan.finished is not None:
-        console.print(f"all {len(plan.cached)} stages cached")
-        return write_results(plan.finished, out, config, asking, options)
-    with (
-        console.status("starting") as status,
-        prefect_server(),
-        process_server(heavy_modules(plan.coming)) as server,
-        recorded(sample, RunContext(session=session, server=server), partial(show, console, status)) as recorder,
-    ):
-        from flows.sample_flow import flow_runs_of  # imports Prefect, after the server's address is known
-
-        for flow_run in flow_runs_of(sample):
-            recorder.records.clear()  # of a flow run that was lost with its server
-            with flow_run, users_words(sample):
-                placement = place(sample, config)
-                flow_run.show(placement)
+    with console.status("reading") as status:
+        finished = run_watched(sample, config, session, stage_lines(console, status))
+    if not any(one.computed for one in finished.results):
+        console.print(f"all {len(finished.results)} stages cached")
     if session.ledger and Path(session.ledger).is_file():
         console.print(in_words(spending_of(Path(session.ledger))))
-    finished = FinishedSample(sample, placement, tuple(recorder.records))
     return write_results(finished, out, config, asking, options)
 
 
-def refuse_own_scene(scene: str, out: Path) -> None:
-    """Refuse to write over the scene that is read: what was asked of the result could not be looked up again."""
-    if Path(scene).is_dir() and Path(scene).resolve() == out.resolve():
-        raise InputError(f"--out {out}: the scene itself; give another folder for the next placement")
+def run_watched(sample: Sample, config: PlaceConfig, session: Session, listener: OnEvent) -> FinishedSample:
+    """Run a sample in a flow run if a server watches, else directly."""
+    context = RunContext(on_event=listener, session=session)
+    with watching_server() as url:
+        if not url:
+            return run_sample(sample, config, context)
+        from flows.watched import place_in_flow  # imports Prefect, after the server's address is known
+
+        return place_in_flow(sample, config, context)
+
+
+def stage_lines(console: Console, status: Status) -> OnEvent:
+    """Return a listener that shows a line that changes while a stage works, and one that stays when it has finished."""
+    width = max(len(name) for name in STAGE_NAMES)
+
+    def show(event: StageEvent) -> None:
+        if event.event is Event.STARTED:
+            status.update(event.stage)
+        elif event.event is Event.PROGRESS:
+            status.update(Text(f"{event.stage} {event.part:4.0%} {event.text}"))
+        elif event.ref is not None and event.ref.record is not None:
+            record = event.ref.record
+            took = "cached" if event.event is Event.CACHED else f"{record.seconds:.2f} s"
+            console.print(f"{event.stage:<{width}}  {took:>9}  {record.size / 1024:9.0f} KiB  {event.ref.kind}")
+
+    return show
+
+
+def sample_of(scene: str, thing: str, prompt: str, options: PlaceOptions) -> Sample:
+    """Return what is placed where, as the stages take it."""
+    return Sample(
+        id=f"{Path(thing).stem} in {Path(scene).name}",
+        scene=scene,
+        object=thing,
+        prompt=prompt,
+        scene_options=SourceOptions(options.up, options.unit, options.label),
+        object_options=SourceOptions(options.object_up, options.object_unit, options.object_label),
+        mass=options.mass,
+        seed=options.seed,
+        labels=options.labels,
+        place=place_of(options.at, options.support),
+        known_height=height_of(options.height_of, options.unit),
+    )
 
 
 def write_results(
     finished: FinishedSample, out: Path, config: PlaceConfig, asking: LanguageOptions, options: PlaceOptions
 ) -> JsonObject:
-    """All files of a placement, those that were asked for included; returns placement.json."""
+    """Write all files of a placement, those that were asked for included; returns placement.json."""
     tree = write_placement(finished, out)
     write_asked(out, finished.sample, config, asking)
     clear_maps(out / FOLDER)  # of an earlier result in the same folder

@@ -201,8 +201,8 @@ def warnings_of(values: Values) -> list[str]:
 def timings_of(finished: FinishedSample) -> dict[str, float]:
     """Seconds that each stage took when it was computed; repeated stages are summed."""
     seconds: dict[str, float] = {}
-    for stage, record, _ in finished.records:
-        seconds[stage] = round(seconds.get(stage, 0.0) + record.seconds, 3)
+    for one in finished.results:
+        seconds[one.stage] = round(seconds.get(one.stage, 0.0) + one.record.seconds, 3)
     return seconds
 
 

@@ -1,16 +1,18 @@
 """What a benchmark would do, sample by sample and stage by stage, and why; nothing is run."""
 
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from rich.table import Table
+
 from dcap.evaluation.methods import DCAP
 from dcap.scene.errors import MachineError
 from flows.benchmark import dataset_samples, measured_config
-from flows.display import print_plan
-from flows.look_ahead import plan_ahead
+from flows.display import console_on
 from flows.place import PlaceConfig
-from flows.sample_run import Plan, StagePlan
+from flows.sample_run import Plan, StagePlan, plan_sample
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +46,7 @@ def plan_benchmark(
     error."""
     _, samples = dataset_samples(dataset, methods, limit, scenes)
     config = measured_config(config, methods)
-    plans = [plan_ahead(sample, config) for sample in samples]
+    plans = [plan_sample(sample, config) for sample in samples]
     failed = [plan.failed.error for plan in plans if plan.failed]
     if len(failed) == len(plans) and all(isinstance(one, OSError | MachineError) for one in failed):
         raise failed[0]  # a disk or its rights, and no sample's matter
@@ -53,6 +55,21 @@ def plan_benchmark(
 
 
 def plan_row(plan: Plan) -> PlanRow:
-    """The row of a sample."""
-    why = plan.failed.message if plan.failed else plan.why or None
-    return PlanRow(plan.sample.id, plan.cached, plan.missing or None, why, plan.later, plan.stages)
+    """Return the row of a sample."""
+    names = [one.stage for one in plan.missing]
+    return PlanRow(
+        plan.sample.id, plan.cached, names[0] if names else None, plan.why or None, tuple(names[1:]), plan.stages
+    )
+
+
+def print_plan(plans: Sequence[Plan], *, stages: bool = False, to_stderr: bool = False) -> None:
+    """Print what would run, per sample and perhaps per stage, and a line of totals."""
+    console = console_on(sys.stderr if to_stderr else sys.stdout)
+    table = Table("sample", "cached", "would run", "why", box=None)
+    for plan in plans:
+        count = "all" if plan.finished else "-" if plan.failed else f"{len(plan.cached)} of {len(plan.stages)}"
+        table.add_row(plan.sample.id, count, plan.missing[0].stage if plan.missing else "-", plan.why)
+        for one in plan.stages if stages else ():
+            table.add_row("", "", f"{one.state.replace('_', ' ')} {one.stage}", one.why or "")
+    console.print(table)
+    console.print(f"{sum(plan.finished is not None for plan in plans)} of {len(plans)} samples are cached")

@@ -4,7 +4,6 @@ In: the digest of an artifact, a path in the store, or a file of a sample. Out: 
 artifacts. What is missing or damaged on the way is told of its node; the rest is told all the same.
 """
 
-import hashlib
 import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -17,21 +16,18 @@ from dcap.language.model.ledger import ReplyLine, read_lines
 from dcap.language.model.reply_folder import ReplyFolder
 from dcap.scene.errors import InputError
 from dcap.scene.settings import data_root, replies_root, runs_root
-from dcap.scene.store.artifacts import FILES_FOLDER, Source, Store
-from dcap.scene.store.codec import canonical_json
-from dcap.scene.store.digest import digest_of_file, walk
-from dcap.scene.store.ref import Ref
+from dcap.scene.whole_files import digest_of_file
 from flows.find_run import RUN
 from flows.language_options import LEDGER
 from flows.place import SECTIONS, PlaceConfig
 from flows.results import read_json
 from flows.run_files import PLACEMENT
 from flows.sample_records import RECORDS
-from tasks.runner.digests import changed_sources
-from tasks.runner.record_index import record_index
-from tasks.runner.records import Record
-from tasks.runner.stage import deciding
-from tasks.runner.why import ABSENT, flattened, reference
+from tasks.artifact import FILES, Record, Ref, Source, Store, files_in
+from tasks.cache import deciding
+from tasks.code import changed_sources, files_behind
+from tasks.records import every_record
+from tasks.why import ABSENT, flattened
 
 DIGEST = re.compile("[0-9a-f]{6,64}")
 """An artifact's, or its beginning."""
@@ -152,7 +148,7 @@ def ref_of_digest(digest: str) -> Ref[Any]:
     """The artifact whose digest begins so."""
     if not DIGEST.fullmatch(digest):
         raise InputError(f"{digest!r} is no file, and no digest of an artifact (6 to 64 of 0-9 and a-f)")
-    known = {*Store.default().refs(), *record_index().refs()}
+    known = {*Store.default().refs(), *(ref for _, ref in every_record() if ref is not None)}
     fitting = sorted(ref for ref in known if ref.sha256.startswith(digest))
     if not fitting:
         raise InputError(f"no artifact's digest begins with {digest}; `dcap cache ls` tells where the cache is")
@@ -216,11 +212,9 @@ def walked_back(artifact: str, refs: Sequence[Ref[Any]], named: Mapping[Ref[Any]
 def step_of(ref: Ref[Any], key: str | None) -> tuple[ProvenanceStep, list[Ref[Any]]]:
     """An artifact with what made it, and the artifacts before it."""
     record = maker_of(ref, key)
-    made = record.deciders if record else {}
-    inputs = made.get("inputs") if isinstance(made.get("inputs"), Mapping) else {}
-    assert isinstance(inputs, Mapping)
-    before = {str(name): one for name, value in inputs.items() if (one := reference(value)) is not None}
-    code = {str(name): str(one) for name, one in dict(made.get("code") or {}).items() if name != "function"}  # type: ignore[call-overload]
+    made = record.recipe if record else {"inputs": {}}
+    before = {name: Ref.from_json(one["ref"]) for name, one in made["inputs"].items() if "ref" in one}
+    code = files_behind(made["code"]) or {} if record else {}
     state, size = condition(ref)
     step = ProvenanceStep(
         sha256=ref.sha256,
@@ -231,22 +225,23 @@ def step_of(ref: Ref[Any], key: str | None) -> tuple[ProvenanceStep, list[Ref[An
         record=record.key if record else None,
         seconds=record.seconds if record else None,
         inputs={name: one.sha256 for name, one in before.items()},
-        values={str(name): value.get("value") for name, value in inputs.items() if name not in before},
+        values={name: one.get("value") for name, one in made["inputs"].items() if name not in before},
         config=made.get("config"),
         changed_settings=changed_settings(str(made.get("stage")), made.get("config")),
         code_files=len(code),
-        code_digest=hashlib.sha256(canonical_json(code)).hexdigest() if code else None,
+        code_digest=made.get("code"),
         code_changed=tuple(changed_sources(code)),
-        libraries=dict(made.get("libraries") or {}),  # type: ignore[call-overload]
+        libraries=made.get("libraries", {}),
         files=tuple(given_files(ref)) if ref.kind == Source.__name__ and state == "sound" else (),
     )
     return step, list(before.values())
 
 
 def maker_of(ref: Ref[Any], key: str | None) -> Record | None:
-    """The record that made an artifact: the named one, else the newest."""
-    known = record_index().making(ref)
-    return next((one for one in known if one.key == key), None) or next(iter(known), None)
+    """Return the record that made an artifact: the named one, else the newest."""
+    known = [(path.stat().st_mtime_ns, one.record) for path, one in every_record() if one == ref and one and one.record]
+    named = next((record for _, record in known if record.key == key), None)
+    return named or max(known, key=lambda one: one[0], default=(0, None))[1]
 
 
 def condition(ref: Ref[Any]) -> tuple[str, int]:
@@ -268,8 +263,8 @@ def changed_settings(stage: str, config: object) -> dict[str, object]:
 
 def given_files(ref: Ref[Any]) -> Iterator[SourceFile]:
     """The files of a source."""
-    folder = Store.default().folder(ref) / FILES_FOLDER
-    for path in walk(folder):
+    folder = Store.default().folder(ref) / FILES
+    for path in files_in(folder):
         yield SourceFile(path.relative_to(folder).as_posix(), digest_of_file(path), path.stat().st_size)
 
 

@@ -16,7 +16,6 @@ from dcap.scene.given_text import shortened
 from dcap.scene.json_tree import JsonObject
 from dcap.scene.readers.files.json_text import read_json
 from dcap.scene.settings import runs_root
-from dcap.scene.store.artifacts import Store
 from dcap.scene.types.sample import GivenPlace, KnownHeight, Sample, SourceOptions
 from dcap.scene.whole_files import write_whole
 from flows.find_run import RUN, find_run
@@ -25,6 +24,7 @@ from flows.output import load_values, readable_json
 from flows.place import PlaceConfig
 from flows.placement_json import Values
 from flows.sample_run import FinishedSample, plan_sample
+from tasks.artifact import Store
 
 PLACEMENT = "sample.json"
 UNFINISHED = "did not finish"
@@ -148,7 +148,7 @@ def finished_placement(run: str, sample: str | None) -> FinishedPlacement:
     asked, name = asked_of(run, sample)
     plan = plan_sample(asked.samples[name], asked.config.model_copy(update={"measured": False}))
     if plan.finished is None:
-        why = plan.failed.message if plan.failed else f"stage {plan.missing} is not cached ({plan.why})"
+        why = plan.failed.message if plan.failed else f"stage {plan.missing[0].stage} is not cached ({plan.why})"
         again = "place it again" if asked.one else "run the benchmark again"
         raise InputError(f"{name} of {asked.folder.name}: {why}; {again}")
     values = load_values(plan.finished, Store.default())

@@ -6,42 +6,29 @@ labels).
 
 import json
 from pathlib import Path
+from typing import Any
 
 from dcap.scene.json_tree import JsonObject
-from dcap.scene.store.ref import Ref
 from flows.sample_run import FinishedSample
-from tasks.runner.collection import Needs, inputs_of
+from tasks.artifact import Ref
+from tasks.records import refs_in
 
 RECORDS = "records.json"
 VERSION = 1
 
 
 def records_json(finished: FinishedSample) -> JsonObject:
-    """What records.json holds."""
-    records = [record for _, record, _ in finished.records]
-    inputs = set[Ref[object]]().union(*map(inputs_of, records)) - {record.ref for record in records}
-    return {
-        "version": VERSION,
-        "records": [
-            {"stage": stage, "key": record.key, **record.ref.to_json()} for stage, record, _ in finished.records
-        ],
-        "inputs": [dict(ref.to_json()) for ref in sorted(inputs)],
-    }
+    """Return what records.json holds."""
+    made = {one.ref for one in finished.results}
+    given = {ref for one in finished.results for ref in refs_in(one.record.recipe)} - made
+    rows = [{"stage": one.stage, "key": one.record.key, **one.ref.to_json()} for one in finished.results]
+    return {"version": VERSION, "records": rows, "inputs": [dict(ref.to_json()) for ref in sorted(given)]}
 
 
-def read_needs(folder: Path) -> Needs | None:
-    """What the placement in a folder needs; None where the file is missing or damaged."""
+def read_needs(folder: Path) -> set[Ref[Any]] | None:
+    """Return the artifacts that the placement in a folder needs; None where the file is missing or damaged."""
     try:
-        return needs_in(json.loads((folder / RECORDS).read_bytes()))
+        tree = json.loads((folder / RECORDS).read_bytes())
+        return {Ref.from_json(row) for row in (*tree["records"], *tree["inputs"])}
     except (OSError, ValueError, KeyError, TypeError):
         return None
-
-
-def needs_in(tree: JsonObject) -> Needs:
-    """The needs that records.json tells; KeyError or TypeError if it is something else."""
-    records, inputs = tree["records"], tree["inputs"]
-    if not isinstance(records, list) or not isinstance(inputs, list):
-        raise TypeError("no lists of records and inputs")
-    rows = [row for row in (*records, *inputs) if isinstance(row, dict)]
-    keys = frozenset(str(row["key"]) for row in records if isinstance(row, dict))
-    return Needs(keys, frozenset(Ref.from_json(row) for row in rows))

@@ -12,10 +12,10 @@ from dcap.geometry.rendering.painted import painted, surface_colors
 from dcap.scene.errors import DcapError, InputError
 from dcap.scene.readers.scenes.sugar import find_splats
 from dcap.scene.readers.splats.formats import is_splats, read_gaussians
-from dcap.scene.store.artifacts import Source, Store
 from dcap.scene.writers.gaussians import write_splat_parts
 from flows.placement_json import Values
 from flows.sample_run import FinishedSample
+from tasks.artifact import Source, Store
 from tasks.render.settled_splats import SettledSplats, settled_splats
 
 LOG = logging.getLogger(__name__)

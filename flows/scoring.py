@@ -27,12 +27,11 @@ from dcap.evaluation.outcome_table import AS_POSED, AT_REST, QUADRANT_DEG, Expec
 from dcap.evaluation.region import TOLERANCE_M
 from dcap.geometry.placement.named_regions import BESIDE, regions
 from dcap.scene.json_tree import JsonObject, JsonValue
-from dcap.scene.store.artifacts import Store
-from dcap.scene.store.ref import Ref
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.sample import Sample
 from dcap.scene.types.segmentation import Segmentation
 from flows.measures_file import read_measures
+from tasks.artifact import Ref, Store
 from tasks.requests.surroundings import part_frame
 
 REFERENCED = frozenset(BESIDE)

@@ -1,440 +1,294 @@
-"""A real local Prefect server for as long as work runs: Prefect's built-in temporary one loses history.
+"""A real local Prefect server for as long as programs use it: Prefect's built-in temporary one loses history.
 
-The server keeps its database in the cache, unless one is named, and listens on a free port of this machine only.
-Programs that run at the same time share it; the last one to leave stops it, and it ends itself where the last one was
-killed. One that dies under a run is started again, on the same database and port. A server that $PREFECT_API_URL names
-is used and left alone.
+`prefect server start` runs in the foreground of a session of its own, on the promised port or a free one, with its
+database in the cache. Each program that uses it holds a shared lock until it ends, however it ends; a keeper process
+(`main` below) waits for the lock alone, and stops the server then. A server that $PREFECT_API_URL names is used and
+left alone.
 """
 
-import errno
+import ctypes
 import fcntl
 import json
 import logging
 import os
-import re
 import signal
 import socket
 import subprocess
 import sys
-import threading
 import time
+import tomllib
 import urllib.request
-from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager, nullcontext, suppress
-from functools import partial
+from collections.abc import Iterator
+from contextlib import chdir, contextmanager, suppress
+from functools import cache
 from http.client import HTTPException
+from importlib.util import find_spec
 from pathlib import Path
-from urllib.parse import urlsplit
 
 from dcap.packages import module_command
 from dcap.scene.errors import DcapError, InputError
-from dcap.scene.given_text import shortened
-from dcap.scene.machine_errors import free_space
 from dcap.scene.redaction import has_log_in, redacted_url
-from dcap.scene.secrets import redacted
-from dcap.scene.settings import server_folder
-from dcap.scene.team_server import API_URL, LOGIN, OWN_URL, team_server
+from dcap.scene.settings import resource, server_folder
+from dcap.scene.team_server import API_URL, LOGIN, OWN_URL
 from dcap.scene.whole_files import write_whole
-from flows.interrupts import say
 from flows.own_requests import LOOPBACK, is_loopback, url_host
-from flows.prefect_settings import apply_settings
-from flows.server_program import USERS
 
-PROGRAM = "flows.server_program"
-HOST, AUTH_STRING = "PREFECT_SERVER_API_HOST", "PREFECT_SERVER_API_AUTH_STRING"
+HOST, SERVER_LOGIN = "PREFECT_SERVER_API_HOST", "PREFECT_SERVER_API_AUTH_STRING"
 """Prefect's settings of a server: the address that it listens on, and `NAME:PASSWORD` of who may ask."""
-DATABASES = "PREFECT_SERVER_DATABASE_CONNECTION_URL", "PREFECT_API_DATABASE_CONNECTION_URL"
-"""Prefect's setting of a server's database, by its new and its old name; where neither is set, it is a file."""
-START_SECONDS = 300.0
-"""A first start creates the database, which takes 8 s on two idle cores; more than a minute on busy ones."""
-STOP_SECONDS = 10.0
-INTERRUPTED_STOP_SECONDS = 0.5
-"""Who interrupts a run does not wait for requests that are under way; states of flow runs are in the database by
-then."""
-DELIVER_SECONDS = 15.0
-LISTEN_SECONDS, MOST_MISSED = 5.0, 2
-"""How often a server is looked for, and how often in vain until it counts as away: one may be busy."""
-WATCH_SECONDS = 0.5
-"""How often a run looks whether its server lives."""
-HEALTHY = b"true"
-"""What a server of Prefect says of its health; pages of any kind may answer, too."""
-ERROR_LINE = re.compile(r"[\w.]*(Error|Exception)\b.*:")
-"""How the last line of a traceback begins."""
-LONGEST_LINE, LOG_END = 300, 1 << 13
-"""Letters of a line of a log that is shown, and bytes of its end that are read."""
-SHORT_ANSWER = 100
-"""Bytes of an answer that are read of whoever speaks at an address."""
-LEAST_ROOM = 8 << 20
-"""A new database with its journal takes 5 MB."""
-ROOM = "make room, or name a folder on another disk with DCAP_DATA"
+DATABASE, OLD_DATABASE = "PREFECT_SERVER_DATABASE_CONNECTION_URL", "PREFECT_API_DATABASE_CONNECTION_URL"
+RETRIES = "PREFECT_CLIENT_MAX_RETRIES"
+USERS, STARTING, SERVING = "users.lock", "starting.lock", "serving.lock"
+"""Files of the server's folder that programs lock: its users, who starts one, and its keeper."""
+ADDRESS, LOG = "server.json", "server.log"
+PORT = 4200
+START_SECONDS = 120.0
+"""A first start creates the database, which takes 8 s on two idle cores."""
+STOP_SECONDS, POLL_SECONDS = 10.0, 0.5
+LOOK_SECONDS, MOST_MISSED = 5.0, 2
+PR_SET_PDEATHSIG = 1
 
 
 @contextmanager
-def prefect_server(port: int | None = None, *, tells: bool = True) -> Iterator[str]:
-    """URL of a healthy server, also in $PREFECT_API_URL, as long as the block runs. It `tells` where a server of others
-    is away for a while."""
-    with quiet_logging(), some_server(port, tells=tells) as url:
+def prefect_server(port: int = PORT, *, only_there: bool = False) -> Iterator[str]:
+    """Set $PREFECT_API_URL to a healthy server inside of the block, and yield it; one is started if none runs.
+
+    Where the port is taken, a new server gets a free one, or is refused if it may be `only_there`.
+    """
+    given = os.environ.get(API_URL, "")
+    if given and not is_healthy(given):
+        raise DcapError(f"{API_URL}={redacted_url(given)}: {unanswered(given)}")
+    with _as_own_server(given or _joined_server(port, only_there)) as url:
         yield url
 
 
 @contextmanager
-def quiet_logging() -> Iterator[None]:
-    """What a server does not take of logs, its disk being full, is dropped without a word: Prefect's client would write
-    each time to the terminal, and what is wrong is told by what else was asked of the server."""
-    before, logging.raiseExceptions = logging.raiseExceptions, False
-    try:
-        yield
-    finally:
-        logging.raiseExceptions = before
-
-
-@contextmanager
-def some_server(port: int | None, *, tells: bool) -> Iterator[str]:
-    """The server that $PREFECT_API_URL names, the one of this data folder, or a new one."""
-    apply_settings()
-    given = os.environ.get(API_URL)
-    if given:
-        if not is_healthy(given):
-            raise DcapError(f"{API_URL}={redacted_url(given)}: {unanswered(given)}")
-        with suppress(OSError):  # Prefect's home: it warns where it cannot make it, and does not make what is above it
-            server_folder().mkdir(parents=True, exist_ok=True)
-        notice_settings()
-        with listened_to(given, partial(say_whether, given)) if tells else nullcontext():
-            yield given
+def watching_server() -> Iterator[str]:
+    """As `prefect_server` where a server runs already; yields an empty string where none does."""
+    given = os.environ.get(API_URL, "")
+    running = given if given and is_healthy(given) else "" if given else running_url()
+    if not running:
+        yield ""
         return
-    host, folder = server_host(), server_folder()
-    folder.mkdir(parents=True, exist_ok=True)
-    with one_at_a_time(folder):
-        users = lock_users(folder)  # before the server starts: without users, it ends
-        try:
-            url = running_url(folder) or start_anew(folder, host, port or free_port())
-        except BaseException:
-            os.close(users)
-            raise
-    os.environ[API_URL] = os.environ[OWN_URL] = url
-    own_login = AUTH_STRING in os.environ and LOGIN not in os.environ
-    if own_login:  # what this server asks for
-        os.environ[LOGIN] = os.environ[AUTH_STRING]
-    notice_settings()
-    patience = INTERRUPTED_STOP_SECONDS
+    with _as_own_server(given or _joined_server(PORT, False)) as url:
+        yield url
+
+
+def running_url() -> str:
+    """Return the address of the server of this data folder; empty if none is healthy."""
+    folder = server_folder()
     try:
-        with kept_alive(folder, url):
-            yield url
-        deliver_reports()
-        patience = STOP_SECONDS
-    except Exception:
-        deliver_reports()
-        patience = STOP_SECONDS
-        raise
-    finally:
-        for name in (API_URL, OWN_URL):
-            os.environ.pop(name, None)
-        if own_login:
-            os.environ.pop(LOGIN, None)
-        with one_at_a_time(folder):
-            os.close(users)
-            if nobody_uses(folder):
-                stop(folder, patience)
-
-
-@contextmanager
-def listened_to(url: str, tell: Callable[[bool], None]) -> Iterator[None]:
-    """Tell that a server does not answer (False), and that it does again (True), as long as the block runs: Prefect's
-    client would ask for a minute before it complains."""
-    done = threading.Event()
-
-    def listen() -> None:
-        missed = 0
-        while not done.wait(LISTEN_SECONDS):
-            missed, before = 0 if is_ready(url) else missed + 1, missed
-            if missed == MOST_MISSED or (missed == 0 and before >= MOST_MISSED):
-                tell(missed == 0)
-
-    threading.Thread(target=listen, name="server listener", daemon=True).start()
+        with (folder / SERVING).open() as file:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        return ""  # its keeper has ended, and another's server may have its port by now
+    except BlockingIOError:
+        pass
+    except OSError:
+        return ""
     try:
-        yield
-    finally:
-        done.set()
-
-
-def say_whether(url: str, answers: bool) -> None:
-    """A line that a server does not answer, or does again."""
-    whether = "answers again" if answers else "does not answer; it is waited for"
-    say(f"the Prefect server {redacted_url(url)} {whether}")
-
-
-def server_host() -> str:
-    """The address that a server listens on: this machine alone, unless $PREFECT_SERVER_API_HOST says otherwise;
-    InputError for one that others would reach without a word."""
-    host = os.environ.get(HOST) or LOOPBACK
-    name, _, password = os.environ.get(AUTH_STRING, "").partition(":")
-    if not is_loopback(host) and not (name and password):
-        raise InputError(
-            f"{HOST}={host}: others would reach a server without a log-in; set {AUTH_STRING}=NAME:PASSWORD, or leave "
-            "the host out"
-        )
-    return host
-
-
-def server_answers() -> bool:
-    """Whether a run would find a server without starting one."""
-    given = os.environ.get(API_URL)
-    return is_healthy(given) if given else running_url(server_folder()) != ""
-
-
-def lock_users(folder: Path) -> int:
-    """Lock the file that every user of the server holds shared, even if killed only as long as it lives; waits for a
-    server that is ending."""
-    descriptor = os.open(folder / USERS, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
-    fcntl.flock(descriptor, fcntl.LOCK_SH)
-    return descriptor
-
-
-def nobody_uses(folder: Path) -> bool:
-    """Whether no program uses the server any more."""
-    with (folder / USERS).open("a") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return False
-    return True
-
-
-@contextmanager
-def kept_alive(folder: Path, url: str) -> Iterator[None]:
-    """Start the server again whenever it has died, as long as the block runs."""
-    done = threading.Event()
-
-    def watch() -> None:
-        while not done.wait(WATCH_SECONDS):
-            if not is_server(known_pid(folder)):
-                with suppress(DcapError, OSError):  # tried again; who needs the server says what is wrong with it
-                    start_again(folder, url, done)
-
-    thread = threading.Thread(target=watch, name="server watch", daemon=True)
-    thread.start()
-    try:
-        yield
-    finally:
-        done.set()
-
-
-def start_again(folder: Path, url: str, done: threading.Event) -> None:
-    """Start a server that has died, unless another of its users has done so or nobody needs it any more."""
-    with one_at_a_time(folder):
-        if running_url(folder) != url and not done.is_set():
-            start(folder, server_host(), port_of(url), done)
-
-
-def notice_settings() -> None:
-    """Let a Prefect that was imported for an earlier server see the new address."""
-    if "prefect" in sys.modules:
-        from prefect.context import refresh_global_settings_context
-
-        refresh_global_settings_context()
-
-
-def deliver_reports() -> None:
-    """Wait until logs and states of finished runs have reached the server."""
-    if "prefect" not in sys.modules:
-        return
-    from prefect.events.worker import EventsWorker
-    from prefect.logging.handlers import APILogWorker
-
-    with ThreadPoolExecutor(1) as waiting:  # in a thread where a notebook's loop runs, Prefect would not wait
-        for worker in (EventsWorker, APILogWorker):
-            waiting.submit(worker.drain_all, timeout=DELIVER_SECONDS).result()
-
-
-@contextmanager
-def one_at_a_time(folder: Path) -> Iterator[None]:
-    """Programs that start or stop at the same moment share one server."""
-    with (folder / "server.lock").open("w") as file:
-        fcntl.flock(file, fcntl.LOCK_EX)
-        yield
-
-
-def running_url(folder: Path) -> str:
-    """URL of the healthy server on this database; empty if there is none."""
-    url = str(known(folder).get("url", ""))
-    return url if url and is_healthy(url) else ""
-
-
-def known(folder: Path) -> dict[str, object]:
-    """What is written of the server that was started last: its URL and process id."""
-    try:
-        tree = json.loads((folder / "server.json").read_bytes())
-    except (OSError, ValueError):
-        return {}
-    return tree if isinstance(tree, dict) else {}
-
-
-def known_pid(folder: Path) -> int:
-    """Process id of the server that was started last; 0 if nothing is known of one."""
-    pid = known(folder).get("pid", 0)
-    return pid if isinstance(pid, int) else 0
+        url = str(json.loads((folder / ADDRESS).read_bytes())["url"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return ""
+    return url if is_healthy(url) else ""
 
 
 def is_healthy(url: str) -> bool:
-    """Whether a server of Prefect answers."""
-    return answer_of(f"{url}/health") == HEALTHY
-
-
-def is_ready(url: str) -> bool:
-    """Whether a server of Prefect answers, and reaches its database."""
-    return is_healthy(url) and answer_of(f"{url}/ready") is not None
-
-
-def answer_of(page: str) -> bytes | None:
-    """The beginning of a page; None where there is none."""
+    """Return whether a server of Prefect answers at an address."""
     try:
-        with urllib.request.urlopen(page, timeout=2) as answer:
-            return bytes(answer.read(SHORT_ANSWER)) if answer.status == 200 else None
-    except (OSError, ValueError, HTTPException):  # none, no address, or something else that speaks there
-        return None
+        with urllib.request.urlopen(f"{url}/health", timeout=2) as answer:
+            return bytes(answer.read(100)) == b"true"
+    except (OSError, ValueError, HTTPException):
+        return False
 
 
 def unanswered(url: str) -> str:
-    """Why a server that was named cannot be used, and what to do."""
+    """Return why a server that was named cannot be used, and what to do."""
     if has_log_in(url):
         return f"an address holds no log-in; give it as {LOGIN}=NAME:PASSWORD"
     if not url.startswith(("http://", "https://")):
         return "an address of a server begins with http:// or https://"
-    whole = f"{url.rstrip('/')}/api"
-    if is_healthy(whole):
-        return f"the address of Prefect's server ends in /api: {redacted_url(whole)}"
+    if is_healthy(f"{url.rstrip('/')}/api"):
+        return f"the address of Prefect's server ends in /api: {redacted_url(url.rstrip('/'))}/api"
     return "no server of Prefect answers there; start it or unset the variable"
 
 
-def free_port() -> int:
-    """A port of this machine that nobody listens on now."""
-    with socket.socket() as one:
-        one.bind((LOOPBACK, 0))
-        return int(one.getsockname()[1])
+def wait_for_end(url: str) -> None:
+    """Wait until a server does not answer any more."""
+    missed = 0
+    while missed < MOST_MISSED:
+        time.sleep(LOOK_SECONDS)
+        missed = 0 if is_healthy(url) else missed + 1
+
+
+def give_up_server() -> None:
+    """Let Prefect ask a lost server no more than once a time, until another one is used."""
+    os.environ[RETRIES] = "0"
+    apply_settings()
 
 
 def pages_of(url: str) -> str:
-    """Where the pages of a server are that answers at `url`, as people are told: without who signs in there."""
+    """Return where the pages of a server are, without who signs in there."""
     return redacted_url(url.removesuffix("/api"))
 
 
-def port_of(url: str) -> int:
-    """The port in an address."""
-    return urlsplit(url).port or 80
+def apply_settings() -> None:
+    """Apply our settings, and import Prefect from a folder without settings: it reads `.env`, `prefect.toml` and
+    `pyproject.toml` of the working directory, which may have come with a data set."""
+    _set_environment()
+    with chdir(server_folder()):
+        if "prefect" not in sys.modules:
+            import prefect  # noqa: F401
+        else:  # it was imported for an earlier server
+            from prefect.context import refresh_global_settings_context
+
+            refresh_global_settings_context()
 
 
-def check_port(port: int, host: str = LOOPBACK) -> None:
-    """InputError if pages cannot be served on a port: something else listens there, or the system refuses it."""
+def _set_environment() -> None:
+    """Put the project's prefect.toml into the environment; what is set there already wins."""
+    tree = tomllib.loads(resource("prefect.toml").read_text(encoding="utf-8"))
+    for name, value in _flattened(tree, "PREFECT"):
+        os.environ.setdefault(name, value)
+    os.environ.setdefault("DO_NOT_TRACK", "1")
+    if "PREFECT_HOME" not in os.environ:
+        os.environ["PREFECT_HOME"] = str(server_folder())
+        # nor does a file in the data folder count, which may be another's
+        own = Path(str(find_spec("prefect").origin)).parent  # type: ignore[union-attr]
+        os.environ.setdefault("PREFECT_PROFILES_PATH", str(own / "settings" / "profiles.toml"))
+        os.environ.setdefault("PREFECT_LOGGING_CONFIG_PATH", str(own / "logging" / "logging.yml"))
+    # runs report to the server; the terminal belongs to our own lines
+    os.environ.setdefault("PREFECT_LOGGING_HANDLERS_CONSOLE_LEVEL", "CRITICAL")
+    os.environ.setdefault("PREFECT_INTERNAL_LOGGING_LEVEL", "CRITICAL")
+    server_folder().mkdir(parents=True, exist_ok=True)
+
+
+@contextmanager
+def _as_own_server(url: str) -> Iterator[str]:
+    """Name a server in the environment, for this process and all that it starts, and let Prefect see it."""
+    own = {} if os.environ.get(API_URL) else {API_URL: url, OWN_URL: url}
+    if own and SERVER_LOGIN in os.environ and LOGIN not in os.environ:
+        own[LOGIN] = os.environ[SERVER_LOGIN]
+    os.environ.update(own)
+    if os.environ.get(RETRIES) == "0":
+        del os.environ[RETRIES]
+    logging.raiseExceptions = False  # what a lost server does not take of logs is dropped without a word
+    try:
+        apply_settings()
+        yield url
+    finally:
+        for name in own:
+            os.environ.pop(name, None)
+
+
+def _joined_server(port: int, only_there: bool) -> str:
+    """Return the address of the server of this data folder, started if need be; this process counts as its user."""
+    folder = server_folder()
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / STARTING).open("w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)  # programs that start at the same moment share one server
+        _use(folder)
+        return running_url() or _start(folder, port, only_there)
+
+
+@cache
+def _use(folder: Path) -> int:
+    """Hold the shared lock of the users until this process ends; waits while a server is being stopped."""
+    lock = os.open(folder / USERS, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+    fcntl.flock(lock, fcntl.LOCK_SH)
+    return lock
+
+
+def _start(folder: Path, port: int, only_there: bool) -> str:
+    """Start a server, wait until it is healthy, and return its address."""
+    host = os.environ.get(HOST) or LOOPBACK
+    if not is_loopback(host) and not all(os.environ.get(SERVER_LOGIN, "").partition(":")):
+        raise InputError(
+            f"{HOST}={host}: others would reach a server without a log-in; set {SERVER_LOGIN}=NAME:PASSWORD"
+        )
+    if not _is_free(host, port):
+        if only_there:
+            raise InputError(f"port {port} of {host} is taken; end what listens there, or give another with --port")
+        port = _free_port(host)
+    url = f"http://{url_host(host)}:{port}/api"
+    with (folder / LOG).open("wb") as log:
+        keeper = subprocess.Popen(
+            module_command("flows.server", str(folder), host, str(port)),
+            stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True,
+        )  # fmt: skip
+    write_whole(folder / ADDRESS, json.dumps({"url": url}).encode())
+    deadline = time.monotonic() + START_SECONDS
+    while not is_healthy(url):
+        if keeper.poll() is not None or time.monotonic() > deadline:
+            keeper.terminate()
+            words = (folder / LOG).read_text(encoding="utf-8", errors="replace").split("\n")
+            last = next((line for line in reversed(words) if line.strip()), "no word").strip()
+            raise DcapError(f"the Prefect server on port {port} did not start: {last[:300]} (log: {folder / LOG})")
+        time.sleep(0.1)
+    return url
+
+
+def _is_free(host: str, port: int) -> bool:
     with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as one:
         one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             one.bind((host, port))
-        except OSError as error:
-            if error.errno == errno.EADDRNOTAVAIL:
-                raise InputError(f"{HOST}={host}: this machine has no such address") from None
-            raise InputError(
-                f"port {port} of {host} cannot be used ({error.strerror}); end what listens there, "
-                "or give another with --port"
-            ) from None
+        except OSError:
+            return False
+        return True
 
 
-def start_anew(folder: Path, host: str, port: int) -> str:
-    """Start a server, with a new log."""
-    (folder / "server.log").unlink(missing_ok=True)
-    return start(folder, host, port)
+def _free_port(host: str) -> int:
+    with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as one:
+        one.bind((host, 0))
+        return int(one.getsockname()[1])
 
 
-def start(folder: Path, host: str, port: int, done: threading.Event | None = None) -> str:
-    """Start a server, wait until it is healthy, and return its URL; once it is `done`, nobody waits."""
-    free = free_space(folder)
-    here = not any(os.environ.get(name) for name in DATABASES)
-    if here and free < LEAST_ROOM and not (folder / "prefect.db").exists():
-        raise DcapError(f"{folder}: {free >> 20} MiB are free, too few for Prefect's database; {ROOM}")
-    url = f"http://{url_host(host)}:{port}/api"
-    process = launch(folder, host, port)
-    write_whole(folder / "server.json", json.dumps({"url": url, "pid": process.pid}).encode())
-    deadline = time.monotonic() + START_SECONDS
-    while not is_healthy(url):
-        if process.poll() is not None or time.monotonic() > deadline or (done is not None and done.is_set()):
-            stop(folder, 0.0)
-            raise DcapError(f"the Prefect server on port {port} did not start; {why_gone(folder)}")
-        time.sleep(0.2)
-    return url
+def _flattened(tree: dict[str, object], prefix: str) -> Iterator[tuple[str, str]]:
+    """Yield `[server] analytics_enabled = false` as PREFECT_SERVER_ANALYTICS_ENABLED=false."""
+    for key, value in tree.items():
+        name = f"{prefix}_{key.upper()}"
+        if isinstance(value, dict):
+            yield from _flattened(value, name)
+        else:
+            yield name, str(value).lower() if isinstance(value, bool) else str(value)
 
 
-def why_gone(folder: Path) -> str:
-    """What may have ended a server."""
-    if team_server():
-        return f"{API_URL} names it: see there, or unset the variable"
-    free, log = free_space(folder), folder / "server.log"
-    full = f"the disk of {folder} has {free >> 20} MiB left ({ROOM}); " if free < LEAST_ROOM else ""
-    named = [name for name in DATABASES if os.environ.get(name)]
-    other = f"its database is what {named[0]} names; " if named else ""
-    words = last_line(log)
-    return f"{full}{other}{f'its last words are: {words}; ' if words else ''}its log is {log}"
-
-
-def last_line(log: Path) -> str:
-    """The last error of a log, or its end, as a line to be shown, without the secrets that it quotes."""
-    try:
-        with log.open("rb") as file:
-            begin = file.seek(max(0, file.seek(0, os.SEEK_END) - LOG_END))
-            words = file.read()
-    except OSError:
-        return ""
-    if begin:  # in the middle of a line or a word, which may be half a secret
-        words = words.partition(b"\n")[2].strip() or words.partition(b" ")[2]
-    lines = [line.strip() for line in words.decode(errors="replace").split("\n") if line.strip()]
-    errors = [line for line in lines if ERROR_LINE.match(line)]
-    return shortened(redacted((errors or lines or [""])[-1]), LONGEST_LINE)
-
-
-def launch(folder: Path, host: str, port: int) -> "subprocess.Popen[bytes]":
-    """The server's process, in a session and folder of its own: a working directory's settings are not the server's."""
+def main() -> None:
+    """Keep a server until nobody uses it: FOLDER HOST PORT."""
+    folder, host, port = Path(sys.argv[1]), sys.argv[2], sys.argv[3]
+    _set_environment()
+    serving = (folder / SERVING).open("a")
+    fcntl.flock(serving, fcntl.LOCK_EX)  # until this process ends
     environment = os.environ | {
-        "PREFECT_SERVER_API_PORT": str(port),
-        "PREFECT_HOME": str(folder),  # leases of limits belong to this database
+        "PREFECT_SERVER_API_PORT": port,
+        "PREFECT_HOME": str(folder),
         "PREFECT_UI_API_URL": "/api",  # of whichever address the pages came from
-        "PYTHONSAFEPATH": "1",  # what the server starts takes nothing from the working directory either
+        "PREFECT_SERVER_CORS_ALLOWED_ORIGINS": f"http://{url_host(host)}:{port}",  # no page of another site
     }
-    if not any(os.environ.get(name) for name in DATABASES):
-        environment[DATABASES[0]] = f"sqlite+aiosqlite:///{folder / 'prefect.db'}"
+    if OLD_DATABASE not in environment:
+        environment.setdefault(DATABASE, f"sqlite+aiosqlite:///{folder / 'prefect.db'}")
     environment.pop(API_URL, None)
-    (folder / "concurrency_leases" / "expirations.lock").unlink(missing_ok=True)  # of a server that was killed
-    with (folder / "server.log").open("ab") as log:
-        return subprocess.Popen(
-            module_command(PROGRAM, str(folder), host, str(port)),
-            env=environment,
-            cwd=folder,
-            stdin=subprocess.DEVNULL,
-            stdout=log,
-            stderr=log,
-            start_new_session=True,
-        )
+    command = [sys.executable, "-P", "-m", "prefect", "server", "start", "--host", host, "--port", port]
+    server = subprocess.Popen(command, env=environment, cwd=folder, preexec_fn=die_with_parent)
+    with serving, (folder / USERS).open("a") as users:
+        while server.poll() is None:
+            try:
+                fcntl.flock(users, fcntl.LOCK_EX | fcntl.LOCK_NB)  # who comes now waits until the server has ended
+                break
+            except BlockingIOError:
+                time.sleep(POLL_SECONDS)
+        server.send_signal(signal.SIGINT)
+        try:
+            server.wait(STOP_SECONDS)
+        except subprocess.TimeoutExpired:
+            server.kill()
+            server.wait()
 
 
-def stop(folder: Path, patience: float) -> None:
-    """Stop the server that this project started on this database, with its helpers; it is killed after `patience`
-    [s]."""
-    pid = known_pid(folder)
-    (folder / "server.json").unlink(missing_ok=True)
-    if not is_server(pid):
-        return
-    for kind, seconds in ((signal.SIGINT, patience), (signal.SIGKILL, STOP_SECONDS)):
-        with suppress(ProcessLookupError):
-            os.killpg(pid, kind)
-        deadline = time.monotonic() + seconds
-        while is_server(pid) and time.monotonic() < deadline:
-            with suppress(ChildProcessError):  # another program started it and waits for it
-                os.waitpid(pid, os.WNOHANG)
-            time.sleep(0.05)
+def die_with_parent() -> None:
+    """Let the kernel kill this process when the one that started it dies; runs in the child before the program."""
+    with suppress(AttributeError, OSError):  # not Linux
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
-def is_server(pid: int) -> bool:
-    """Whether a process is a server of ours that still runs: numbers are given again after a restart of the machine."""
-    try:
-        words = Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0")
-    except OSError:
-        return False
-    return PROGRAM.encode() in words
+if __name__ == "__main__":
+    main()

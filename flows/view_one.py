@@ -17,7 +17,6 @@ import viser
 
 from dcap.scene.errors import DcapError, InputError
 from dcap.scene.settings import runs_root
-from dcap.scene.store.artifacts import Store
 from dcap.scene.types.paint import SourceSurface
 from dcap.scene.types.rotation import Rotation
 from dcap.scene.types.scan import Scan
@@ -26,11 +25,10 @@ from flows.configure import configured
 from flows.find_run import RUN
 from flows.label_one import found_scene
 from flows.language_options import language_options
-from flows.one_sample import sample_of
 from flows.options import PlaceOptions, check_out
 from flows.output import load
 from flows.place import PlaceConfig
-from flows.place_one import place_files
+from flows.place_one import place_files, sample_of
 from flows.placement_json import certificate_of, placement_json
 from flows.run_files import PLACEMENT, FinishedPlacement, finished_placement
 from flows.view.model import middle_of, placement_view, scene_view
@@ -40,6 +38,7 @@ from flows.view.pick_panel import PickPanel
 from flows.view.picking import PickedPoint, SurfacePicker
 from flows.view.serving import arrange, open_browser, open_server, url_of
 from flows.view.signals import signal_series
+from tasks.artifact import Store
 
 
 def silent(url: str, note: str) -> None:

@@ -16,13 +16,12 @@ from dcap.geometry.raycast import Raycaster, packed_rays
 from dcap.geometry.rendering.picture import picture
 from dcap.geometry.solid.support import support_solid
 from dcap.scene.settings import PROJECT_ROOT
-from dcap.scene.store.artifacts import Store
 from dcap.scene.types.mesh import Mesh
-from perf import aims, pictures, repair, segments, splats, starts, workflow
+from perf import aims, pictures, repair, segments, splats, workflow
 from perf.drops import drop_rows, mls_speed
 from perf.stopwatch import best
-from tasks.runner.digests import forget, source_digests
-from tasks.runner.parsed_sources import said_by
+from tasks.artifact import Store
+from tasks.code import code_of
 
 GRID = 700
 """Side of the test mesh: about a million triangles, the size of a scanned room."""
@@ -104,24 +103,18 @@ def under_box() -> MeshDistance:
 
 
 def digest_rows() -> list[tuple[str, float, str, float]]:
-    """Finding out whether code has changed against reading it: parsed, and kept from an earlier program."""
+    """Finding out whether code has changed, from what is kept of each source, against reading it."""
     path = PROJECT_ROOT / "tasks" / "drop" / "stage.py"
-    names = [name for name in source_digests(path, PROJECT_ROOT) if name.endswith(".py")]
-
-    def parse() -> None:
-        for name in names:
-            said_by((PROJECT_ROOT / name).read_bytes(), name)
+    names = [name for name in code_of(path).files if name.endswith(".py")]
 
     def look_up() -> None:
-        forget()
-        source_digests(path, PROJECT_ROOT)
+        code_of.cache_clear()
+        code_of(path)
 
     def read() -> list[bytes]:
         return [(PROJECT_ROOT / name).read_bytes() for name in names]
 
-    reading = best(read)
-    return [("parse a stage's code", best(parse), "read it", reading),
-            ("know a stage's code", best(look_up), "read it", reading)]  # fmt: skip
+    return [("know a stage's code", best(look_up), "read it", best(read))]
 
 
 def main() -> None:
@@ -133,7 +126,6 @@ def main() -> None:
         table.add_row(what, f"{seconds:.4f}", against, f"{reference:.4f}", f"{seconds / reference:.1f}")
     console = Console(highlight=False, width=120)
     console.print(table)
-    console.print(starts.table())
     console.print(workflow.table())
     console.print(pictures.table())
     titles = ["drop", "particles", "steps", "Newton", "linear", "wall", "per particle and step", "memory", "depth"]

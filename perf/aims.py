@@ -15,7 +15,6 @@ from dcap.evaluation.aim_scores import Aim, Marks, aim_of, marks, shares
 from dcap.evaluation.outcome_table import ExpectedOutcome, read_truth
 from dcap.language.offline.client import OfflineClient
 from dcap.scene.errors import LanguageError
-from dcap.scene.store.artifacts import Source
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.outcome import Infeasible, Reason
@@ -29,6 +28,7 @@ from dcap.synthetic.shapes import joined
 from flows.samples import EMBEDDED, TRUTH, load_yaml
 from perf.segments import read_room
 from tasks.anchor.stage import AnchorConfig, anchor
+from tasks.artifact import Source
 from tasks.intent.stage import IntentConfig, intent
 from tasks.mesh.stage import MeshConfig, mesh_object
 from tasks.rotation.stage import RotationConfig, rotation

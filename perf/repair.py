@@ -17,13 +17,13 @@ from rich.table import Table
 from dcap.geometry.solid.closed import simulation_ready
 from dcap.geometry.solid.support import shell_bottoms
 from dcap.language.offline.client import OfflineClient
-from dcap.scene.store.artifacts import Source
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.repair_report import RepairReport
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.segmentation import Segmentation
 from dcap.synthetic.recipes import room_names
 from perf.segments import read_room
+from tasks.artifact import Source
 from tasks.mesh.stage import MeshConfig, mesh_scene
 from tasks.particles.config import ParticlesConfig
 from tasks.segment.stage import SegmentConfig, segment, segment_object

@@ -25,7 +25,6 @@ from ruamel.yaml import YAML
 from dcap.geometry.segmentation.labels import Category, category_of
 from dcap.language.offline.client import OfflineClient
 from dcap.scene.errors import DcapError
-from dcap.scene.store.artifacts import Source
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.intent import Intent
@@ -40,6 +39,7 @@ from dcap.synthetic.recipes import room_names
 from dcap.synthetic.shapes import joined
 from perf.segments import on_mesh, read_room, without_annotations
 from tasks.anchor.stage import AnchorConfig, anchor
+from tasks.artifact import Source
 from tasks.intent.stage import IntentConfig, intent
 from tasks.mesh.stage import MeshConfig, mesh_object, mesh_scene
 from tasks.rotation.stage import RotationConfig, rotation

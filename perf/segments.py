@@ -15,13 +15,13 @@ from dcap.evaluation.label_scores import label_accuracy
 from dcap.evaluation.segment_scores import GroundTruth, Score, scores
 from dcap.geometry.distance import MeshDistance
 from dcap.language.offline.client import OfflineClient
-from dcap.scene.store.artifacts import Source
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.scan import Scan
 from dcap.scene.writers.interiorgs import write_interiorgs
 from dcap.synthetic.recipes import room_names
 from dcap.synthetic.rooms import BuiltRoom, build_room
+from tasks.artifact import Source
 from tasks.mesh.stage import MeshConfig, mesh_scene
 from tasks.segment.stage import SegmentConfig, segment
 

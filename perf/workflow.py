@@ -1,7 +1,6 @@
-"""What the workflow itself costs: of a flow run and of a stage in it, computed, cached and looked up, without its work.
+"""What the workflow itself costs: of a stage that does next to nothing, by how it is run.
 
-Stages that do next to nothing are run as those of samples are: as children of one flow run, against a server of their
-own. What a stage costs is the slope over the number of stages, what a flow run costs is the rest.
+A chain of stages is run without Prefect, and in a flow run against a server of its own.
 """
 
 import os
@@ -10,22 +9,17 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from itertools import count
-from pathlib import Path
 from statistics import median
-from uuid import UUID
 
 from rich.table import Table
 
-from dcap.scene.store.ref import Ref
 from dcap.scene.types.materials import Material
 from flows.server import prefect_server
-from tasks.runner.context import RunContext, use_context
-from tasks.runner.stage import stage
+from tasks.artifact import Ref
+from tasks.cache import Mode, RunContext, stage, use_context
 
-STAGES = 9
-"""As a placement has."""
-REPEATS = 5
-SEEDS = count()
+STAGES, REPEATS = 18, 5
+"""As a measured placement has; and of each the median of so many."""
 
 
 def made(seed: int) -> Material:
@@ -41,72 +35,58 @@ def passed(material: Material, step: int) -> Material:
 made_task, passed_task = stage(made), stage(passed)
 
 
-def chain(seed: int, stages: int) -> Ref[Material]:
-    """So many stages, each with what the one before it returned."""
+def chain(seed: int) -> None:
+    """Run the stages, each with what the one before it returned."""
     ref: Ref[Material] = made_task(seed)
-    for step in range(stages - 1):
+    for step in range(STAGES - 1):
         ref = passed_task(ref, step)
-    return ref
+
+
+def chain_seconds(seeds: Iterator[int]) -> tuple[float, float]:
+    """Return the time of a stage that is computed, and of one that is cached: medians [s]."""
+    some = [next(seeds) for _ in range(REPEATS)]
+    computed = median(seconds(lambda seed=seed: chain(seed)) for seed in some)  # type: ignore[misc]
+    return computed / STAGES, median(seconds(lambda seed=seed: chain(seed)) for seed in some) / STAGES  # type: ignore[misc]
+
+
+def seconds(action: Callable[[], object]) -> float:
+    """Return how long an action takes [s]."""
+    begin = time.perf_counter()
+    action()
+    return time.perf_counter() - begin
 
 
 @contextmanager
-def place_of_its_own() -> Iterator[None]:
-    """A data folder that is gone afterwards, with a server."""
+def own_data_folder() -> Iterator[None]:
+    """Use a data folder that is gone afterwards."""
     before = os.environ.get("DCAP_DATA")
-    with tempfile.TemporaryDirectory() as folder:
-        os.environ["DCAP_DATA"] = str(Path(folder))
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        os.environ["DCAP_DATA"] = folder
         try:
-            with prefect_server():
-                yield
+            yield
         finally:
             os.environ.pop("DCAP_DATA")
             if before is not None:
                 os.environ["DCAP_DATA"] = before
 
 
-def seconds(action: Callable[[], object]) -> float:
-    """How long it takes [s]."""
-    begin = time.perf_counter()
-    action()
-    return time.perf_counter() - begin
-
-
-def children_seconds(parent: UUID) -> dict[str, tuple[float, float]]:
-    """Seconds of a flow run with one stage and with all of them, computed and cached; medians of a few."""
-    from flows.flow_runs import FlowRunNames, flow_run
-
-    def child(seed: int, stages: int) -> float:
-        begin = time.perf_counter()
-        with flow_run(FlowRunNames("chain", f"{stages} stages", (), {}), parent):
-            chain(seed, stages)
-        return time.perf_counter() - begin
-
-    def few(stages: int) -> tuple[float, float]:
-        seeds = [next(SEEDS) for _ in range(REPEATS)]
-        return median(child(seed, stages) for seed in seeds), median(child(seed, stages) for seed in seeds)
-
-    few(1)  # what is loaded on first use
-    one, all_of_them = few(1), few(STAGES)
-    return {"computed": (one[0], all_of_them[0]), "cached": (one[1], all_of_them[1])}
-
-
-def looked_up_seconds(seed: int) -> float:
-    """Looking all stages up that have run, without a flow run [s]."""
-    with use_context(RunContext(lookup_only=True)):
-        return median(seconds(lambda: chain(seed, STAGES)) for _ in range(REPEATS))
-
-
 def table() -> Table:
-    """Costs by how a stage ends."""
-    from flows.flow_runs import FlowRunNames, flow_run
+    """Return the costs of a stage by how it is run."""
+    shown = Table("the workflow itself, a stage", "computed", "cached", box=None)
+    seeds, found = count(), dict[str, tuple[float, float]]()
+    with own_data_folder():
+        chain(next(seeds))  # what is loaded on first use
+        found["without Prefect"] = chain_seconds(seeds)
+        with prefect_server():
+            from prefect import flow
 
-    shown = Table("the workflow itself", "flow run", "stage", box=None)
-    with place_of_its_own():
-        with flow_run(FlowRunNames("benchmark", "perf", (), {})) as engine:
-            assert engine.flow_run is not None
-            found = children_seconds(engine.flow_run.id)
-        for how, (one, all_of_them) in found.items():
-            each = (all_of_them - one) / (STAGES - 1)
-            shown.add_row(how, f"{one - each:.2f} s", f"{1e3 * each:.0f} ms")
-        shown.add_row("looked up", "", f"{1e3 * looked_up_seconds(next(SEEDS) - 1) / STAGES:.0f} ms")
+            @flow(name="chain", persist_result=False)
+            def watched() -> None:
+                with use_context(RunContext(Mode.WATCHED)):
+                    chain(next(seeds))
+                    found["in a flow run"] = chain_seconds(seeds)
+
+            watched()
+    for how, (computed, cached) in found.items():
+        shown.add_row(how, f"{1e3 * computed:.1f} ms", f"{1e3 * cached:.1f} ms")
     return shown

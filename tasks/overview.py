@@ -18,8 +18,8 @@ from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.renders import Overview
 from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
 from tasks.bodies.object_shape import OpenShape, object_shape
+from tasks.cache import stage
 from tasks.requests.candidates import candidates_picture
-from tasks.runner.stage import stage
 
 Array = NDArray[np.float64]
 

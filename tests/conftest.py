@@ -1,5 +1,6 @@
-"""Settings of all tests: random examples are the same in every run; the model's stand-in."""
+"""Settings of all tests: random examples are the same in every run; the model's stand-in; one server of Prefect."""
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -9,6 +10,46 @@ from hypothesis import settings
 
 settings.register_profile("fixed", derandomize=True, deadline=None)
 settings.load_profile("fixed")
+
+
+def prefects() -> dict[str, str]:
+    """The variables of Prefect in the environment."""
+    return {name: value for name, value in os.environ.items() if name.startswith("PREFECT_")}
+
+
+@pytest.fixture(autouse=True)
+def same_settings_of_prefect() -> Iterator[None]:
+    """No test leaves variables of Prefect to the next one, as the address of a server."""
+    before = prefects()
+    yield
+    if prefects() != before:
+        for name in prefects():
+            del os.environ[name]
+        os.environ.update(before)
+
+
+@pytest.fixture(scope="session")
+def shared_server(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> str:
+    """Address of the Prefect server of all tests, those of other processes included. It ends with the last of them."""
+    root, before = tmp_path_factory.getbasetemp(), prefects()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("DCAP_DATA", str((root if worker_id == "master" else root.parent) / "server"))
+        for name in before:
+            patch.delenv(name)
+        from flows.server import prefect_server
+
+        with prefect_server() as url:
+            pass
+        for name in prefects().keys() - before.keys():
+            del os.environ[name]
+    return url
+
+
+@pytest.fixture
+def server(shared_server: str, monkeypatch: pytest.MonkeyPatch) -> str:
+    """Address of that server, which the environment names."""
+    monkeypatch.setenv("PREFECT_API_URL", shared_server)
+    return shared_server
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ import pytest
 from foreign_names import OURS, foreign_folder, marks
 
 from dcap.packages import COMPANIONS, ROOT
-from tasks.runner.digests import source_digests
+from tasks.code import code_of
 
 CASE = """
 resolution: 0.02
@@ -29,12 +29,12 @@ CARRIED = ("materials.csv", "prefect.toml", "prompts/common.j2", "data/rooms.yam
 SHOW = """
 import dcap, json, sys
 from dcap.scene.settings import PROJECT_ROOT, data_root
-from tasks.runner.digests import source_digests
+from tasks.code import code_of
 result = dcap.drop("case.yaml", threads=1)
 stage = PROJECT_ROOT / "tasks" / "materials" / "stage.py"
 print(json.dumps({
     "home": str(PROJECT_ROOT), "data": str(data_root()), "version": dcap.__version__, "verdict": result.verdict,
-    "folder": str(result.folder), "digests": source_digests(stage, PROJECT_ROOT),
+    "folder": str(result.folder), "digests": dict(code_of(stage, PROJECT_ROOT).files),
 }))
 """
 
@@ -107,7 +107,7 @@ def test_the_wheel_works_elsewhere(installed: Path, tmp_path: Path) -> None:
     assert shown["data"] == str(tmp_path / "share" / "dcap")
     assert Path(shown["folder"]).is_relative_to(shown["data"])
     stage = ROOT / "tasks" / "materials" / "stage.py"
-    assert shown["digests"] == source_digests(stage, ROOT)
+    assert shown["digests"] == dict(code_of(stage, ROOT).files)
     assert {"materials.csv", "prompts/common.j2"} <= set(shown["digests"])
     assert marks(tmp_path) == ""
 
@@ -163,8 +163,8 @@ def site_of(programs: Path) -> Path:
 
 
 def test_data_is_found_through_one_function() -> None:
-    """No module but the runner, which reads source code, looks for files below the root itself: a wheel has none."""
-    allowed = {ROOT / "dcap" / "scene" / "settings.py", *(ROOT / "tasks" / "runner").glob("*.py")}
+    """No module but the one that reads source code looks for files below the root itself: a wheel has none."""
+    allowed = {ROOT / "dcap" / "scene" / "settings.py", ROOT / "tasks" / "code.py"}
     looked_at = [path for package in ("dcap", *COMPANIONS) for path in (ROOT / package).rglob("*.py")]
     assert len(looked_at) > len(allowed)
     assert [str(path) for path in looked_at if path not in allowed and "PROJECT_ROOT" in path.read_text()] == []

@@ -8,7 +8,6 @@ are.
 from dataclasses import dataclass
 
 import numpy as np
-import open3d
 from numpy.typing import NDArray
 
 from dcap.geometry.boundary import welded
@@ -89,6 +88,8 @@ class DisplacementField:
     """Displacement of the nearest point of a surface, fading out beyond `close` [m]."""
 
     def __init__(self, start: Mesh, displacement: NDArray[np.float64], close: float = CLOSE) -> None:
+        import open3d
+
         self._faces, self._displacement, self._close = start.faces, displacement, close
         self._shift = start.bounds.mean(axis=0)
         self._scene = open3d.t.geometry.RaycastingScene()

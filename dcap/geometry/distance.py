@@ -15,7 +15,6 @@ from typing import TypeAlias, TypeVar
 
 import igl
 import numpy as np
-import open3d
 from numpy.typing import NDArray
 from scipy.ndimage import label, map_coordinates
 
@@ -51,6 +50,8 @@ class MeshDistance:
     """
 
     def __init__(self, mesh: Mesh, sides: Mesh | None = None) -> None:
+        import open3d
+
         if len(mesh.faces) == 0:
             raise GeometryError("signed distance to a mesh without faces; give a part that has a surface")
         inner = sides if sides is not None else mesh
@@ -108,6 +109,8 @@ class Crossings:
     """
 
     def __init__(self, vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> None:
+        import open3d
+
         self._scene = open3d.t.geometry.RaycastingScene()
         self._scene.add_triangles(tensor(vertices, np.float32), tensor(faces, np.uint32))
         a, b, c = vertices[faces].transpose(1, 0, 2)

@@ -5,13 +5,15 @@ sides. Ray tracing is Embree's, in single precision: hits are accurate to about 
 """
 
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 import numpy as np
-import open3d
 from numpy.typing import NDArray
 
 from dcap.scene.types.mesh import Mesh
+
+if TYPE_CHECKING:
+    import open3d  # half a second, which nobody waits for who finds all cached
 
 FloatArray = NDArray[np.floating]
 Packed = NDArray[np.float32]
@@ -67,6 +69,8 @@ class Raycaster:
 
     def __init__(self, mesh: Mesh, faces: NDArray[np.integer] | None = None) -> None:
         """All of a mesh, or some faces (k,) of it, which keep their numbers in it."""
+        import open3d
+
         used = mesh.faces if faces is None else mesh.faces[faces]
         self._empty = len(used) == 0
         # a miss has number -1, which finds the last row
@@ -190,7 +194,7 @@ def misses(count: int) -> Hits:
     )
 
 
-def rays(origins: FloatArray, directions: FloatArray) -> open3d.core.Tensor:
+def rays(origins: FloatArray, directions: FloatArray) -> "open3d.core.Tensor":
     """Packed rays in the ray tracer's own array."""
     return tensor(packed_rays(origins, directions))
 
@@ -202,6 +206,8 @@ def packed_rays(origins: FloatArray, directions: FloatArray) -> Packed:
     return packed
 
 
-def tensor(array: NDArray[np.generic], kind: type[np.generic] = np.float32) -> open3d.core.Tensor:
+def tensor(array: NDArray[np.generic], kind: type[np.generic] = np.float32) -> "open3d.core.Tensor":
     """An array of the wanted type, without a copy where it has it."""
+    import open3d
+
     return open3d.core.Tensor.from_numpy(np.ascontiguousarray(array, dtype=kind))

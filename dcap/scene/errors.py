@@ -48,7 +48,3 @@ class MissingArtifactError(StoreError):
 
 class MachineError(DcapError):
     """What the program needs of its machine is not to be had: room on a disk, rights, memory, open files, a server."""
-
-
-class ServerGoneError(MachineError):
-    """The server of the runs was waited for in vain: nothing can go on, nor be told there."""

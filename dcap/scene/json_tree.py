@@ -1,5 +1,6 @@
 """Frozen values as JSON: what is typed inside becomes plain where a file is written for people and other programs."""
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from enum import Enum
@@ -55,3 +56,9 @@ def _sorted(tree: JsonValue) -> JsonValue:
     if isinstance(tree, Mapping):
         return sorted_keys(tree)
     return [_sorted(item) for item in tree] if isinstance(tree, list) else tree
+
+
+def canonical_json(tree: object, *, indent: int | None = None) -> bytes:
+    """JSON with sorted keys and without NaN: equal trees give equal bytes."""
+    text = json.dumps(tree, sort_keys=True, allow_nan=False, ensure_ascii=False, indent=indent)
+    return text.encode()

@@ -1,5 +1,6 @@
 """Files that appear whole or not at all: what was there stays where a disk is full or the program is killed."""
 
+import hashlib
 import os
 import tempfile
 from collections.abc import Iterator
@@ -36,3 +37,9 @@ def write_whole(path: Path, data: bytes, mode: int = NEW_FILE) -> None:
     """Write a file beside its place and move it there; OSError names the file."""
     with whole_file(path, mode) as draft:
         draft.write_bytes(data)
+
+
+def digest_of_file(path: Path) -> str:
+    """SHA-256 of one file's bytes."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -17,10 +17,10 @@ import pyarrow.parquet as pq
 
 from dcap.geometry.splatting import on_mesh as splat_maker
 from dcap.geometry.splatting.on_mesh import splats_on_mesh
-from dcap.scene.store import ply as ply_write
 from dcap.scene.writers import gaussians as gaussians_write
 from dcap.scene.writers import interiorgs as interiorgs_write
 from dcap.scene.writers import objects as object_write
+from dcap.scene.writers import ply as ply_write
 from dcap.scene.writers.interiorgs import write_interiorgs, write_interiorgs_splats
 from dcap.scene.writers.objects import write_object
 from dcap.synthetic.objects import in_file_unit

@@ -1,5 +1,5 @@
 """The command line: `dcap place|benchmark|plan|rerun|drop|report|diff|provenance|judge|maps|view|export|study|dataset|
-cache|config|ui`.
+cache|config|ui|worker`.
 
 Results go to standard output, everything else to standard error. Exit codes: 0 at rest or done, 2 bad input, 3
 understood but infeasible, 4 some samples of a benchmark failed. An error that a user can mend is one line.
@@ -7,31 +7,34 @@ understood but infeasible, 4 some samples of a benchmark failed. An error that a
 
 import json
 import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from dcap.language.protocol.client import DEFAULT_MODEL
+from dcap.scene.errors import MachineError
 from dcap.scene.settings import runs_root, shared_store_url, version
-from flows.cli.border import check_words, end_output, let_go, told
-from flows.cli.checks import Json, given
+from flows.cli.border import check_words, end_output, told
+from flows.cli.checks import Json, Run, with_options
 from flows.cli.config_command import config_app
 from flows.cli.data import cache_app, dataset_app
-from flows.cli.diff_command import diff
-from flows.cli.export_command import export
-from flows.cli.judge_command import judge
-from flows.cli.maps_command import maps
-from flows.cli.provenance_command import provenance
+from flows.cli.results import diff, export, judge, maps, provenance, view
 from flows.cli.study_command import study_app
-from flows.cli.view_command import view
-from flows.cli.worker_command import worker
 from flows.find_run import find_run
-from flows.interrupts import INTERRUPTED, end_processes, say_interrupted
-from flows.options import DropOptions, PlaceOptions, check_case, check_out, check_prompt
-from flows.settings.own import effective_options, exported_paths, run_settings, server_settings
+from flows.interrupts import INTERRUPTED
+from flows.options import (
+    BenchmarkOptions,
+    DropOptions,
+    PlaceOptions,
+    PlanOptions,
+    UiOptions,
+    check_case,
+    check_out,
+    check_prompt,
+)
+from flows.settings.effective import exported_paths
 
+__all__ = ["INTERRUPTED", "app", "main"]
 INFEASIBLE = 3
 SOME_FAILED = 4
 COMPUTING = frozenset({"place", "benchmark", "plan", "rerun", "drop"})
@@ -48,55 +51,8 @@ app.add_typer(dataset_app, name="dataset")
 app.add_typer(cache_app, name="cache")
 app.add_typer(study_app, name="study")
 app.add_typer(config_app, name="config")
-app.command()(maps)
-app.command()(judge)
-app.command()(view)
-app.command()(export)
-app.command()(diff)
-app.command()(provenance)
-app.command()(worker)
-
-Workers = Annotated[int, typer.Option(min=1, max=64, help="Samples to place in parallel.")]
-Dataset = Annotated[Path | None, typer.Option(help="YAML list of samples; default: the embedded rooms.")]
-Methods = Annotated[
-    str, typer.Option(help="Comma-separated: dcap, fireplace, layoutgpt, holodeck, ablations by name, or all.")
-]
-Scenes = Annotated[
-    str,
-    typer.Option(metavar="LIST", help="Only these scenes: names between commas, a .txt file of names, or a split."),
-]
-Limit = Annotated[int | None, typer.Option(min=1, help="Only the first N samples.")]
-Language = Annotated[
-    str,
-    typer.Option(help="Who reads the sentence: offline (default), anthropic, openai or replay.", show_default=False),
-]
-Model = Annotated[str, typer.Option(help="Model to ask; default: " + DEFAULT_MODEL + ".", show_default=False)]
-Record = Annotated[
-    str,
-    typer.Option(metavar="DIR", help="Keep a copy of each reply in this folder, for --replay.", show_default=False),
-]
-Replay = Annotated[
-    str, typer.Option(metavar="DIR", help="Answer from replies recorded in this folder.", show_default=False)
-]
-MaxCost = Annotated[float | None, typer.Option(help="Spend at most this on a model [USD].")]
-Solver = Annotated[str, typer.Option(help="Method of the solver: tl or mls.")]
-Arch = Annotated[
-    str, typer.Option(help="Where the solver runs: cpu, cuda (a graphics card) or auto (cuda if it starts).")
-]
-Stability = Annotated[bool, typer.Option("--stability", help="Push what is at rest and grade how much it withstands.")]
-LoadAware = Annotated[
-    bool,
-    typer.Option("--load-aware", help="Treat parts that give less than 0.05 mm under the load as rigid too."),
-]
-Ambiguous = Annotated[
-    str, typer.Option(help="Where the sentence may mean several things: ask (and end) or take the best.")
-]
-PaperLimits = Annotated[
-    bool,
-    typer.Option("--paper-limits", help="Clamp materials to the paper's limits (E >= 5e4 Pa ...)."),
-]
-Resolution = Annotated[float | None, typer.Option(help="Cell size at the contact [m]; default: from the physics.")]
-Threads = Annotated[int, typer.Option(min=0, help="Threads of the solver, 0: all cores; never changes a result.")]
+for command in (maps, judge, view, export, diff, provenance):
+    app.command()(command)
 
 
 def print_version(asked: bool) -> None:
@@ -116,67 +72,23 @@ def everything(
     """Deformable, contact-aware placement: an object at rest in a scene, from a sentence."""
     context.with_resource(exported_paths())
     if shared_store_url() and context.invoked_subcommand in COMPUTING:
-        from dcap.scene.store.artifacts import Store
+        from tasks.artifact import Store
 
         Store.default()  # once, rather than as an error of every sample
 
 
 @app.command()
+@with_options(PlaceOptions)
 def place(
-    context: typer.Context,
     scene: Annotated[
         str, typer.Argument(help="Folder (InteriorGS, ScanNet, SuGaR) or mesh (GLB, OBJ, PLY, STL, USD).")
     ],
     object: Annotated[str, typer.Argument(help="Mesh of the object.")],  # noqa: A002 the contract's name
     prompt: Annotated[str, typer.Argument(help='What to do: "put the ball at the centre of the bed".')],
-    out: Annotated[Path | None, typer.Option(help="Folder for the results; default: data/runs/place.")] = None,
-    language: Language = "",
-    model: Model = "",
-    record: Record = "",
-    replay: Replay = "",
-    max_cost: MaxCost = None,
-    label: Annotated[str, typer.Option(help="What the scene mesh, or each of its unnamed nodes, is: table.")] = "",
-    up: Annotated[str, typer.Option(help="Up axis of the scene file: z, y, -y, -z or auto.")] = "auto",
-    unit: Annotated[str, typer.Option(help="Length unit of the scene file: m, cm, mm, in or auto.")] = "auto",
-    height_of: Annotated[
-        str,
-        typer.Option(metavar="THING=METRES", help="Height of a thing, for a file of unknown scale: table=0.75."),
-    ] = "",
-    labels: Annotated[
-        str,
-        typer.Option(metavar="FILE", help="Names of the scene's things: labels.json, vertex ids, RoomPlan's JSON."),
-    ] = "",
-    at: Annotated[
-        str, typer.Option(metavar="X,Y[,Z]", help="Point of the scene file's own frame that the object goes to.")
-    ] = "",
-    support: Annotated[
-        str,
-        typer.Option(metavar="X0,Y0,Z0,X1,Y1,Z1", help="Box of the scene file's own frame whose faces carry."),
-    ] = "",
-    object_label: Annotated[str, typer.Option(help="What the object is: mug.")] = "",
-    object_up: Annotated[str, typer.Option(help="Up axis of the object file: z, y, -y, -z or auto.")] = "auto",
-    object_unit: Annotated[str, typer.Option(help="Length unit of the object file: m, cm, mm, in or auto.")] = "auto",
-    mass: Annotated[float | None, typer.Option(help="Mass of the object [kg]; default: a prior for its kind.")] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of all random numbers.")] = 0,
-    resolution: Resolution = None,
-    threads: Threads = 0,
-    solver: Solver = "tl",
-    arch: Arch = "cpu",
-    stability: Stability = False,
-    load_aware: LoadAware = False,
-    paper_limits: PaperLimits = False,
-    ambiguous: Ambiguous = "ask",
-    maps: Annotated[
-        bool, typer.Option("--maps", help="Write conditioning maps, too: depth, normals, masks ...")
-    ] = False,
-    animate: Annotated[bool, typer.Option("--animate", help="Write a film of the drop, too: drop.mp4.")] = False,
-    surface: Annotated[
-        str, typer.Option(help="embedded (default) or iso: the surfaces around the material points, too: iso.glb.")
-    ] = "embedded",
+    options: PlaceOptions,
     as_json: Json = False,
 ) -> int:
     """Place one object in one scene."""
-    options = effective_options(PlaceOptions, given(context, "scene", "object", "prompt", "as_json"))
     check_prompt(prompt)
     folder = options.out or runs_root() / "place"
     check_out(folder)
@@ -194,20 +106,14 @@ def place(
 
 
 @app.command()
+@with_options(DropOptions)
 def drop(
-    context: typer.Context,
     case: Annotated[Path, typer.Argument(help="Case file: bodies, shapes, materials.")],
     out: Annotated[Path, typer.Option(help="Folder for the results.")],
-    solver: Solver = "tl",
-    resolution: Resolution = None,
-    threads: Threads = 0,
-    arch: Arch = "cpu",
-    stability: Stability = False,
-    load_aware: LoadAware = False,
+    options: DropOptions,
     as_json: Json = False,
 ) -> int:
     """Physics only: settle the bodies of a case file."""
-    options = effective_options(DropOptions, given(context, "case", "as_json"))
     check_case(case)
     check_out(out)
 
@@ -219,89 +125,38 @@ def drop(
 
 
 @app.command()
-def benchmark(
-    context: typer.Context,
-    dataset: Dataset = None,
-    methods: Methods = "dcap",
-    scenes: Scenes = "",
-    limit: Limit = None,
-    workers: Workers = 2,
-    only_failed: Annotated[
-        bool, typer.Option("--only-failed", help="Only samples that failed in the last run.")
-    ] = False,
-    language: Language = "",
-    model: Model = "",
-    record: Record = "",
-    replay: Replay = "",
-    max_cost: MaxCost = None,
-    batch: Annotated[
-        bool, typer.Option("--batch", help="Ask in batches: half the price, answers within minutes to a day.")
-    ] = False,
-    paper_limits: PaperLimits = False,
-    ambiguous: Ambiguous = "best",
-    runner: Annotated[
-        str, typer.Option(help="Who places: local (threads of this program), dask, ray, or pool (workers).")
-    ] = "local",
-    cluster: Annotated[
-        str, typer.Option(metavar="ADDRESS", help="A cluster of Dask or Ray that is there.", show_default=False)
-    ] = "",
-    as_json: Json = False,
-) -> int:
+@with_options(BenchmarkOptions)
+def benchmark(options: BenchmarkOptions, as_json: Json = False) -> int:
     """Place every sample of a dataset by each method and report."""
-    from dcap.evaluation.methods import methods_of
     from dcap.scene.json_tree import object_to_json
-    from flows.benchmark import run_benchmark
-    from flows.benchmark_config import benchmark_config, runner_of
+    from flows.benchmark_config import place_dataset
 
-    asked = run_settings(flags := given(context))
-    config, asking = benchmark_config(flags, asked)
-    chosen_methods, who = methods_of(asked.methods), runner_of(asked)
-    run = run_benchmark(
-        dataset,
-        config,
-        asking,
-        limit=limit,
-        workers=asked.workers,
-        only_failed=only_failed,
-        methods=chosen_methods,
-        scenes=scenes,
-        runner=who,
-    )
+    run = place_dataset(options)
     if as_json:
         print(json.dumps(object_to_json(run.summary), indent=2, ensure_ascii=False))
     return SOME_FAILED if run.failed else 0
 
 
 @app.command()
-def plan(
-    context: typer.Context,
-    dataset: Dataset = None,
-    methods: Methods = "dcap",
-    scenes: Scenes = "",
-    limit: Limit = None,
-    language: Language = "",
-    model: Model = "",
-    record: Record = "",
-    replay: Replay = "",
-    paper_limits: PaperLimits = False,
-    ambiguous: Ambiguous = "best",
-    stages: Annotated[bool, typer.Option("--stages", help="A line for each stage of each sample, too.")] = False,
-    as_json: Json = False,
-) -> int:
+@with_options(PlanOptions)
+def plan(options: PlanOptions, as_json: Json = False) -> int:
     """Show what a benchmark would run and why, without running anything."""
     from dcap.evaluation.methods import methods_of
     from dcap.scene.json_tree import to_json
-    from flows.configure import configured, many_options
-    from flows.language_options import language_of
+    from flows.configure import configured
+    from flows.language_options import language_options
     from flows.plan import plan_benchmark
     from tasks.arch import chosen_arch
 
-    asked = run_settings(flags := given(context))
-    asking = replace(language_of(asked), max_cost=None, batch=False)  # a plan asks nobody
-    config = configured(many_options(flags), language=asking.config(plan=True), arch=chosen_arch(asked.arch))
-    chosen_methods = methods_of(asked.methods)
+    asking = language_options(options).config(plan=True)
     rows = plan_benchmark(
-        dataset, config, limit=limit, methods=chosen_methods, scenes=scenes, stages=stages, to_stderr=as_json
+        options.dataset,
+        configured(options, language=asking, arch=chosen_arch(options.arch)),
+        limit=options.limit,
+        methods=methods_of(options.methods),
+        scenes=options.scenes,
+        stages=options.stages,
+        to_stderr=as_json,
     )
     if as_json:
         print(json.dumps(to_json(rows), indent=2, ensure_ascii=False))
@@ -310,10 +165,10 @@ def plan(
 
 @app.command()
 def rerun(
-    run: Annotated[str, typer.Argument(help="Name or folder of a run, or 'last'.")],
+    run: Run,
     sample: Annotated[str, typer.Argument(help="Id of a sample.")],
     stage: Annotated[str, typer.Option(help="Stage to compute again.")],
-    max_cost: MaxCost = None,
+    max_cost: Annotated[float | None, typer.Option(help="Spend at most this on a model [USD].")] = None,
     as_json: Json = False,
 ) -> int:
     """Compute one stage of one sample again; later stages only where their inputs changed."""
@@ -326,7 +181,7 @@ def rerun(
 
 
 @app.command()
-def report(run: Annotated[str, typer.Argument(help="Name or folder of a run, or 'last'.")]) -> int:
+def report(run: Run) -> int:
     """Write a run's HTML report again."""
     find_run(run)
     from flows.benchmark import rewrite_report
@@ -336,15 +191,23 @@ def report(run: Annotated[str, typer.Argument(help="Name or folder of a run, or 
 
 
 @app.command()
-def ui(
-    context: typer.Context,
-    port: Annotated[int, typer.Option(min=1, max=65535, help="Port on this machine.")] = 4200,
-) -> int:
+@with_options(UiOptions)
+def ui(options: UiOptions) -> int:
     """Serve Prefect's pages over all runs until interrupted."""
-    from flows.ui import serve_pages
+    from flows.server import PORT, pages_of, prefect_server, wait_for_end
 
-    chosen = port if given(context) else server_settings().port
-    serve_pages(chosen, lambda address: print(f"{address}  (stop with Ctrl-C)", flush=True))
+    with prefect_server(options.port, only_there=options.port != PORT) as url:
+        print(f"{pages_of(url)}  (stop with Ctrl-C)", flush=True)
+        wait_for_end(url)
+    raise MachineError(f"the Prefect server {pages_of(url)} has ended")
+
+
+@app.command()
+def worker(limit: Annotated[int, typer.Option(min=1, max=64, help="Flow runs at a time.")] = 1) -> int:
+    """Serve the pool of a Prefect server, own or $PREFECT_API_URL's, until interrupted."""
+    from flows.worker import serve_pool
+
+    serve_pool(limit, lambda line: print(f"{line}  (stop with Ctrl-C)", flush=True))
     return 0
 
 
@@ -360,11 +223,7 @@ def main(arguments: list[str] | None = None) -> int:
             code = finished.exit_code
         end_output()
         return code
-    except (KeyboardInterrupt, typer.Abort) as error:
-        say_interrupted()
-        let_go(error)
-        return INTERRUPTED
+    except typer.Abort:
+        raise KeyboardInterrupt from None
     except Exception as error:
         return told(error)
-    finally:
-        end_processes()

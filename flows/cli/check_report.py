@@ -2,41 +2,18 @@
 
 import os
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
 
 from dcap.evaluation.supports_plot import save_supports_plot, summary
 from dcap.evaluation.supports_table import SHOWN, supports_table
 from dcap.scene.errors import InputError
-from dcap.scene.json_tree import JsonObject, object_to_json
+from dcap.scene.json_tree import JsonObject
 from dcap.scene.problems import Severity
 from dcap.scene.whole_files import write_whole
 from flows.dataset_check import DatasetReport, SceneRow
 
 COLUMNS = ("scene", "instances", "objects", "deformable", "faces", "splats", "problems", "")
-
-
-@dataclass(frozen=True, slots=True)
-class DatasetTotals:
-    """Sums over the scenes and single meshes of a dataset; `totals` of the JSON has these keys in this order."""
-
-    scenes: int
-    scenes_unreadable: int
-    """Of these, those that could not be read."""
-    scenes_with_deformable_supports: int
-    instances: int
-    objects: int
-    """Instances that are no part of the building."""
-    deformable_supports: int
-    deformable_kinds: Mapping[str, int]
-    """Number of deformable supports by kind; none is 0."""
-    faces: int
-    splats: int
-    object_meshes: int
-    """Single meshes."""
-    object_faces: int
-    """Their faces."""
 
 
 def write_plot(report: DatasetReport, path: Path) -> None:
@@ -83,27 +60,27 @@ def as_tree(report: DatasetReport) -> JsonObject:
             for row in report.scenes
         ],
         "objects": [{"object": str(one.path), "faces": one.faces, "splats": one.splats} for one in report.objects],
-        "totals": object_to_json(totals(report)),
+        "totals": totals(report),
     }
 
 
-def totals(report: DatasetReport) -> DatasetTotals:
-    """Sums over the scenes."""
+def totals(report: DatasetReport) -> JsonObject:
+    """Return sums over the scenes and single meshes; `objects` are instances that are no part of the building."""
     rows = report.scenes
     kinds: Counter[str] = sum((row.kinds for row in rows), Counter())
-    return DatasetTotals(
-        scenes=len(rows),
-        scenes_unreadable=sum(not row.counted for row in rows),
-        scenes_with_deformable_supports=sum(row.kinds.total() > 0 for row in rows),
-        instances=sum(len(row.facts.labels) for row in rows),
-        objects=sum(row.things for row in rows),
-        deformable_supports=kinds.total(),
-        deformable_kinds={kind: kinds[kind] for kind in SHOWN if kinds[kind]},
-        faces=sum(row.facts.faces for row in rows),
-        splats=sum(row.facts.splats for row in rows),
-        object_meshes=len(report.objects),
-        object_faces=sum(one.faces for one in report.objects),
-    )
+    return {
+        "scenes": len(rows),
+        "scenes_unreadable": sum(not row.counted for row in rows),
+        "scenes_with_deformable_supports": sum(row.kinds.total() > 0 for row in rows),
+        "instances": sum(len(row.facts.labels) for row in rows),
+        "objects": sum(row.things for row in rows),
+        "deformable_supports": kinds.total(),
+        "deformable_kinds": {kind: kinds[kind] for kind in SHOWN if kinds[kind]},
+        "faces": sum(row.facts.faces for row in rows),
+        "splats": sum(row.facts.splats for row in rows),
+        "object_meshes": len(report.objects),
+        "object_faces": sum(one.faces for one in report.objects),
+    }
 
 
 def in_words(report: DatasetReport) -> str:

@@ -1,38 +1,101 @@
-"""What the commands share: options as they were given, and values from closed lists."""
+"""What the commands share: their parameters, from the models of flows/options.py, and notes to a person."""
 
-from typing import Annotated
+import inspect
+from collections.abc import Callable, Iterator
+from functools import wraps
+from types import NoneType
+from typing import Annotated, Any, Literal, get_args, get_origin
 
 import typer
+from pydantic.fields import FieldInfo
 
-from dcap.scene.errors import InputError
-from dcap.scene.spelling import not_one_of
+from flows.options import Options, setting_of
+from flows.settings.effective import effective_options
 
 COMMANDLINE = "COMMANDLINE"
 """Name of the source of what a person has typed."""
+OPTIONS = "options"
+"""The parameter of a command in whose place stand the options of its model."""
+Run = Annotated[str, typer.Argument(help="Name or folder of a run, or 'last'.")]
+PlacedRun = Annotated[
+    str, typer.Argument(metavar="RUN", help="Name or folder of a run, 'last', or a folder that `place` wrote.")
+]
+Sample = Annotated[str | None, typer.Argument(help="Id of a sample of the run.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")]
-Model = Annotated[str, typer.Option(help="Model to ask.")]
-Record = Annotated[str, typer.Option(metavar="DIR", help="Keep a copy of each reply in this folder.")]
-Replay = Annotated[str, typer.Option(metavar="DIR", help="Answer from replies recorded in this folder.")]
-MaxCost = Annotated[float | None, typer.Option(help="Spend at most this on a model [USD].")]
+Command = Callable[..., int]
 
 
-def given(context: typer.Context, *besides: str) -> dict[str, object]:
-    """Every parameter of a command that a person gave but those named: what is not an option of the physics is refused
-    there, not lost; what nobody gave may stand in `dcap.yaml`."""
+def with_options(kind: type[Options], *names: str) -> Callable[[Command], Command]:
+    """Give a command the options of a model, all or those named, in place of its parameter `options`.
+
+    The command is called with the model that they make with what stands in `dcap.yaml` and the environment. An option
+    that the command declares itself, because its help or default is another one, is part of the model too.
+    """
+    wanted = names or tuple(name for name in own_fields_first(kind) if setting_of(kind.model_fields[name]).is_flag)
+
+    def decorate(command: Command) -> Command:
+        own = inspect.signature(command).parameters
+
+        def parameters() -> Iterator[inspect.Parameter]:
+            yield inspect.Parameter("context", inspect.Parameter.KEYWORD_ONLY, annotation=typer.Context)
+            for name, parameter in own.items():
+                if name == OPTIONS:
+                    yield from (option_parameter(one, kind.model_fields[one]) for one in wanted if one not in own)
+                elif name != "context":
+                    yield parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY)
+
+        @wraps(command)
+        def run(context: typer.Context, **values: object) -> int:
+            flags = {name: value for name, value in given(context).items() if name in wanted}
+            mine = {name: value for name, value in values.items() if name in own}
+            if "context" in own:
+                mine["context"] = context
+            return command(**mine, options=effective_options(kind, flags))
+
+        run.__signature__ = inspect.Signature(list(parameters()))  # type: ignore[attr-defined]
+        return run
+
+    return decorate
+
+
+def own_fields_first(kind: type[Options]) -> list[str]:
+    """Return the fields of a model, those that it declares itself before those that it inherits."""
+    declared = (name for base in kind.__mro__ for name in vars(base).get("__annotations__", ()))
+    return [name for name in dict.fromkeys(declared) if name in kind.model_fields]
+
+
+def option_parameter(name: str, field: FieldInfo) -> inspect.Parameter:
+    """Return the parameter of the command line that a field is."""
+    bounds = {key: getattr(one, bound) for key, bound in (("min", "ge"), ("max", "le")) for one in field.metadata
+              if hasattr(one, bound)}  # fmt: skip
+    option = typer.Option(
+        "--" + name.replace("_", "-"), help=field.description, metavar=setting_of(field).metavar,
+        show_default=field.default not in ("", None), **bounds,
+    )  # fmt: skip
+    kind = plain_type(field.annotation)
+    annotation: Any = Annotated[kind if field.default is not None else kind | None, option]
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=field.default, annotation=annotation)
+
+
+def plain_type(annotation: Any) -> Any:
+    """Return the type that the command line reads for an annotation: text for a word, the one beside None."""
+    if get_origin(annotation) is Annotated:
+        return plain_type(get_args(annotation)[0])
+    if get_origin(annotation) is Literal:
+        return str
+    inner = [one for one in get_args(annotation) if one is not NoneType]
+    return plain_type(inner[0]) if inner else annotation
+
+
+def given(context: typer.Context) -> dict[str, object]:
+    """Return the parameters that a person has typed, by name."""
     return {
         name: value
         for name, value in context.params.items()
-        if name not in besides and getattr(context.get_parameter_source(name), "name", "") == COMMANDLINE
+        if getattr(context.get_parameter_source(name), "name", "") == COMMANDLINE
     }
 
 
 def note(text: str) -> None:
-    """What a person should know, on standard error."""
+    """Tell what a person should know, on standard error."""
     typer.echo(f"dcap: {text}", err=True)
-
-
-def choice(option: str, value: str, allowed: tuple[str, ...]) -> str:
-    """A value from a closed list."""
-    if value not in allowed:
-        raise InputError(f"{option} {value!r} {not_one_of(value, allowed)}")
-    return value

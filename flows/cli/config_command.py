@@ -5,10 +5,11 @@ from typing import Annotated
 
 import typer
 
-from flows.cli.checks import Json, given
-from flows.options import PlaceOptions
+from flows.cli.checks import Json, given, with_options
+from flows.options import KEYS, AllSettings, setting_of
 
 config_app = typer.Typer(help="Settings and where they come from.", no_args_is_help=True, rich_markup_mode=None)
+FLAGS = tuple(name for name in KEYS.values() if setting_of(AllSettings.model_fields[name]).is_flag)
 
 
 @config_app.callback()
@@ -17,39 +18,23 @@ def config() -> None:
 
 
 @config_app.command("show")
+@with_options(AllSettings, *FLAGS)
 def config_show(
     context: typer.Context,
+    options: AllSettings,
     every: Annotated[bool, typer.Option("--all", help="The stages' settings that have their defaults, too.")] = False,
-    workers: Annotated[int | None, typer.Option(help="This and the others: as if given to a command.")] = None,
-    methods: Annotated[str | None, typer.Option()] = None,
-    language: Annotated[str | None, typer.Option()] = None,
-    model: Annotated[str | None, typer.Option()] = None,
-    record: Annotated[str | None, typer.Option()] = None,
-    replay: Annotated[str | None, typer.Option()] = None,
-    max_cost: Annotated[float | None, typer.Option()] = None,
-    batch: Annotated[bool, typer.Option("--batch")] = False,
-    solver: Annotated[str | None, typer.Option()] = None,
-    resolution: Annotated[float | None, typer.Option()] = None,
-    threads: Annotated[int | None, typer.Option()] = None,
-    arch: Annotated[str | None, typer.Option()] = None,
-    stability: Annotated[bool, typer.Option("--stability")] = False,
-    load_aware: Annotated[bool, typer.Option("--load-aware")] = False,
-    paper_limits: Annotated[bool, typer.Option("--paper-limits")] = False,
-    ambiguous: Annotated[str | None, typer.Option()] = None,
-    port: Annotated[int | None, typer.Option()] = None,
     as_json: Json = False,
 ) -> int:
-    """Show the settings in force and where each came from: default, file, environment or flag."""
+    """Show the settings in force and where each came from: default, file, environment or flag, as if given to a
+    command."""
     from dcap.scene.json_tree import to_json
-    from flows.settings.given import Origin, settings_file
-    from flows.settings.own import OWN, effective_options
+    from flows.given_settings import Origin, section_of, settings_file
+    from flows.settings.effective import OWN
     from flows.settings.table import secrets, settings_in_force
 
-    flags = given(context)
-    effective_options(PlaceOptions, {name: flags[name] for name in PlaceOptions.model_fields if name in flags})
-    rows = settings_in_force(flags)
+    rows = settings_in_force(options, given(context))
     if not every:
-        rows = [one for one in rows if one.origin is not Origin.DEFAULT or one.key.partition(".")[0] in OWN]
+        rows = [one for one in rows if one.origin is not Origin.DEFAULT or section_of(one.key) in OWN]
     file = settings_file()
     if as_json:
         tree = to_json({"file": str(file) if file else None, "settings": rows, "secrets": secrets()})

@@ -1,22 +1,20 @@
 """Commands about data: `dcap dataset make|label|check|sample|pack|prepare-sugar` and `dcap cache ls|du|gc|verify`."""
 
 import json
+import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from dcap.scene.types.sample import SourceOptions
-from flows.cli.checks import Json, MaxCost, Model, Record, Replay, choice, given, note
-from flows.cli.sample_command import dataset_sample
-from flows.options import UNITS, UPS, PlaceOptions, check_out
-from flows.settings.own import effective_options
+from flows.cli.checks import Json, PlacedRun, note, with_options
+from flows.options import PlaceOptions, check_out
 
 MOST_SCENES = 10_000
 """More are a slip of the hand: each takes about 5 MB."""
 dataset_app = typer.Typer(help="Make the embedded dataset, or check any.", no_args_is_help=True, rich_markup_mode=None)
 cache_app = typer.Typer(help="What has been computed.", no_args_is_help=True, rich_markup_mode=None)
-dataset_app.command("sample")(dataset_sample)
 
 
 @dataset_app.command("make")
@@ -44,20 +42,20 @@ def dataset_make(
 
 
 @dataset_app.command("prepare-sugar")
+@with_options(PlaceOptions, "up", "unit")
 def dataset_prepare_sugar(
     scene: Annotated[Path, typer.Argument(help="Folder (InteriorGS, or one with splats) or PLY of Gaussian splats.")],
     out: Annotated[Path | None, typer.Option(help="Folder for the results; default: data/runs/sugar/NAME.")] = None,
     views: Annotated[int, typer.Option(min=1, max=20_000, help="Number of pictures; hundreds that overlap.")] = 300,
     width: Annotated[int, typer.Option(min=16, max=1920, help="Width of a picture [pixels].")] = 960,
     height: Annotated[int, typer.Option(min=16, max=1920, help="Height of a picture [pixels].")] = 720,
-    up: Annotated[str, typer.Option(help="Up axis of the splats: z, y, -y, -z or auto.")] = "auto",
-    unit: Annotated[str, typer.Option(help="Length unit of the splats: m, cm, mm, in or auto.")] = "auto",
+    *,
+    options: PlaceOptions,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the cameras' places.")] = 0,
     threads: Annotated[int, typer.Option(min=0, help="Threads, 0: all cores; never changes a result.")] = 0,
     as_json: Json = False,
 ) -> int:
     """Render posed views of a scene of splats and write what SuGaR takes to make a mesh of them."""
-    options = SourceOptions(choice("--up", up, UPS), choice("--unit", unit, UNITS))
     if out is not None:
         check_out(out)
 
@@ -66,34 +64,26 @@ def dataset_prepare_sugar(
     from flows.prepare_sugar import prepare_sugar, summary
 
     config = PathConfig(views=views, width=width, height=height, seed=seed)
-    folder, record = prepare_sugar(scene, out, options, config, threads=threads, quiet=as_json)
+    folder, record = prepare_sugar(
+        scene, out, SourceOptions(options.up, options.unit), config, threads=threads, quiet=as_json
+    )
     tree = object_to_json(record)
     print(json.dumps(tree, indent=2, ensure_ascii=False) if as_json else summary(folder, record))
     return 0
 
 
 @dataset_app.command("label")
+@with_options(
+    PlaceOptions, "language", "model", "record", "replay", "max_cost", "label", "up", "unit", "height_of", "labels",
+    "threads",
+)  # fmt: skip
 def dataset_label(
-    context: typer.Context,
     scene: Annotated[str, typer.Argument(help="Folder (InteriorGS, ScanNet, SuGaR), mesh or Gaussian splats.")],
+    options: PlaceOptions,
     out: Annotated[Path | None, typer.Option(help="Folder for the results; default: data/runs/labels/NAME.")] = None,
-    language: Annotated[str, typer.Option(help="Who names things: offline, anthropic, openai or replay.")] = "",
-    model: Model = "",
-    record: Record = "",
-    replay: Replay = "",
-    max_cost: MaxCost = None,
-    label: Annotated[str, typer.Option(help="What the scene mesh, or each of its unnamed nodes, is: table.")] = "",
-    up: Annotated[str, typer.Option(help="Up axis of the scene file: z, y, -y, -z or auto.")] = "auto",
-    unit: Annotated[str, typer.Option(help="Length unit of the scene file: m, cm, mm, in or auto.")] = "auto",
-    height_of: Annotated[
-        str, typer.Option(metavar="THING=METRES", help="Height of a thing's surface, for a file of unknown scale.")
-    ] = "",
-    labels: Annotated[str, typer.Option(metavar="FILE", help="Names of the things: labels.json to go on from.")] = "",
-    threads: Annotated[int, typer.Option(min=0, help="Threads, 0: all cores; never changes a result.")] = 0,
     as_json: Json = False,
 ) -> int:
     """Find the things of a scene and write labels.json with a page of numbered pictures, to correct by hand."""
-    options = effective_options(PlaceOptions, given(context, "scene", "as_json"))
     if out is not None:
         check_out(out)
 
@@ -104,6 +94,49 @@ def dataset_label(
     assert isinstance(things, list)
     where = f"{len(things)} things: {folder / LABELS}\npictures: {folder / PAGE}"
     print(json.dumps(tree, ensure_ascii=False) if as_json else where)
+    return 0
+
+
+@dataset_app.command("sample")
+@with_options(
+    PlaceOptions, "language", "model", "record", "replay", "max_cost", "up", "unit", "object_up", "object_unit"
+)
+def dataset_sample(
+    scenes: Annotated[Path, typer.Argument(help="Folder whose subfolders and meshes are scenes, or one scene.")],
+    objects: Annotated[Path, typer.Option(metavar="FOLDER", help="Folder of meshes, named by what they are: mug.glb.")],
+    per_scene: Annotated[int, typer.Option(help="Samples of each scene.")],
+    options: PlaceOptions,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of every draw.")] = 0,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Default: data/runs/samples/NAME/samples.yaml.")
+    ] = None,
+    splits: Annotated[str, typer.Option(metavar="SHARES", help="By scene: train=0.8,val=0.1,test=0.1.")] = "",
+    listed: Annotated[
+        str, typer.Option("--scenes", metavar="LIST", help="Only these: names between commas, or a .txt file of names.")
+    ] = "",
+    infeasible: Annotated[float, typer.Option(help="Share of requests that ought to be refused.")] = 0.1,
+    skip: Annotated[bool, typer.Option("--skip", help="Leave out what cannot be used, and say so.")] = False,
+    as_json: Json = False,
+) -> int:
+    """Make a data set of placements (sentence, object, intended outcome) for a folder of scenes."""
+    from dcap.scene.json_tree import object_to_json
+    from flows.dataset_sample import SamplingOptions, sample_dataset
+
+    sampling = SamplingOptions(per_scene, seed, infeasible, splits, listed, skip)
+    made = sample_dataset(scenes, objects, out, sampling, options, quiet=as_json)
+    for name, why in made.left_out.items():
+        note(f"left out: {name}: {why.removeprefix(f'{name}: ')}")
+    for name, missed in made.misses.items():
+        print(f"note: {name}: the embedded reader takes it otherwise: {missed}", file=sys.stderr)
+    if as_json:
+        print(json.dumps(object_to_json(made), indent=2, ensure_ascii=False))
+        return 0
+    share = 100.0 * made.read_back / made.samples
+    print(f"{made.samples} samples in {made.scenes} scenes, {made.infeasible} of them to be refused")
+    if made.splits:
+        print("splits: " + ", ".join(f"{name} {count} scenes" for name, count in made.splits.items()))
+    print(f"the embedded reader understands {made.read_back} of {made.samples} as meant ({share:.1f} %)")
+    print(f"data set: {made.path}")
     return 0
 
 
@@ -139,7 +172,7 @@ def dataset_check(
 
 @dataset_app.command("pack")
 def dataset_pack(
-    run: Annotated[str, typer.Argument(help="Name or folder of a run, or 'last'; or a folder that `place` wrote.")],
+    run: PlacedRun,
     out: Annotated[
         Path | None, typer.Option(metavar="FILE.tar.gz|FOLDER", help="Default: dataset.tar.gz in the run's folder.")
     ] = None,
@@ -190,17 +223,15 @@ def cache_gc(
     """Find what no run below data/runs needs any more, and delete it with --yes."""
     from flows.cli.cache_report import cache_collection
 
-    return cache_collection(older_than, keep or [], delete=yes, as_json=as_json)
+    return cache_collection(older_than, keep or [], delete_it=yes, as_json=as_json)
 
 
 @cache_app.command("verify")
 def cache_verify(
-    repair: Annotated[
-        bool, typer.Option("--repair", help="Move what is damaged into data/cache/damaged, and remove litter.")
-    ] = False,
+    repair: Annotated[bool, typer.Option("--repair", help="Delete what is damaged.")] = False,
     as_json: Json = False,
 ) -> int:
     """Read every record and artifact; exit code 4 if some are damaged and stay. They are computed again when needed."""
     from flows.cli.cache_report import cache_verification
 
-    return cache_verification(repair=repair, as_json=as_json)
+    return cache_verification(repair_it=repair, as_json=as_json)

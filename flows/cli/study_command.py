@@ -6,12 +6,11 @@ from typing import Annotated
 import typer
 
 from dcap.scene.errors import InputError
-from flows.cli.checks import note
+from flows.cli.checks import Run, note
 from flows.find_run import find_run
 from flows.own_requests import LOOPBACK, origin_of
 
 study_app = typer.Typer(no_args_is_help=True, help="A study in which people compare the methods of a run.")
-Run = Annotated[str, typer.Argument(help="Name or folder of a run, or 'last'.")]
 
 
 @study_app.command("serve")

@@ -1,1 +1,1 @@
-"""Settings from `dcap.yaml` and the environment: what was given where, and what it comes to."""
+"""Settings in force: options of commands, settings of stages, and where each value came from."""

@@ -10,10 +10,10 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from flows.options import said_of
+from flows.given_settings import Given, check_underscores, given_settings, refused, section_of, unknown
+from flows.options import KEYS
 from flows.place import PlaceConfig
-from flows.settings.given import Given, check_underscores, given_settings, refused, unknown
-from flows.settings.own import OWN, as_json, empty_section, plain
+from flows.settings.effective import OWN, as_json, check_empty, plain, reason
 
 ELSEWHERE = {
     "threads": "run.threads",
@@ -27,31 +27,31 @@ LANGUAGE = "language"
 
 
 def stage_settings() -> PlaceConfig:
-    """The stages' settings: what was given over their defaults."""
+    """Return the stages' settings: what was given over their defaults."""
     check_underscores(one.key for one in stage_keys())
-    given = {key: one for key, one in given_settings().items() if key.partition(".")[0] not in OWN}
+    given = {key: one for key, one in given_settings().items() if section_of(key) not in OWN}
     return PlaceConfig() if not given else checked_stages(given)
 
 
 def checked_stages(given: Given) -> PlaceConfig:
-    """The configuration with these values, each refused by its place if it cannot be."""
+    """Return the configuration with these values, each refused by its place if it cannot be."""
     tree = PlaceConfig().model_dump(mode="json")
     known = {one.key: one for one in settings_of(PlaceConfig)}
     settable = [one.key for one in stage_keys()]
     for key, one in given.items():
         if key in known and known[key].is_section:
-            empty_section(one)
+            check_empty(one)
         elif key in known and (place := set_by(key)):
             raise refused(one, f"is set by {place}")
         elif key not in settable:
-            raise unknown(one, [*settable, *own_keys(), *(one.key for one in known.values() if one.is_section)])
+            raise unknown(one, [*settable, *KEYS, *OWN, *(name for name in known if known[name].is_section)])
         else:
             put(tree, key, plain(one))
     return validated(tree, given)
 
 
 def validated(tree: Mapping[str, object], given: Given) -> PlaceConfig:
-    """The configuration that a tree holds; the first value that cannot be is told by its place."""
+    """Return the configuration that a tree holds; the first value that cannot be is told by its place."""
     try:
         return PlaceConfig.model_validate_json(as_json(tree), strict=True)
     except ValidationError as error:
@@ -59,14 +59,7 @@ def validated(tree: Mapping[str, object], given: Given) -> PlaceConfig:
         words = [str(word) for word in first["loc"]]
         starts = (".".join(words[:count]) for count in range(len(words), 0, -1))  # an item of a list has no key
         key = next(start for start in starts if start in given)
-        raise refused(given[key], said_of(first)) from None
-
-
-def own_keys() -> Iterator[str]:
-    """The sections that are no stage's, and what is in them."""
-    for name, kind in OWN.items():
-        yield name
-        yield from (f"{name}.{field}" for field in kind.model_fields)
+        raise refused(given[key], reason(first)) from None
 
 
 def put(tree: MutableMapping[str, Any], key: str, value: object) -> None:
@@ -78,14 +71,14 @@ def put(tree: MutableMapping[str, Any], key: str, value: object) -> None:
 
 
 def set_by(key: str) -> str:
-    """What sets a key that has no place of its own in the file; empty if it has."""
+    """Return what sets a key that has no place of its own in the file; empty if it has."""
     if LANGUAGE in key.split("."):
         return "run.language and run.model"
     return next((place for end, place in ELSEWHERE.items() if f".{key}".endswith(f".{end}")), "")
 
 
 def stage_keys() -> Iterator["StageKey"]:
-    """The settings of the stages that can be set in the file, in the order of the stages."""
+    """Yield the settings of the stages that can be set in the file, in the order of the stages."""
     return (one for one in settings_of(PlaceConfig) if "." in one.key and not one.is_section and not set_by(one.key))
 
 
@@ -97,16 +90,17 @@ class StageKey:
     """Dotted."""
     kind: type[BaseModel]
     """Whose field it is."""
+    name: str
     is_section: bool
     """Whether it holds others."""
 
 
 def settings_of(kind: type[BaseModel], prefix: str = "") -> Iterator[StageKey]:
-    """Every field of a configuration, and all that is in it."""
+    """Yield every field of a configuration, and all that is in it."""
     for name, field in kind.model_fields.items():
-        inner = field.annotation
+        inner, key = field.annotation, f"{prefix}{name}"
         if isinstance(inner, type) and issubclass(inner, BaseModel):
-            yield StageKey(f"{prefix}{name}", kind, is_section=True)
-            yield from settings_of(inner, f"{prefix}{name}.")
+            yield StageKey(key, kind, name, is_section=True)
+            yield from settings_of(inner, f"{key}.")
         else:
-            yield StageKey(f"{prefix}{name}", kind, is_section=False)
+            yield StageKey(key, kind, name, is_section=False)

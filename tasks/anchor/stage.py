@@ -38,9 +38,9 @@ from tasks.anchor.leaning import leaning_start
 from tasks.anchor.middles import at_own_middles
 from tasks.anchor.no_room import no_room, not_level, not_on_it, nothing_left
 from tasks.anchor.request import anchor_request
+from tasks.cache import stage
 from tasks.requests.surroundings import part_frame
 from tasks.requests.views import instance_of
-from tasks.runner.stage import stage
 
 Array = NDArray[np.float64]
 

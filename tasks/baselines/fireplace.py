@@ -47,10 +47,10 @@ from dcap.scene.types.outcome import Infeasible, NoRoom, NotInScene, Reason
 from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
 from tasks.baselines.fireplace_anchors import AnchorResolver, Carrier, Chooser, Described, Facts
 from tasks.baselines.fireplace_pictures import placement_picture, resting_picture
+from tasks.cache import stage
 from tasks.requests.marks import marked, numbers_of, plan_picture, room_pictures
 from tasks.requests.surroundings import part_frame
 from tasks.requests.views import instance_views, object_view, room_center
-from tasks.runner.stage import stage
 
 Array = NDArray[np.float64]
 UNSURE = 0.9

@@ -3,7 +3,7 @@
 from dcap.evaluation.baselines.floor_plan import floor_plan_of
 from dcap.scene.types.floor_plan import FloorPlan, FloorPlans
 from dcap.scene.types.segmentation import SegmentedScene
-from tasks.runner.stage import stage
+from tasks.cache import stage
 
 
 def floor_plan(scene: SegmentedScene) -> FloorPlan:

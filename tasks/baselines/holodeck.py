@@ -26,8 +26,8 @@ from dcap.scene.types.floor_plan import FloorPlan
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.outcome import Infeasible, Reason
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
+from tasks.cache import stage
 from tasks.requests.views import instance_views, object_view, room_center
-from tasks.runner.stage import stage
 
 
 class HolodeckConfig(BaseModel, frozen=True, extra="forbid"):

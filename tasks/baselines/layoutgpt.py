@@ -22,8 +22,8 @@ from dcap.scene.types.floor_plan import FloorPlans
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.outcome import Infeasible
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
+from tasks.cache import stage
 from tasks.requests.views import instance_views, object_view, room_center
-from tasks.runner.stage import stage
 
 
 class LayoutGptConfig(BaseModel, frozen=True, extra="forbid"):

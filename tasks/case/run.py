@@ -16,8 +16,8 @@ from scipy.spatial.transform import Rotation
 
 from dcap.scene.errors import GeometryError, InputError
 from dcap.scene.json_tree import JsonObject, JsonValue, to_json
-from dcap.scene.store.ply import mesh_to_ply
 from dcap.scene.types.mesh import Mesh
+from dcap.scene.writers.ply import mesh_to_ply
 from solver.certificate import History
 from solver.config import SolverConfig
 from solver.errors import ArchError, ModelError, UnstableStep

@@ -26,9 +26,9 @@ from solver.model.bodies import Model
 from solver.rest import Signals
 from tasks.bodies.plan_contact import share_within
 from tasks.bodies.solver_model import solver_model
+from tasks.cache import stage
 from tasks.drop.poses import pose_checks, pose_warnings
 from tasks.drop.settled import settled_of
-from tasks.runner.stage import stage
 
 Array = NDArray[np.float64]
 
@@ -280,4 +280,4 @@ def _story(settled: Settled, particles: Particles) -> str:
     return f"no equilibrium after {settled.steps} steps ({settled.simulated_seconds:.2f} s): {why}"
 
 
-drop_task = stage(drop, process=True, simulates=True, loads=("solver.settle",))
+drop_task = stage(drop, process=True, simulates=True)

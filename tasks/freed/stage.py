@@ -15,9 +15,9 @@ from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.earlier import FreedThings
 from dcap.scene.types.scan import Scan
 from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
+from tasks.cache import stage
 from tasks.freed.reach import things_in_reach
 from tasks.freed.unloaded import bottom_up, faces_around, height_over, lifted, unloaded
-from tasks.runner.stage import stage
 
 DEEPEST = 0.08
 """The surface is looked for from so far above where it is dented [m]."""

@@ -23,12 +23,12 @@ from dcap.scene.types.intent import Intent, OrientationRequest, SupportCandidate
 from dcap.scene.types.outcome import Infeasible, NotInScene, Reason
 from dcap.scene.types.pointed import Pointed
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
+from tasks.cache import stage
 from tasks.intent.given_place import place_of
 from tasks.intent.request import intent_request
 from tasks.intent.rescale import Rescale, rescale
 from tasks.intent.which import settle_choice
 from tasks.requests.views import instance_of
-from tasks.runner.stage import stage
 
 LONGEST_PROMPT = 1000
 """Characters; more is no instruction to place one object."""

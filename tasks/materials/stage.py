@@ -23,9 +23,9 @@ from dcap.scene.types.intent import Intent
 from dcap.scene.types.materials import BodyModel, Material, PartMaterial, PartMaterials
 from dcap.scene.types.outcome import Infeasible
 from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
+from tasks.cache import stage
 from tasks.materials.stiff_parts import stiffened
 from tasks.requests.views import part_views, sums_of
-from tasks.runner.stage import stage
 
 OBJECT = "object"
 LIMITED = "materials are clamped to the paper's limits (E 5e4 to 5e9 Pa, density 30 to 8000 kg/m3, friction 0.05 to 1)"

@@ -13,7 +13,7 @@ from dcap.scene.types.settled import Settled, SettledBody
 from solver.config import SolverConfig
 from solver.errors import ModelError, UnstableStep
 from tasks.bodies.solver_model import solver_model
-from tasks.runner.stage import stage
+from tasks.cache import stage
 
 DEFORMED = 1e-4
 """A surface that is farther from where a rigid motion puts it has given way [m]."""
@@ -69,4 +69,4 @@ def gave_way(body: SettledBody) -> bool:
     return bool(np.abs(moved - body.surface.vertices).max(initial=0.0) > DEFORMED)
 
 
-drift_task = stage(drift, process=True, simulates=True, loads=("solver.onward",))
+drift_task = stage(drift, process=True, simulates=True)

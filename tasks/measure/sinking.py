@@ -22,8 +22,8 @@ from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
 from dcap.scene.types.settled import Settled
 from tasks.bodies.footprint import heights_over
 from tasks.bodies.plan_contact import plan_contact
+from tasks.cache import stage
 from tasks.particles.contact_layers import RIGID, compliance_of, layers_of
-from tasks.runner.stage import stage
 
 LIFTED = 0.01
 """How far over the support the object is lifted before it is pressed onto it [m]; no result depends on it."""

@@ -13,8 +13,8 @@ from dcap.scene.types.measures import Measures
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
 from dcap.scene.types.settled import Settled
+from tasks.cache import stage
 from tasks.render.settled_meshes import settled_item, settled_scene
-from tasks.runner.stage import stage
 
 NEAR = 2e-3
 """Lines this much farther from the support than the nearest one still tell which part carries [m]."""

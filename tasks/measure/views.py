@@ -15,10 +15,10 @@ from dcap.scene.types.judged_views import PLACED, JudgedViews
 from dcap.scene.types.paint import SourceSurface
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
 from dcap.scene.types.settled import Settled
+from tasks.cache import stage
 from tasks.measure.judge_cameras import NEARBY, TOWARDS, JudgeCameras, ViewsConfig, seen_from
 from tasks.render.scene_views import SceneViews
 from tasks.render.settled_meshes import is_as_given, painted_item, painted_scene, settled_scene
-from tasks.runner.stage import stage
 
 ROOM = "room"
 """The view of what was placed from where the scene without it is looked at."""

@@ -18,14 +18,14 @@ from dcap.scene.errors import FormatError, GeometryError
 from dcap.scene.readers.frame.frame import Role
 from dcap.scene.readers.scenes.sugar import has_only_splats
 from dcap.scene.readers.source import read_scan
-from dcap.scene.store.artifacts import Source
 from dcap.scene.types.file_scale import FileScale
 from dcap.scene.types.gaussians import Gaussians
 from dcap.scene.types.given_labels import VertexLabels
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.scan import Scan
-from tasks.runner.stage import stage
+from tasks.artifact import Source
+from tasks.cache import stage
 
 LOG = logging.getLogger(__name__)
 

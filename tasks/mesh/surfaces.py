@@ -11,12 +11,12 @@ import numpy as np
 from dcap.geometry.deform import DisplacementField
 from dcap.geometry.rendering.painted import nearest_faces
 from dcap.scene.readers.source import read_surface
-from dcap.scene.store.artifacts import Source
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.paint import SourceSurface
 from dcap.scene.types.scan import Scan
 from dcap.scene.types.segmentation import SegmentedScene
-from tasks.runner.stage import stage
+from tasks.artifact import Source
+from tasks.cache import stage
 
 
 def surface_scene(source: Source, scan: Scan) -> SourceSurface:

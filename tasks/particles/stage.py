@@ -20,13 +20,13 @@ from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
 from dcap.scene.types.settled import Settled
 from tasks.bodies.footprint import Footprint
 from tasks.bodies.object_shape import OpenShape, object_shape, refused
+from tasks.cache import stage
 from tasks.particles.base_bodies import BaseBodies, base_bodies
 from tasks.particles.config import ParticlesConfig
 from tasks.particles.drop_setup import DropSetup, drop_setup
 from tasks.particles.object_body import object_body
 from tasks.particles.obstacles import neighbours
 from tasks.particles.several import free_things, ground_setup, own_footprint, thing_bodies
-from tasks.runner.stage import stage
 
 
 def particles(

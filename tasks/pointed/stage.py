@@ -19,9 +19,9 @@ from dcap.scene.types.rectangle import min_area_box
 from dcap.scene.types.sample import GivenPlace
 from dcap.scene.types.scan import Scan
 from dcap.scene.types.segmentation import Instance, Part, Segmentation, SegmentedScene
+from tasks.cache import stage
 from tasks.pointed.naming import SURE, Name, asked_thing, carrying_part, name_of
 from tasks.pointed.surface import ABOVE, LEVEL, in_file, in_words, level_axes, meeting
-from tasks.runner.stage import stage
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

@@ -9,7 +9,7 @@ from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.segmentation import SegmentedObject
 from dcap.scene.types.settled import Settled, SettledBody
 from solver.certificate import History, Verdict
-from tasks.runner.stage import stage
+from tasks.cache import stage
 
 OBJECT = "object"
 

@@ -5,10 +5,7 @@ In: the scene at rest with its displacement, the contact and a camera. Out: a pi
 
 from collections.abc import Mapping, Sequence
 
-import matplotlib
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.ndimage import binary_closing, binary_erosion
 
@@ -55,6 +52,8 @@ def contact_picture(
         own: the object's name in them.
         labels: what the scene's things are called, by their ids.
     """
+    import matplotlib
+
     camera = exposure.scene.camera
     rgb = exposure.picture().rgb.astype(np.float64)
     rgb += GREYED * (rgb.mean(axis=2, keepdims=True) - rgb)
@@ -123,6 +122,9 @@ def drawn(rgb: Array, mask: Mask, width: int) -> None:
 
 def legend(rows: Sequence[ContactRow], own: str, labels: Mapping[str, str], deepest: float, width: int) -> Bytes:
     """What the colours mean and how the object is carried, as a strip of a picture (h, width, 3)."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
     touching = [row for row in rows if own in (row.a, row.b)]
     lines = [carried_by(row, own, labels) for row in touching[:3]]
     if len(touching) > 3:

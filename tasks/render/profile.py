@@ -5,9 +5,6 @@ In: scene before and after, the object at rest, a point and a direction. Out: a 
 
 import numpy as np
 import trimesh
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.collections import LineCollection
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from dcap.scene.types.mesh import Mesh
@@ -33,6 +30,10 @@ def profile_picture(before: Mesh, after: Mesh, thing: Mesh, middle: Array, along
         middle: a point of the plane, of the contact [m], shape (3,).
         along: direction of the plane's horizontal axis, shape (3,).
     """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.collections import LineCollection
+    from matplotlib.figure import Figure
+
     level = np.array([along[0], along[1], 0.0])
     level /= np.linalg.norm(level)
     normal = np.array([-level[1], level[0], 0.0])

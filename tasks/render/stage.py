@@ -21,6 +21,7 @@ from dcap.scene.types.paint import SourceSurface
 from dcap.scene.types.renders import Renders
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
 from dcap.scene.types.settled import Settled
+from tasks.cache import stage
 from tasks.render.canonical import canonical_views
 from tasks.render.config import RenderConfig
 from tasks.render.contact_picture import contact_picture
@@ -28,7 +29,6 @@ from tasks.render.profile import profile_picture
 from tasks.render.scene_views import SceneViews
 from tasks.render.settled_meshes import is_as_given, painted_item, painted_scene, settled_scene, structure_faces
 from tasks.render.views import best_view, contact_middle, front, view_distance, visible_fraction
-from tasks.runner.stage import stage
 
 
 def render(

@@ -38,11 +38,11 @@ from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Infeasible
 from dcap.scene.types.rotation import Rotation
 from dcap.scene.types.segmentation import Instance, Segmentation, SegmentedObject, SegmentedScene
+from tasks.cache import stage
 from tasks.requests.surroundings import direction_to, part_frame, wished_place
 from tasks.requests.views import instance_of
 from tasks.rotation.asked_pose import asked_pose
 from tasks.rotation.looking import looking, nearest_side
-from tasks.runner.stage import stage
 
 Array = NDArray[np.float64]
 ELONGATED = 1.15

@@ -23,7 +23,7 @@ from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.sample import KnownHeight
 from dcap.scene.types.scan import Scan
 from dcap.scene.types.segmentation import Segmentation
-from tasks.runner.stage import stage
+from tasks.cache import stage
 from tasks.segment.stage import SegmentConfig, segment
 
 Array = NDArray[np.float64]

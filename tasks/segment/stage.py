@@ -24,7 +24,7 @@ from dcap.scene.errors import InputError
 from dcap.scene.types.given_labels import GivenLabels
 from dcap.scene.types.scan import Scan
 from dcap.scene.types.segmentation import Instance, Segmentation, SegmentedObject, SegmentedScene
-from tasks.runner.stage import stage
+from tasks.cache import stage
 from tasks.segment.given_things import GivenGroups, given_groups
 from tasks.segment.known_scene import known_scene
 from tasks.segment.part_names import with_part_names

@@ -100,7 +100,7 @@ def test_drop_refuses(tmp_path: Path) -> None:
     with pytest.raises(dcap.InputError, match="no such file"):
         dcap.drop(tmp_path / "none.yaml", out=out)
     with pytest.raises(dcap.InputError, match="unknown option 'label'"):
-        dcap.drop(CASE, out=out, label="table")  # type: ignore[call-arg]
+        dcap.drop(CASE, out=out, label="table")
     with pytest.raises(dcap.InputError, match=r"case: bodies\.0\.nmae: unknown key; did you mean 'name'"):
         dcap.drop({"bodies": [{"nmae": "a"}]}, out=out)
     assert not out.exists()

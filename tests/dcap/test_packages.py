@@ -6,14 +6,12 @@ import sys
 import sysconfig
 from pathlib import Path
 
-import pytest
-from foreign_names import LIBRARIES, OURS, foreign_folder, marks
+from foreign_names import OURS, foreign_folder, marks
 
 from dcap.packages import COMPANIONS, ROOT, module_command
-from tasks.runner.process import StageProcessError, run_in_process
 
 FILES = f"""
-import dcap, {", ".join(f"{name}" for name in COMPANIONS)}, tasks.runner.records, solver.errors, flows.options
+import dcap, {", ".join(f"{name}" for name in COMPANIONS)}, tasks.records, solver.errors, flows.options
 print(*({", ".join(f"{name}.__file__" for name in COMPANIONS)}))
 """
 
@@ -49,22 +47,6 @@ def test_other_names_stay_as_they_were(tmp_path: Path) -> None:
     (tmp_path / "perf.py").write_text("mine = True\n")
     done = python(tmp_path, "import dcap, perf; print(perf.mine)")
     assert done.stdout == "True\n"
-
-
-def test_a_stage_takes_nothing_from_the_working_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The process of a stage runs our tasks and the installed libraries in a folder full of their names; it gets as far
-    as the function that the job names."""
-    monkeypatch.chdir(foreign_folder(tmp_path, OURS + LIBRARIES))
-    work: dict[str, object] = {
-        "module": "tasks.drop.stage",
-        "function": "nothing",
-        "inputs": {},
-        "config": None,
-        "session": {},
-    }
-    with pytest.raises(StageProcessError, match=r"'tasks\.drop\.stage' has no attribute 'nothing'"):
-        run_in_process(work, lambda part, text: None)
-    assert marks(tmp_path) == ""
 
 
 def test_our_folder_comes_after_the_standard_library(tmp_path: Path) -> None:

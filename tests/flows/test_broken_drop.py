@@ -5,9 +5,9 @@ from typing import Any
 
 import pytest
 
-from dcap.scene.store.artifacts import Store
+from tasks.artifact import Store
 from dcap.scene.types.outcome import Infeasible, Reason
-from flows.place import COARSER, broke, coarsened
+from flows.repeats import COARSER, broke_down, coarsened
 from tasks.particles.config import ParticlesConfig
 
 
@@ -15,7 +15,7 @@ from tasks.particles.config import ParticlesConfig
 def test_only_a_breakdown_is_repeated(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, *, reason, again) -> None:
     monkeypatch.setenv("DCAP_DATA", str(tmp_path))
     ref: Any = Store.default().save(Infeasible(reason, "t = 0.1 s", None))
-    assert broke(ref) is again
+    assert broke_down(ref) is again
 
 
 def test_cells_grow_and_nothing_else_changes() -> None:

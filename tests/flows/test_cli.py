@@ -13,7 +13,7 @@ from flows.cli.app import main
 from flows.configure import configured
 from flows.options import PlaceOptions
 from flows.server import prefect_server
-from tasks.runner.stage import deciding
+from tasks.cache import deciding
 
 
 def failed(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:

@@ -129,7 +129,7 @@ def test_scenes_that_cannot_be_read_are_no_scenes_without_supports(data: Path) -
         report
     )
     found = totals(report)
-    assert (found.scenes, found.scenes_unreadable, found.deformable_supports) == (3, 2, 1)
+    assert (found["scenes"], found["scenes_unreadable"], found["deformable_supports"]) == (3, 2, 1)
 
 
 def test_intended_outcomes_are_checked(data: Path) -> None:

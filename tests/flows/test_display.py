@@ -14,7 +14,7 @@ from dcap.scene.json_tree import JsonObject
 from dcap.scene.types.sample import Sample
 from flows.display import Display, print_plan, print_table
 from flows.sample_run import STAGE_NAMES, FailedSample, Plan
-from tasks.runner.context import Event, StageEvent
+from tasks.cache import Event, StageEvent
 
 ONE, TWO, THREE = (Sample(name, "room", "ball", "put it") for name in ("one", "two", "three"))
 ALL = len(STAGE_NAMES)

@@ -6,12 +6,11 @@ import pytest
 
 from dcap.scene.errors import InputError
 from dcap.scene.types.sample import Sample
-from flows.benchmark import new_run_folder
+from flows.benchmark import keep_result, new_run_folder
 from flows.failed_before import failed_before
 from flows.language_options import LanguageOptions
 from flows.place import PlaceConfig
-from flows.run_samples import write_failure
-from flows.sample_run import FailedSample, Plan
+from flows.sample_run import Plan
 
 GOOD, BAD, LATER = (Sample(name, "room", "ball", "put it") for name in ("good", "bad", "later"))
 
@@ -28,7 +27,7 @@ def run_of(dataset: Path, *failed: Sample, samples: tuple[Sample, ...] = (GOOD, 
     run = new_run_folder(dataset, samples, PlaceConfig(), LanguageOptions())
     for sample in samples:
         if sample in failed:
-            write_failure(run, FailedSample(sample, InputError("no such file")))
+            keep_result(run, sample, InputError("no such file"))
         else:
             (run / "samples" / sample.id).mkdir(parents=True)
             (run / "samples" / sample.id / "placement.json").write_text("{}")
@@ -47,7 +46,7 @@ def test_what_the_last_run_did_not_ask_for_did_not_fail(data: Path, capsys: pyte
 def test_what_finished_is_in_the_new_table(data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A finished sample whose stages are all cached costs nothing and keeps its row."""
     run_of(data / "set.yaml", BAD)
-    cached = Plan(GOOD, (), "", "", finished=object())  # type: ignore[arg-type]
+    cached = Plan(GOOD, (), finished=object())  # type: ignore[arg-type]
     monkeypatch.setattr("flows.failed_before.plan_sample", lambda sample, config: cached)
     assert failed_before(data / "set.yaml", [GOOD, BAD, LATER], PlaceConfig()) == [GOOD, BAD]
 

@@ -8,7 +8,8 @@ from dcap.scene.errors import InputError
 from dcap.scene.types.sample import GivenPlace, KnownHeight
 from flows.cli.app import main
 from flows.given import given_labels, height_of, place_of
-from flows.options import PlaceOptions, checked
+from flows.options import PlaceOptions
+from flows.settings.effective import effective_options
 
 
 def test_points_boxes_and_heights_are_numbers() -> None:
@@ -18,8 +19,8 @@ def test_points_boxes_and_heights_are_numbers() -> None:
     assert place_of("", "0,0,0,1,1,1") == GivenPlace(support=(0, 0, 0, 1, 1, 1))
     assert place_of("", "") is None
     assert height_of("Dining Table=0.75", "auto") == KnownHeight("dining table", 0.75)
-    assert checked(PlaceOptions, {"at": [1, 2.5, -3]}).at == "1,2.5,-3"
-    assert checked(PlaceOptions, {"support": (0, 0, 0, 1, 1, 1)}).support == "0,0,0,1,1,1"
+    assert effective_options(PlaceOptions, {"at": [1, 2.5, -3]}).at == "1,2.5,-3"
+    assert effective_options(PlaceOptions, {"support": (0, 0, 0, 1, 1, 1)}).support == "0,0,0,1,1,1"
 
 
 @pytest.mark.parametrize(

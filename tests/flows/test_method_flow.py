@@ -14,23 +14,22 @@ from dcap.evaluation.outcome_table import AS_POSED, ExpectedOutcome, SampleOutco
 from dcap.evaluation.run_folder import sample_folder
 from dcap.scene.errors import LanguageError
 from dcap.scene.json_tree import JsonObject
-from dcap.scene.store.artifacts import Store
-from dcap.scene.store.ref import Ref
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.floor_plan import FloorPlans
 from dcap.scene.types.sample import Sample
 from dcap.scene.types.segmentation import Segmentation
 from dcap.scene.types.settled import Settled
 from dcap.scene.writers.glb import Node, glb_bytes
-from flows.benchmark import dataset_samples
+from flows.benchmark import dataset_samples, keep_result
 from flows.measures_file import VIEWS, read_measures
-from flows.methods import examples_of, place_by
+from flows.methods import examples_of
 from flows.output import write_geometry
 from flows.place import PlaceConfig
 from flows.placement_json import Values
-from flows.run_samples import keep
-from flows.sample_run import FinishedSample, plan_sample
+from flows.sample_run import FinishedSample, plan_sample, run_sample
 from flows.scoring import scored_row
+from tasks.artifact import Ref, Store
+from tasks.cache import RunContext
 
 PROMPT = "put the mug at the center of the table"
 TOP = 0.75
@@ -62,8 +61,9 @@ def sample_in(folder: Path) -> Sample:
 
 def placed(sample: Sample, folder: Path) -> tuple[SampleOutcome, JsonObject, FinishedSample]:
     """The row of a sample, its placement.json and what its stages returned."""
-    finished = FinishedSample(sample, place_by(sample, CONFIG), ())
-    tree = keep(folder, finished)
+    finished = run_sample(sample, CONFIG, RunContext())
+    tree, _ = keep_result(folder, sample, finished)
+    assert tree is not None
     out = sample_folder(folder, sample.id)
     return scored_row(sample, tree, "", TRUTH, out), tree, finished
 
@@ -115,12 +115,12 @@ def test_meshes_of_a_placement_are_written_once(tmp_path: Path, monkeypatch: pyt
         return write_geometry(values, folder)
 
     monkeypatch.setattr("flows.output.write_geometry", counted)
-    assert keep(tmp_path / "again", finished) == tree
+    assert keep_result(tmp_path / "again", sample, finished) == (tree, "")
     again = sample_folder(tmp_path / "again", sample.id)
     assert {path.name: path.read_bytes() for path in again.iterdir() if path.is_file()} == files
     assert calls == []
     (again / "scene.glb").write_bytes(b"edited by a person")
-    keep(tmp_path / "third", finished)
+    keep_result(tmp_path / "third", sample, finished)
     assert len(calls) == 1
     assert (sample_folder(tmp_path / "third", sample.id) / "scene.glb").read_bytes() == files["scene.glb"]
     placed(by_method(sample_in(tmp_path), "holodeck"), tmp_path / "run")
@@ -222,7 +222,7 @@ def test_a_plan_of_layoutgpt_names_what_is_missing(tmp_path: Path):
     """Nothing is cached: the first stage would run, and a missing example is no failure."""
     sample = replace(by_method(sample_in(tmp_path), "layoutgpt"), examples=(str(tmp_path / "gone.glb"),))
     plan = plan_sample(sample, CONFIG)
-    assert (plan.failed, plan.missing) == (None, "mesh_scene")
+    assert (plan.failed, plan.missing[0].stage) == (None, "mesh_scene")
 
 
 def test_a_sample_has_the_same_examples_in_every_run(tmp_path: Path):

@@ -16,11 +16,10 @@ from dcap.language.protocol.session import Session
 from dcap.scene.errors import InputError
 from dcap.scene.readers.frame.frame import Role
 from dcap.scene.readers.source import read_scan
-from dcap.scene.store.source_files import source_files
+from dcap.scene.readers.source_files import source_files
 from dcap.scene.types.sample import SourceOptions
 from flows.cli.app import main
 from flows.next_scene import next_scene_files
-from flows.place_one import refuse_own_scene
 from tasks.freed.unloaded import unloaded
 from tasks.segment.stage import SegmentConfig, segment
 
@@ -151,9 +150,8 @@ def test_what_the_folder_says_is_not_overruled(tmp_path: Path) -> None:
 
 
 def test_the_scene_is_not_written_over(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="the scene itself"):
-        refuse_own_scene(str(tmp_path), tmp_path)
-    refuse_own_scene(str(tmp_path), tmp_path / "next")
+    assert main(["place", str(tmp_path), "ball.ply", "put it on the bed", "--out", str(tmp_path)]) == 2
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_radius_of_the_ball_is_kept(tmp_path: Path) -> None:

@@ -1,22 +1,22 @@
-"""The options of place and drop: one type, the same names everywhere, none of them lost."""
+"""The options of the commands: declared once, the same everywhere, none of them lost."""
 
-import inspect
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import pytest
-import typer
 
 from dcap.scene.errors import InputError
 from dcap.scene.types.sample import Sample
 from dcap.scene.types.units import METRES
+from flows.benchmark_config import benchmark_config
 from flows.cli import app as cli
-from flows.cli.checks import given
 from flows.configure import changed, configured
 from flows.drop_one import drop_case
-from flows.one_sample import sample_of
-from flows.options import UNITS, DropKeywords, DropOptions, PlaceKeywords, PlaceOptions, checked
+from flows.options import KEYS, UNITS, AllSettings, BenchmarkOptions, DropOptions, PlaceOptions
+from flows.place import PlaceConfig
+from flows.place_one import sample_of
+from flows.settings.effective import effective_options
+from flows.settings.table import value_at
 from tasks.mesh.stage import MeshConfig
 
 OTHER: dict[str, Any] = {
@@ -31,31 +31,13 @@ ASKED = {"language", "model", "record", "replay", "max_cost"}
 """They reach the stages through LanguageOptions; tests/flows/test_model_runs.py follows them."""
 
 
-@pytest.mark.parametrize(
-    ("kind", "keywords", "command", "arguments"),
-    [
-        (PlaceOptions, PlaceKeywords, cli.place, {"scene", "object", "prompt"}),
-        (DropOptions, DropKeywords, cli.drop, {"case"}),
-    ],
-)
-def test_the_same_options_everywhere(
-    kind: type[DropOptions], keywords: Any, command: Any, arguments: set[str]
-) -> None:  # fmt: skip
-    """Python and the command line take the same options by the same names, with the same defaults."""
-    parameters = inspect.signature(command).parameters
-    taken = set(parameters) - arguments - {"context", "as_json"}
-    assert taken == set(kind.model_fields) == set(keywords.__annotations__)
-    for name in taken - {"out"}:
-        assert parameters[name].default == kind.model_fields[name].default, name
-
-
 def test_every_option_reaches_the_stages() -> None:
     """Each option of a placement changes what is placed or how a stage is configured."""
     plain = PlaceOptions()
     assert set(OTHER) == set(PlaceOptions.model_fields)
     before = decided(plain)
     for name in set(OTHER) - ASKED - {"out", "maps", "animate", "surface"}:  # where and what is written
-        assert decided(checked(PlaceOptions, {name: OTHER[name]})) != before, name
+        assert decided(effective_options(PlaceOptions, {name: OTHER[name]})) != before, name
 
 
 def decided(options: PlaceOptions) -> tuple[Sample, dict[str, object]]:
@@ -69,7 +51,7 @@ def test_every_option_reaches_the_drop(monkeypatch: pytest.MonkeyPatch, tmp_path
     monkeypatch.setattr("flows.drop_one.run_case", lambda case, out, **given: heard.update(given) or {})
     monkeypatch.setattr("flows.drop_one.chosen_arch", lambda wanted: wanted)
     wanted = {name: OTHER[name] for name in DropOptions.model_fields if name != "out"} | {"solver": "tl"}
-    drop_case(tmp_path, checked(DropOptions, wanted), tmp_path, quiet=True)
+    drop_case(tmp_path, effective_options(DropOptions, wanted), tmp_path, quiet=True)
     assert heard == wanted | {"quiet": True, "settings": {}}
 
 
@@ -86,7 +68,7 @@ def test_the_command_line_hands_everything_over(name: str, monkeypatch: pytest.M
     value = tmp_path if name == "out" else OTHER[name]
     words = ["--" + name.replace("_", "-")] + ([] if value is True else [str(value)])
     assert cli.main(["place", "a", "b", "put it", *words]) == 2
-    assert heard == [checked(PlaceOptions, {name: value})]
+    assert heard == [effective_options(PlaceOptions, {name: value})]
 
 
 def test_every_unit_is_an_option() -> None:
@@ -97,9 +79,9 @@ def test_every_unit_is_an_option() -> None:
 def test_an_unknown_option_names_the_nearest() -> None:
     """A misspelt option is refused with the word that was meant; one of place is none of drop."""
     with pytest.raises(InputError, match="'treads'; did you mean 'threads'"):
-        checked(DropOptions, {"treads": 2})
+        effective_options(DropOptions, {"treads": 2})
     with pytest.raises(InputError, match="unknown option 'paper_limits'"):
-        checked(DropOptions, {"paper_limits": True})
+        effective_options(DropOptions, {"paper_limits": True})
 
 
 def test_an_unknown_setting_of_a_stage() -> None:
@@ -108,10 +90,23 @@ def test_an_unknown_setting_of_a_stage() -> None:
         changed(MeshConfig(), {"thraeds": 2})
 
 
-def test_a_parameter_that_is_no_option() -> None:
-    """A parameter of a command that is neither an argument nor an option is refused, not lost."""
-    source = SimpleNamespace(name="COMMANDLINE")
-    told = SimpleNamespace(params={"case": "a", "bogus": 1}, get_parameter_source=lambda _: source)
-    context = cast(typer.Context, told)
-    with pytest.raises(InputError, match="unknown option 'bogus'"):
-        checked(DropOptions, given(context, "case"))
+def test_defaults_are_those_of_the_stages() -> None:
+    """An option that sets a stage's field has its default, so that nothing given is the same as the default given."""
+    stages = PlaceConfig().model_dump(mode="json")
+    for key, name in KEYS.items():
+        if key.partition(".")[0] in stages and name != "ambiguous":  # a benchmark cannot ask
+            assert AllSettings.model_fields[name].default == value_at(stages, key), key
+    assert PlaceOptions().ambiguous == value_at(stages, "intent.ambiguous")
+
+
+def test_who_places_divides_the_cores(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Threads of this program share its cores; a worker of the pool has its own, unless a person gave a number."""
+    monkeypatch.setattr("flows.benchmark_config.available_cores", lambda: 8)
+
+    def threads(**asked: object) -> int:
+        return benchmark_config(effective_options(BenchmarkOptions, {"workers": 4, **asked}))[0].drop.threads
+
+    assert threads() == 2
+    assert threads(runner="dask") == 2
+    assert threads(runner="pool") == 0
+    assert threads(runner="pool", threads=3) == 3

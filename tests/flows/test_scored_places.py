@@ -12,7 +12,7 @@ import pytest
 from dcap.evaluation.outcome_table import AS_POSED, AT_REST, ExpectedOutcome, SampleOutcome
 from dcap.evaluation.region import TOLERANCE_M
 from dcap.scene.json_tree import JsonObject
-from dcap.scene.store.artifacts import Store
+from tasks.artifact import Store
 from dcap.scene.types.sample import Sample
 from flows.scoring import meant_regions, scored_row
 

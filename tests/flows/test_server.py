@@ -1,146 +1,128 @@
-"""Programs that run at the same time share one server, the last one stops it, and it lets nobody wait."""
+"""Programs that run at the same time share one server, and the last one stops it; a named one is used and left alone."""
 
+import base64
 import json
-import math
 import os
 import socket
 import subprocess
 import sys
 import threading
-import time
 from contextlib import suppress
 from functools import partial
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
+from urllib.error import HTTPError
+from urllib.request import Request, urlopen
 
-import httpx
+import patience
+import psutil
 import pytest
 from foreign_names import LIBRARIES, OURS, foreign_folder, marks
+from ports import free_port
 
-from dcap.scene.errors import DcapError, InputError, ServerGoneError
+from dcap.packages import module_command
+from dcap.scene.errors import DcapError, InputError
 from dcap.scene.settings import PROJECT_ROOT, server_folder
-from flows.display import Display
-from flows.server import (
-    DATABASES,
-    LOG_END,
-    START_SECONDS,
-    check_port,
-    free_port,
-    is_healthy,
-    is_server,
-    launch,
-    listened_to,
-    prefect_server,
-    say_whether,
-    why_gone,
-)
-from flows.server_wait import wait_for_server
-from flows.ui import serve_pages
-from flows.worker import serve_pool
-from perf.workflow import chain
+from flows.cli.app import main
+from flows.server import is_healthy, pages_of, prefect_server
 
-OTHER = """
+PROGRAM = """
 import sys
 from flows.server import prefect_server
 with prefect_server() as url:
     print(url, flush=True)
     sys.stdin.readline()
 """
+LOGIN = "team:of-ours"
+wait_until = partial(patience.wait_until, seconds=60.0)
+
+
+def program(folder: Path, data: Path, **environment: str) -> "subprocess.Popen[str]":
+    """A program that uses a server until it is told to end; the first line it says is the server's address."""
+    plain = {name: value for name, value in os.environ.items() if not name.startswith("PREFECT_")}
+    return subprocess.Popen(
+        [sys.executable, "-P", "-c", PROGRAM], cwd=folder, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+        env=plain | {"DCAP_DATA": str(data), "PYTHONPATH": str(PROJECT_ROOT)} | environment,
+    )  # fmt: skip
+
+
+def said(process: "subprocess.Popen[str]") -> str:
+    """Its first line."""
+    assert process.stdout is not None
+    return process.stdout.readline().strip()
+
+
+def posted(url: str, **headers: str) -> int:
+    """How a server answers to a request of a page or program."""
+    try:
+        with urlopen(Request(f"{url}/flows/filter", b"{}", {"content-type": "application/json", **headers})) as answer:
+            return int(answer.status)
+    except HTTPError as error:
+        return error.code
 
 
 @pytest.mark.slow
-@pytest.mark.long
-def test_the_last_user_stops_the_server(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A second program uses the server of the first, keeps it when the first leaves, and stops it in the end."""
-    monkeypatch.setenv("DCAP_DATA", str(tmp_path))
-    monkeypatch.delenv("PREFECT_API_URL", raising=False)
-    monkeypatch.setenv("PREFECT_HOME", str(tmp_path))
-    with prefect_server() as url:
-        environment = {name: value for name, value in os.environ.items() if name != "PREFECT_API_URL"}
-        other = subprocess.Popen(
-            [sys.executable, "-c", OTHER],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-            cwd=PROJECT_ROOT,
-            env=environment,
-        )
-        assert other.stdout is not None
-        assert other.stdout.readline().strip() == url
-        pid = int(json.loads((tmp_path / "cache" / "prefect" / "server.json").read_text())["pid"])
+def test_the_last_user_stops_the_server(tmp_path: Path) -> None:
+    """A second program uses the server of the first, keeps it when the first is killed, and stops it in the end. It
+    takes nothing from the working directory, and answers no page of another site."""
+    folder, data = foreign_folder(tmp_path / "foreign", OURS + LIBRARIES), tmp_path / "data"
+    first = program(folder, data)
+    url = said(first)
+    second = program(folder, data)
+    assert said(second) == url
+    family = psutil.Process(first.pid).children(recursive=True)
+    servers = [one for one in family if one.status() != psutil.STATUS_ZOMBIE and "server" in str(one.cmdline())]
+    assert len(servers) == 2  # and its keeper
+    first.kill()
+    first.communicate()
     assert is_healthy(url)
-    other.communicate("\n", timeout=60)
-    time.sleep(0.1)
-    assert not is_healthy(url)
-    assert not is_server(pid)
-    assert not (tmp_path / "cache" / "prefect" / "server.json").exists()
+    for headers in ({"Origin": "https://evil.example"}, {}):
+        assert posted(url, **headers) == 403
+    second.communicate("\n", timeout=60)
+    wait_until(lambda: not is_healthy(url) and not any(one.is_running() for one in servers))
+    assert marks(folder) == ""
 
 
 @pytest.mark.slow
 @pytest.mark.long
-def test_a_server_takes_nothing_from_the_working_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It starts in a folder with a prefect.py and others of such names, and runs none of them."""
-    monkeypatch.setenv("DCAP_DATA", str(tmp_path / "data"))
-    monkeypatch.delenv("PREFECT_API_URL", raising=False)
-    monkeypatch.setenv("PREFECT_HOME", str(tmp_path / "data"))
-    monkeypatch.chdir(foreign_folder(tmp_path, OURS + LIBRARIES))
-    with prefect_server() as url:
-        assert is_healthy(url)
-    assert marks(tmp_path) == ""
-
-
-@pytest.mark.slow
-@pytest.mark.long
-def test_a_program_turns_to_the_server_that_is_named_now(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As in a notebook whose first placement had a server of its own, and whose next one is to be on a team's."""
-    monkeypatch.setenv("PREFECT_HOME", str(tmp_path))
-    monkeypatch.delenv("PREFECT_API_URL", raising=False)
-    with monkeypatch.context() as patch:
-        patch.setenv("DCAP_DATA", str(tmp_path / "team"))
-        with prefect_server() as named:
-            from prefect.client.orchestration import get_client
-
-            patch.delenv("PREFECT_API_URL")
-            patch.setenv("DCAP_DATA", str(tmp_path / "own"))
-            with prefect_server() as own, get_client(sync_client=True) as client:
-                assert str(client.api_url).rstrip("/") == own != named
-            patch.setenv("PREFECT_API_URL", named)
-            with prefect_server() as url, get_client(sync_client=True) as client:
-                assert str(client.api_url).rstrip("/") == url == named
-
-
-@pytest.mark.slow
-def test_nobody_is_told_to_ask_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A database that is locked would cost two seconds each time: while the events of earlier flow runs are being kept,
-    and where a request reads something within what it writes, as of one that pauses a work queue."""
+def test_the_pages_are_on_the_promised_port(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of `dcap ui`, which asks others who they are where they can reach it; a port that is taken is one line."""
+    port = free_port()
     monkeypatch.setenv("DCAP_DATA", str(tmp_path))
-    monkeypatch.setenv("PREFECT_HOME", str(tmp_path))
+    monkeypatch.setenv("PREFECT_SERVER_API_AUTH_STRING", LOGIN)
+    monkeypatch.setenv("PREFECT_SERVER_API_HOST", "0.0.0.0")
     monkeypatch.delenv("PREFECT_API_URL", raising=False)
-    answers, send = list[int](), httpx.Client.send
+    with subprocess.Popen(
+        module_command("flows.cli", "ui", "--port", str(port)), stdout=subprocess.PIPE, text=True
+    ) as pages:
+        try:
+            assert f":{port} " in said(pages)
+            known = {"Authorization": f"Basic {base64.b64encode(LOGIN.encode()).decode()}"}
+            url = f"http://127.0.0.1:{port}/api"
+            with urlopen(Request(f"{url}/csrf-token?client=x", headers=known)) as answer:
+                token = {"Prefect-Csrf-Client": "x", "Prefect-Csrf-Token": json.load(answer)["token"]}
+            assert posted(url, **known, **token) == 200
+            assert posted(url, **token) == 401
+        finally:
+            pages.terminate()
+    wait_until(lambda: not is_healthy(f"http://127.0.0.1:{port}/api"))
+    with socket.create_server(("0.0.0.0", port)):
+        assert main(["ui", "--port", str(port)]) == 2
+    assert f"port {port} " in capsys.readouterr().err
 
-    def noted(client: httpx.Client, request: httpx.Request, **how: Any) -> httpx.Response:
-        response = send(client, request, **how)
-        answers.append(response.status_code)
-        return response
 
-    monkeypatch.setattr(httpx.Client, "send", noted)
-    with prefect_server() as url:
-        from flows.flow_runs import FlowRunNames, flow_run
-
-        with flow_run(FlowRunNames("all", "all", (), {})) as whole:
-            assert whole.flow_run is not None
-            for number in range(5):
-                with flow_run(FlowRunNames("one", f"{number}", (), {}), whole.flow_run.id):
-                    chain(number, 2)
-        with httpx.Client(base_url=url, timeout=200.0) as client:
-            client.post("/work_pools/", json={"name": "some", "type": "process"})
-            queue = "/work_pools/some/queues/default"
-            assert client.patch(queue, json={"is_paused": True}).status_code == 204
-            assert client.get(queue).json()["status"] == "PAUSED"
-    assert 201 in answers
-    assert 503 not in answers
+def test_a_server_for_others_asks_who_they_are(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """None is started without: the line names the setting."""
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path))
+    monkeypatch.delenv("PREFECT_API_URL", raising=False)
+    for host, login in (("0.0.0.0", ""), ("::", ""), ("192.0.2.7", "team"), ("192.0.2.7", ":x"), ("192.0.2.7", "x:")):
+        monkeypatch.setenv("PREFECT_SERVER_API_HOST", host)
+        monkeypatch.setenv("PREFECT_SERVER_API_AUTH_STRING", login)
+        with pytest.raises(InputError, match="PREFECT_SERVER_API_AUTH_STRING=NAME:PASSWORD") as told:
+            prefect_server().__enter__()
+        assert "\n" not in str(told.value)
 
 
 class SomePages(BaseHTTPRequestHandler):
@@ -158,38 +140,26 @@ class SomePages(BaseHTTPRequestHandler):
         """Say nothing."""
 
 
-@pytest.mark.parametrize(
-    ("prefect", "said"),
-    [(False, "no server of Prefect answers there"), (True, "the address of Prefect's server ends in /api: http://127")],
-)
-def test_an_address_that_is_no_servers(prefect: bool, said: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It is refused in a line before anything is sent there, also where something else answers."""
-    monkeypatch.setattr(SomePages, "prefect", prefect)
+def refusal(url: str, monkeypatch: pytest.MonkeyPatch) -> str:
+    """The line that says why a server that is named cannot be used."""
+    monkeypatch.setenv("PREFECT_API_URL", url)
+    with pytest.raises(DcapError) as told:
+        prefect_server().__enter__()
+    assert "\n" not in str(told.value)
+    assert "of-ours" not in str(told.value)
+    return str(told.value)
+
+
+def test_an_address_that_is_no_servers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is refused in a line before anything is sent there, also where something else answers; no line says a
+    password."""
     with ThreadingHTTPServer(("127.0.0.1", 0), SomePages) as pages:
         threading.Thread(target=pages.serve_forever, daemon=True).start()
-        monkeypatch.setenv("PREFECT_API_URL", f"http://127.0.0.1:{pages.server_port}")
-        with pytest.raises(DcapError, match=said), prefect_server():
-            raise AssertionError
+        url = f"http://127.0.0.1:{pages.server_port}"
+        for prefect in (False, True):
+            monkeypatch.setattr(SomePages, "prefect", prefect)
+            assert (f"{url}/api" in refusal(url, monkeypatch)) is prefect
         pages.shutdown()
-
-
-@pytest.mark.parametrize(
-    "url",
-    [
-        "http://team:of-ours@127.0.0.1/api",
-        "http://team:a/of-ours@127.0.0.1/api",
-        "http://team:9/of-ours@127.0.0.1/api",
-        "team:of-ours@127.0.0.1/api",
-        "http:/team:of-ours@127.0.0.1/api",
-        "http://team:of-ours?x@127.0.0.1/api",
-        "http://127.0.0.1:{port}/api",
-        "127.0.0.1:{port}",
-        "?",
-        "http://[::1/api",
-    ],
-)
-def test_what_speaks_otherwise_is_no_server(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """An address that is none, or a port where another protocol is spoken: one line, which says no password."""
     with socket.create_server(("127.0.0.1", 0)) as other:
 
         def greet() -> None:
@@ -199,146 +169,44 @@ def test_what_speaks_otherwise_is_no_server(url: str, monkeypatch: pytest.Monkey
                         one.sendall(b"SSH-2.0-Some\r\n")
 
         threading.Thread(target=greet, daemon=True).start()
-        monkeypatch.setenv("PREFECT_API_URL", url.format(port=other.getsockname()[1]))
-        with pytest.raises(DcapError) as told, prefect_server():
-            raise AssertionError
-        assert "\n" not in str(told.value)
-        assert "of-ours" not in str(told.value)
-        assert ("log-in" in str(told.value)) is ("@" in url)
+        port = other.getsockname()[1]
+        for url in (f"http://127.0.0.1:{port}/api", f"127.0.0.1:{port}", "?", "http://[::1/api"):
+            assert "PREFECT_API_URL=" in refusal(url, monkeypatch)
+    for url in (
+        "http://team:of-ours@127.0.0.1/api", "http://team:a/of-ours@127.0.0.1/api", "team:of-ours@127.0.0.1/api",
+        "http:/team:of-ours@127.0.0.1/api", "http://team:of-ours?x@127.0.0.1/api",
+    ):  # fmt: skip
+        assert "PREFECT_API_AUTH_STRING" in refusal(url, monkeypatch)
+    assert pages_of("http://team:of-ours@127.0.0.1:1/api") == "http://***@127.0.0.1:1"
 
 
-def test_a_server_of_a_team_that_is_gone_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """By its address, without who signs in there; our own log says nothing of it, nor need our own folder be there."""
-    monkeypatch.setenv("DCAP_DATA", str(tmp_path / "data"))
-    monkeypatch.setenv("PREFECT_HOME", str(tmp_path))
-    monkeypatch.setenv("PREFECT_API_URL", "http://team:of-ours@127.0.0.1:1/api")
-    monkeypatch.setattr("flows.server_wait.START_SECONDS", 0.0)
-    monkeypatch.setattr("flows.server_wait.GIVEN_UP", {})
-    with pytest.raises(DcapError) as told:
-        wait_for_server()
-    assert str(told.value) == (
-        "the Prefect server http://***@127.0.0.1:1/api is gone; PREFECT_API_URL names it: see there, or unset the "
-        "variable"
+@pytest.mark.slow
+def test_prefect_reads_no_settings_of_a_working_directory(server: str, tmp_path: Path) -> None:
+    """A data set may come with an `.env` or `prefect.toml`, which could have it run a file; ours are in force, and what
+    a person has set wins."""
+    folder = foreign_folder(tmp_path, ())
+    code = (
+        "from flows.server import prefect_server\nwith prefect_server():\n    import prefect\n"
+        "    from prefect.settings import get_current_settings as now\n    @prefect.flow\n    def one(): return 1\n"
+        "    assert one() == 1\n    print(now().client.max_retries, now().server.analytics_enabled)\n"
     )
-    with pytest.raises(DcapError, match=r"^PREFECT_API_URL=http://\*\*\*@127\.0\.0\.1:1/api: .* log-in"):
-        prefect_server().__enter__()
+    own = {"DCAP_DATA": str(tmp_path / "data"), "PYTHONPATH": str(PROJECT_ROOT)}
+    for given, told in (({}, "3 False\n"), ({"PREFECT_CLIENT_MAX_RETRIES": "2"}, "2 False\n")):
+        done = subprocess.run(
+            [sys.executable, "-P", "-c", code], cwd=folder, env=os.environ | own | given, capture_output=True, text=True
+        )
+        assert (done.returncode, done.stdout) == (0, told), done.stderr
+    assert marks(folder) == ""
 
 
-def test_nobody_is_shown_who_signs_in_at_a_server(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+def test_a_program_turns_to_the_server_that_is_named_now(
+    server: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Neither by a benchmark, nor by the pages, nor by a worker."""
-    url = "http://team:of-ours@127.0.0.1:1/api"
+    """As in a notebook that has used another one before; the environment is as before in the end."""
+    from prefect.client.orchestration import get_client
+
     monkeypatch.setenv("DCAP_DATA", str(tmp_path))
-    monkeypatch.setenv("PREFECT_HOME", str(tmp_path))
-    monkeypatch.setenv("PREFECT_API_URL", url)
-    monkeypatch.setattr("flows.server.is_healthy", lambda asked: True)
-    monkeypatch.setattr("flows.worker.module_command", lambda *words: ["sleep", "60"])
-    monkeypatch.setattr("flows.work_pool.register", lambda: None)
-    monkeypatch.setattr("signal.pause", lambda: None)
-    Display([]).serving(url)
-    told = [capsys.readouterr().err]
-    with prefect_server():
-        assert server_folder().is_dir()  # Prefect's home, of which it would warn
-    serve_pages(4200, told.append)
-    with pytest.raises(InterruptedError):
-        serve_pool(1, lambda line: interrupted(told, line))
-    assert len(told) == 3
-    for line in told:
-        assert "http://***@127.0.0.1:1" in line
-        assert "of-ours" not in line
-
-
-def interrupted(told: list[str], line: str) -> None:
-    """Somebody ends the program as soon as a line is said."""
-    told.append(line)
-    raise InterruptedError
-
-
-def test_why_a_server_is_gone_is_told_by_its_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its last words, and the setting of its database where that is another's."""
-    for one in ("PREFECT_API_URL", *DATABASES):
-        monkeypatch.delenv(one, raising=False)
-    log = tmp_path / "server.log"
-    assert why_gone(tmp_path) == f"its log is {log}"
-    log.write_text("Traceback (most recent call last):\n  File x\nArgumentError: no such database\n\nIt has stopped.\n")
-    assert why_gone(tmp_path) == f"its last words are: ArgumentError: no such database; its log is {log}"
-    monkeypatch.setenv(DATABASES[0], "nonsense")
-    assert why_gone(tmp_path).startswith(f"its database is what {DATABASES[0]} names; its last words are: Arg")
-    log.write_text("x" * 10_000)
-    assert len(why_gone(tmp_path)) < 1000
-    log.write_text(f"refused postgresql+asyncpg://team:of-ours-123@db.example/prefect {'x' * 265}")
-    assert "123@" not in why_gone(tmp_path)
-    log.write_text("x" * 99 + f" postgresql+asyncpg://team:of-ours-123@db.example/prefect {'x' * (LOG_END - 34)}")
-    assert "123@" not in why_gone(tmp_path)
-
-
-def test_an_address_of_another_machine_is_no_port(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Another port would not help."""
-    with pytest.raises(InputError, match=r"PREFECT_SERVER_API_HOST=192\.0\.2\.7: this machine has no such address"):
-        check_port(free_port(), "192.0.2.7")
-
-
-def test_a_server_of_a_team_that_is_away_is_told_once(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """One look that is missed says nothing; nor does a server that is there."""
-    looks, done = iter([False, True, False, False, False, True, True]), threading.Event()
-
-    def ready(_: str) -> bool:
-        found = next(looks, None)
-        if found is None:
-            done.set()
-        return found is not False
-
-    monkeypatch.setattr("flows.server.is_ready", ready)
-    monkeypatch.setattr("flows.server.LISTEN_SECONDS", 0.001)
-    url = "http://team:of-ours@127.0.0.1:1/api"
-    with listened_to(url, partial(say_whether, url)):
-        assert done.wait(60.0)
-    assert capsys.readouterr().err.splitlines() == [
-        "the Prefect server http://***@127.0.0.1:1/api does not answer; it is waited for",
-        "the Prefect server http://***@127.0.0.1:1/api answers again",
-    ]
-
-
-def test_nobody_waits_soon_where_somebody_has_waited_in_vain(monkeypatch: pytest.MonkeyPatch) -> None:
-    """All threads of a benchmark end with the first; who comes later, or has nothing better to do, waits again."""
-    clock = [1000.0]
-    looks: list[bool] = []
-    monkeypatch.setenv("PREFECT_API_URL", "http://127.0.0.1:1/api")
-    monkeypatch.setattr("flows.server_wait.GIVEN_UP", {})
-    monkeypatch.setattr("flows.server_wait.is_ready", lambda url: bool(looks) and looks.pop(0))
-    clocks = SimpleNamespace(monotonic=lambda: clock[0], sleep=lambda _: clock.append(clock.pop() + 1.0))
-    monkeypatch.setattr("flows.server_wait.time", clocks)
-
-    def gives_up() -> float:
-        begin = clock[0]
-        with pytest.raises(ServerGoneError):
-            wait_for_server()
-        return clock[0] - begin
-
-    assert gives_up() > START_SECONDS
-    assert gives_up() == 0.0
-    looks[:] = [False, True]
-    wait_for_server(math.inf)
-    looks[:] = [False, True]
-    wait_for_server()  # it was there since
-    assert gives_up() > START_SECONDS
-    clock[0] += 2.0 * START_SECONDS
-    assert gives_up() > START_SECONDS
-
-
-@pytest.mark.parametrize("name", DATABASES)
-def test_a_server_keeps_its_runs_where_it_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
-    """By either name of Prefect's setting; a file in its folder is the database only where none is named."""
-    given: list[dict[str, str]] = []
-    monkeypatch.setattr("subprocess.Popen", lambda command, *, env, **_: given.append(env))
-    for one in DATABASES:
-        monkeypatch.delenv(one, raising=False)
-    launch(tmp_path, "127.0.0.1", 1)
-    monkeypatch.setenv(name, "postgresql+asyncpg://db.example/prefect")
-    launch(tmp_path, "127.0.0.1", 1)
-    files, named = ([env[one] for one in DATABASES if one in env] for env in given)
-    assert files == [f"sqlite+aiosqlite:///{tmp_path / 'prefect.db'}"]
-    assert named == ["postgresql+asyncpg://db.example/prefect"]
+    with prefect_server() as url, get_client(sync_client=True) as client:
+        assert str(client.api_url).rstrip("/") == url == server
+    assert os.environ["PREFECT_API_URL"] == server
+    assert not (server_folder() / "server.json").exists()

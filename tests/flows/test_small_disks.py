@@ -12,7 +12,7 @@ from desk_room import desk_dataset
 from kept_records import kept_records
 from watched_run import PATIENCE, TELL, begun_stages, finished, result, results, server_elsewhere, started
 
-from dcap.scene.store.artifacts import Store
+from tasks.artifact import Store
 from flows.server import LEAST_ROOM
 from tasks.runner.damage import damages
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from dcap.scene.store.artifacts import Store
+from tasks.artifact import Store
 from dcap.scene.types.sample import Sample
 from flows.sample_run import in_users_words
 

@@ -12,25 +12,22 @@ from box_rooms import block, thing
 from mypy import api
 
 from dcap.scene.settings import PROJECT_ROOT
-from dcap.scene.store.artifacts import Store
-from dcap.scene.store.ref import Ref
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.measures import Drift
 from dcap.scene.types.sample import GivenPlace, Sample
 from dcap.scene.types.segmentation import SegmentedObject
 from flows.methods import place_by
-from flows.place import COARSER, STAGES, PlaceConfig, place
+from flows.place import STAGES, PlaceConfig, place
+from flows.repeats import COARSER
+from tasks.artifact import Ref, Store
+from tasks.cache import Stage
 from tasks.particles.config import ParticlesConfig
 from tasks.posed.stage import posed
-from tasks.runner.stage import Stage
 
-PLACE = PROJECT_ROOT / "flows" / "place.py"
+FLOWS = PROJECT_ROOT / "flows"
 MISTAKES = {
     "swapped": ("rotation, sample.prompt, config=config.anchor", "anchor, sample.prompt, config=config.anchor"),
-    "another_kind": (
-        "    settled = drop_task(particles, anchor, intent",
-        "    settled = drop_task(particles, intent, anchor",
-    ),
+    "another_kind": ("scene, item, intent, anchor, materials, sample.seed", "scene, item, anchor, intent, materials, sample.seed"),
     "left_out": (
         "materials_task(scene, item, intent, anchor, sample.prompt",
         "materials_task(scene, item, intent, anchor",
@@ -38,29 +35,32 @@ MISTAKES = {
     "text_for_a_reference": ("rotation_task(scene, item, intent", 'rotation_task(scene, item, "intent"'),
     "earlier_result": ("render_task(scene, item, anchor, settled", "render_task(scene, item, anchor, particles"),
     "config_of_another": ("object_surface, config=config.render", "settled, config=config.drop"),
-    "unknown_setting": ("materials, config=config.particles, freed", "materials, settings=config.particles, freed"),
+    "unknown_setting": ("freed=freed, cells=config.particles", "freed=freed, settings=config.particles"),
     "object_for_scene": ("render_task(scene, item", "render_task(item, scene"),
-    "second_drop": ("drop_task(finer, anchor", "drop_task(settled, anchor"),
-    "drop_on_larger_cells": ("drop_task(larger, anchor", "drop_task(settled, anchor"),
-    "no_rest": ("rest=settled, freed", "rest=particles, freed"),
     "wrong_field": ("        intent=intent,\n", "        intent=anchor,\n"),
 }
 """Names and edits of mistakes that a person could make in the flow."""
+REPEATS = {
+    "first_drop": ("settled = drop_task(particles, anchor", "settled = drop_task(particles, intent"),
+    "no_rest": ("rest=settled, freed", "rest=particles, freed"),
+}
+"""And where a drop is repeated."""
 
 
 @pytest.mark.slow
 def test_wrong_wiring_is_a_type_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each mistake in the flow is an error of mypy in its own file; the flow as it is has none."""
-    text = PLACE.read_text()
-    for name, (right, wrong) in MISTAKES.items():
-        assert text.count(right) == 1, name
-        (tmp_path / f"{name}.py").write_text(text.replace(right, wrong))
-    shutil.copy(PLACE, tmp_path / "as_it_is.py")
+    for file, mistakes in (("place.py", MISTAKES), ("repeats.py", REPEATS)):
+        text = (FLOWS / file).read_text()
+        for name, (right, wrong) in mistakes.items():
+            assert text.count(right) == 1, name
+            (tmp_path / f"{name}.py").write_text(text.replace(right, wrong))
+        shutil.copy(FLOWS / file, tmp_path / f"as_it_is_{file}")
     monkeypatch.chdir(PROJECT_ROOT)  # where the settings lie, and what mypy remembers of the last check
     found, trouble, _ = api.run([str(path) for path in sorted(tmp_path.glob("*.py"))])
     assert not trouble
     wrong_files = {Path(line.partition(":")[0]).stem for line in found.splitlines() if ": error:" in line}
-    assert wrong_files == MISTAKES.keys()
+    assert wrong_files == {*MISTAKES, *REPEATS}
 
 
 @pytest.fixture
@@ -91,8 +91,8 @@ def test_the_list_of_stages_is_the_path_of_a_placement(
 ) -> None:
     """`place` calls exactly the stages of STAGES, in that order; where the object came to rest elsewhere than was
     foreseen, or the drop broke down, it is dropped once more."""
-    monkeypatch.setattr("flows.place.ended_elsewhere", lambda _: elsewhere)
-    monkeypatch.setattr("flows.place.broke", lambda _: broke)
+    monkeypatch.setattr("flows.repeats.settled_elsewhere", lambda _: elsewhere)
+    monkeypatch.setattr("flows.repeats.broke_down", lambda _: broke)
     place(sample, PlaceConfig())
     again = ["particles", "drop"] * (elsewhere + broke)
     assert called == [*(stage.name for stage in STAGES[:-1]), *again, STAGES[-1].name]
@@ -114,7 +114,7 @@ def test_a_given_place_is_taken_by_ours_and_what_is_left_of_it(
     monkeypatch: pytest.MonkeyPatch, called: list[str], sample: Sample, method: str, *, pointed: bool
 ) -> None:
     """Ablations leave one idea out, and not the place with it; baselines find their own."""
-    monkeypatch.setattr("flows.place.ended_elsewhere", lambda _: False)
+    monkeypatch.setattr("flows.repeats.settled_elsewhere", lambda _: False)
     place_by(replace(sample, method=method, place=GivenPlace(at=(0.2, 0.2, 0.0))), PlaceConfig())
     assert ("point" in called) is ("point_out" in called) is pointed
 

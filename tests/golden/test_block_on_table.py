@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from dcap.scene.store.artifacts import Store
-from dcap.scene.store.ply import mesh_from_ply
+from tasks.artifact import Store
+from dcap.scene.writers.ply import mesh_from_ply
 from flows.cli.app import main
 from flows.place import STAGES
 

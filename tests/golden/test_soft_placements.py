@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from dcap.geometry.distance import signed_volume
 from dcap.language.material_table import load_materials
-from dcap.scene.store.artifacts import Store
+from tasks.artifact import Store
 from dcap.scene.types.gravity import GRAVITY
 from dcap.scene.types.materials import Material
 from dcap.scene.types.particles import NodeState, Particles, SoftSimulationBody

@@ -1,40 +1,21 @@
-"""Stages that run where they are called, without Prefect: whole flows in a test, each stage once for each input."""
+"""Whole flows in a test, without Prefect and without processes."""
 
 from typing import Any
 
 import pytest
 
-from dcap.language.connect import connect
-from dcap.language.protocol.session import Session
-from dcap.scene.store.artifacts import Store
-from dcap.scene.store.ref import Ref
-from tasks.runner.stage import CLIENT, Stage
+from tasks.cache import Stage
 
 
 def run_directly(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Let every stage run so; the names of those that ran come to stand in the list."""
-    known: dict[str, Ref[Any]] = {}
+    """Let every stage run where it is called; the names of those that are computed come to stand in the list."""
     ran: list[str] = []
+    run = Stage.run
 
-    def call(stage: Stage[..., Any], *args: Any, **kwargs: Any) -> Ref[Any]:
-        inputs = dict(stage.signature.bind_partial(*args, **kwargs).arguments)
-        config = inputs.pop("config", None)
-        for value in inputs.values():
-            if isinstance(value, Ref) and value.infeasible:
-                return value
-        if config is None and "config" in stage.signature.parameters:
-            config = stage.hints["config"]()
-        key = stage.deciders(inputs, config).key
-        if key not in known:
-            store = Store.default()
-            values = {name: store.load(one) if isinstance(one, Ref) else one for name, one in inputs.items()}
-            if config is not None:
-                values["config"] = config
-            if stage.asks:
-                values[CLIENT] = connect(config.language, Session())
-            known[key] = store.save(stage.function(**values))
-            ran.append(stage.name)
-        return known[key]
+    def noted(stage: Stage[..., Any], *args: Any) -> Any:
+        ran.append(stage.name)
+        return run(stage, *args)
 
-    monkeypatch.setattr(Stage, "__call__", call)
+    monkeypatch.setattr(Stage, "run", noted)
+    monkeypatch.setattr(Stage, "_needs_process", lambda *_: False)
     return ran

@@ -19,10 +19,10 @@ from dcap.scene.types.scan import Scan
 from dcap.scene.types.segmentation import Instance, Part, Segmentation
 from dcap.scene.types.settled import Settled, SettledBody
 from solver.certificate import Verdict
-from dcap.scene.store.artifacts import Source, Store
+from tasks.artifact import Source, Store
 from rest_records import history, implicit_certificate
 from tasks.overview import overview_task
-from tasks.runner.stage import stage
+from tasks.cache import stage
 
 MESH = Mesh.of(np.random.default_rng(0).random((30, 3)), np.arange(30).reshape(10, 3))
 BOX = OrientedBox(np.zeros(3), np.eye(3), np.ones(3))

@@ -10,7 +10,7 @@ from rest_records import CONTACT
 from dcap.language.material_table import load_materials
 from dcap.scene.readers.frame.frame import Role
 from dcap.scene.readers.source import read_scan
-from dcap.scene.store.ply import mesh_to_ply
+from dcap.scene.writers.ply import mesh_to_ply
 from dcap.scene.types.materials import BodyModel, PartMaterial
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.sample import SourceOptions

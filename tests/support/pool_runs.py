@@ -1,5 +1,6 @@
-"""A pool, its workers, and what its server tells of them."""
+"""A pool, its workers, and what benchmarks give."""
 
+import json
 import os
 import signal
 import subprocess
@@ -7,20 +8,17 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import patience
 import pytest
-from prefect_pages import PrefectPages
-from watched_run import results as kept_results
 
 from dcap.packages import module_command
 from dcap.scene.settings import data_root
 from flows.cli.app import main
+from flows.sample_records import RECORDS
 
-PATIENCE = 600.0
+PATIENCE = 300.0
 """For machines that are busy [s]."""
-
 wait_until = partial(patience.wait_until, seconds=PATIENCE, every=0.1)
 
 
@@ -30,24 +28,16 @@ def data_folder(folder: Path) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("DCAP_DATA", str(folder))
         patch.setenv("DCAP_RENDER__SIZE", "256")  # nothing here is seen in the pictures
-        patch.setenv("PREFECT_HOME", str(folder))
-        patch.delenv("PREFECT_API_URL", raising=False)
         yield
 
 
 @contextmanager
-def a_worker(
-    limit: int = 2, environment: Mapping[str, str] = {}, said: Path | None = None
-) -> Iterator["subprocess.Popen[bytes]"]:
-    """`dcap worker`, in a session of its own; what it says goes into a file."""
-    told = said.open("wb") if said else None
+def a_worker(limit: int = 2, environment: Mapping[str, str] = {}) -> Iterator["subprocess.Popen[bytes]"]:
+    """`dcap worker`, in a session of its own."""
     process = subprocess.Popen(
-        module_command("flows.cli", "worker", "--limit", str(limit)),
-        stdout=told or subprocess.DEVNULL,
-        stderr=told,
-        start_new_session=True,
-        env=os.environ | dict(environment),
-    )
+        module_command("flows.cli", "worker", "--limit", str(limit)), stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL, start_new_session=True, env=os.environ | dict(environment),
+    )  # fmt: skip
     try:
         yield process
     finally:
@@ -57,22 +47,26 @@ def a_worker(
         except subprocess.TimeoutExpired:
             os.killpg(process.pid, signal.SIGKILL)
             process.wait()
-        if told:
-            told.close()
 
 
-def waiting(pages: PrefectPages) -> list[object]:
-    """Flow runs that wait in the pool."""
-    return [run["id"] for run in pages.post("/flow_runs/filter") if run["state_type"] == "SCHEDULED"]
-
-
-def taken(pages: PrefectPages) -> list[dict[str, Any]]:
-    """Flow runs that a worker has taken."""
-    return [run for run in pages.post("/flow_runs/filter") if "worker:" in str(run["tags"])]
+def benchmark(dataset: Path, *options: str) -> list[str]:
+    """The command of a benchmark."""
+    return ["benchmark", "--dataset", str(dataset), "--workers", "2", *options]
 
 
 def placed_results(dataset: Path, *options: str) -> dict[str, object]:
     """What a benchmark gave for each sample: its verdict, and the digest of what each stage returned."""
-    code = main(["benchmark", "--dataset", str(dataset), "--workers", "2", *options])
-    assert code == 0
-    return kept_results(data_root())
+    assert main(benchmark(dataset, *options)) == 0
+    return kept_results()
+
+
+def kept_results() -> dict[str, object]:
+    """The same of the last run."""
+    samples = (data_root() / "runs" / "last" / "samples").resolve()
+    return {str(path.parent.relative_to(samples)): result(path.parent) for path in samples.rglob(RECORDS)}
+
+
+def result(placement: Path) -> tuple[object, object]:
+    """The same of one placement."""
+    verdict = json.loads((placement / "placement.json").read_text())["verdict"]
+    return verdict, json.loads((placement / RECORDS).read_text())

@@ -1,8 +1,13 @@
 """What a Prefect server tells of runs, as its own pages ask for it."""
 
 import json
+import time
+from collections.abc import Callable
 from typing import Any
 from urllib.request import Request, urlopen
+from uuid import uuid4
+
+Row = dict[str, Any]
 
 
 class PrefectPages:
@@ -10,57 +15,57 @@ class PrefectPages:
 
     def __init__(self, url: str) -> None:
         self.url = url
+        client = uuid4().hex
+        with urlopen(f"{url}/csrf-token?client={client}", timeout=30) as answer:
+            token = json.load(answer)["token"]
+        self.headers = {
+            "content-type": "application/json", "Prefect-Csrf-Token": token, "Prefect-Csrf-Client": client,
+        }  # fmt: skip
 
-    def post(self, path: str, **asked: object) -> list[dict[str, object]]:
-        """Rows of a filter."""
-        return list(self.asked(path, asked))
-
-    def create(self, path: str, **asked: object) -> dict[str, object]:
-        """What was made."""
-        return dict(self.asked(path, asked))
-
-    def asked(self, path: str, body: object) -> Any:
-        """The answer to a request with a body."""
-        request = Request(f"{self.url}{path}", json.dumps(body).encode(), {"content-type": "application/json"})
+    def post(self, path: str, **asked: object) -> Any:
+        """The answer to a request with a body, as the rows of a filter."""
+        request = Request(f"{self.url}{path}", json.dumps(asked).encode(), self.headers)
         with urlopen(request, timeout=30) as answer:
             return json.load(answer)
 
-    def get(self, path: str) -> dict[str, object]:
-        """One thing."""
-        with urlopen(f"{self.url}{path}", timeout=30) as answer:
-            return dict(json.load(answer))
+    def flow_runs(self, tag: str) -> list[Row]:
+        """Flow runs with a tag, newest first."""
+        tags = {"tags": {"all_": [tag]}}
+        return list(self.post("/flow_runs/filter", flow_runs=tags, sort="START_TIME_DESC"))
 
-    def delete(self, path: str) -> None:
-        """Delete one thing."""
-        with urlopen(Request(f"{self.url}{path}", method="DELETE"), timeout=30):
-            pass
+    def task_runs(self, flow_run: object) -> dict[str, Row]:
+        """Task runs of a flow run by their names."""
+        rows: list[Row] = self.post("/task_runs/filter", flow_runs={"id": {"any_": [flow_run]}})
+        return {row["name"]: row for row in rows}
 
-    def flow_runs(self, parent: str = "") -> list[dict[str, object]]:
-        """Flow runs that are no children, newest first; or the children of one, by their names."""
-        if parent:
-            return sorted(
-                self.post("/flow_runs/filter", flow_runs={"parent_flow_run_id": {"any_": [parent]}}),
-                key=lambda run: str(run["name"]),
-            )
-        own = {"parent_task_run_id": {"is_null_": True}}
-        return self.post("/flow_runs/filter", flow_runs=own, sort="START_TIME_DESC")
-
-    def task_runs(self, flow_run: object) -> list[dict[str, object]]:
-        """Task runs of a flow run, in their order."""
-        return self.post("/task_runs/filter", flow_runs={"id": {"any_": [flow_run]}}, sort="EXPECTED_START_TIME_ASC")
-
-    def artifacts(self, flow_run: object) -> dict[str, dict[str, object]]:
+    def artifacts(self, flow_run: object) -> dict[str, Row]:
         """Artifacts of a flow run by their keys."""
-        found = self.post("/artifacts/filter", flow_runs={"id": {"any_": [flow_run]}})
-        return {str(one["key"]): one for one in found}
+        rows: list[Row] = self.post("/artifacts/filter", flow_runs={"id": {"any_": [flow_run]}})
+        return {row["key"]: row for row in rows}
 
 
-def edges(task_runs: list[dict[str, object]]) -> set[tuple[str, str, str]]:
-    """(name of a task, parameter, name of the task that made it) for each input of task runs that has a predecessor."""
-    names = {run["id"]: str(run["name"]).partition(" ")[0] for run in task_runs}
-    found = set()
-    for run in task_runs:
-        inputs = run["task_inputs"]
-        assert isinstance(inputs, dict)
-        found |= {(names[run["id"]], name, names[one["id"]]) for name, made in inputs.items() for one in made}
-    return found
+def edges(task_runs: dict[str, Row]) -> set[tuple[str, str, str]]:
+    """(name of a task, parameter, name of the task that made it) for each input that names a task run; what the task
+    was called in is no input."""
+    names = {row["id"]: name for name, row in task_runs.items()}
+    return {
+        (name, parameter, names[one["id"]])
+        for name, row in task_runs.items()
+        for parameter, made in row["task_inputs"].items()
+        for one in made
+        if parameter != "__parents__" and "id" in one
+    }
+
+
+def in_time(check: Callable[[], object], seconds: float = 60.0) -> None:
+    """Wait for what a server records a little later."""
+    deadline = time.monotonic() + seconds
+    while True:
+        try:
+            check()
+        except (AssertionError, KeyError, IndexError):
+            if time.monotonic() > deadline:
+                raise
+            time.sleep(0.2)
+        else:
+            return

@@ -10,9 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dcap.evaluation.table_files import write_if_other
-from dcap.scene.json_tree import JsonObject
-from dcap.scene.store.codec import canonical_json
-from dcap.scene.store.digest import digest_of_file
+from dcap.scene.json_tree import JsonObject, canonical_json
+from dcap.scene.whole_files import digest_of_file
 
 RUN, HASHES = "run.json", "artifacts.sha256"
 

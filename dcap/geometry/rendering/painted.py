@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-import open3d
 from numpy.typing import NDArray
 
 from dcap.geometry.raycast import tensor
@@ -61,6 +60,8 @@ def sides(mesh: Mesh) -> NDArray[np.int64]:
 
 def nearest(surface: Mesh, faces: NDArray[np.int64], points: NDArray[np.float64]) -> NDArray[np.int64]:
     """The one of some faces of a surface that is nearest to each point (n, 3), -1 where none is close, shape (n,)."""
+    import open3d
+
     shift = surface.bounds.mean(axis=0)
     scene = open3d.t.geometry.RaycastingScene()
     scene.add_triangles(tensor(surface.vertices - shift, np.float32), tensor(surface.faces[faces], np.uint32))

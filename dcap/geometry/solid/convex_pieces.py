@@ -6,7 +6,6 @@ ACM Transactions on Graphics 41(4), 2022.
 """
 
 import numpy as np
-import open3d
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
@@ -80,6 +79,8 @@ def convex_pieces(mesh: Mesh, *, concavity: float = CONCAVITY, most: int = MOST_
 def bounds_a_solid(mesh: Mesh) -> bool:
     """Whether a surface is closed, every edge of two faces, and none goes through another: on surfaces that do, the
     library's cuts multiply until no memory is left."""
+    import open3d
+
     if not is_closed(mesh):
         return False
     surface = open3d.geometry.TriangleMesh(

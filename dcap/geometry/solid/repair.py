@@ -8,7 +8,6 @@ triangles.
 from dataclasses import replace
 
 import numpy as np
-import open3d
 import trimesh
 from numpy.typing import NDArray
 
@@ -230,6 +229,8 @@ def filled_moments(mesh: Mesh) -> tuple[float, FloatArray, FloatArray]:
 
 def simplified(mesh: Mesh, most_vertices: int) -> Mesh:
     """The mesh with about `most_vertices` vertices by quadric edge collapse, itself if it has no more."""
+    import open3d
+
     if len(mesh.vertices) <= most_vertices:
         return mesh
     dense = open3d.geometry.TriangleMesh(

@@ -4,7 +4,6 @@ from functools import cached_property
 
 import igl
 import numpy as np
-import open3d
 from numpy.typing import NDArray
 
 from dcap.geometry.boundary import is_closed
@@ -47,6 +46,8 @@ def probes(*meshes: Mesh) -> FloatArray:
 
 def agreement(mesh: Mesh) -> float:
     """Share of points at which a closed mesh has winding number 0 and even, or 1 and odd, crossings of a ray."""
+    import open3d
+
     field = MeshDistance(mesh)
     points = probes(mesh)
     points = points[field.unsigned(points) > NEAR]

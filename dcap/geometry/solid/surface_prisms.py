@@ -7,7 +7,6 @@ tolerance where the budget allows, and a prism of each face, sunk into the solid
 from dataclasses import dataclass
 
 import numpy as np
-import open3d
 from numpy.typing import NDArray
 
 from dcap.geometry.boundary import WELD
@@ -41,6 +40,8 @@ class ThinnedSurface:
 
 def thinned(mesh: Mesh, tolerance: float = TOLERANCE, budgets: tuple[int, ...] = BUDGETS) -> ThinnedSurface:
     """The surface with as few faces as the tolerance [m] allows, but at most the first budget."""
+    import open3d
+
     shift = mesh.bounds.mean(axis=0)
     dense = open3d.geometry.TriangleMesh(
         open3d.utility.Vector3dVector(mesh.vertices - shift), open3d.utility.Vector3iVector(mesh.faces)

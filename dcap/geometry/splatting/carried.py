@@ -13,9 +13,9 @@ none from FAR on, which is air.
 """
 
 from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-import open3d
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
@@ -24,6 +24,9 @@ from dcap.geometry.raycast import tensor
 from dcap.geometry.splatting.split import OVERLAP, REACH, STEPS, split
 from dcap.scene.types.gaussians import F32, Gaussians, joined_splats, turned_harmonics
 from dcap.scene.types.mesh import Mesh
+
+if TYPE_CHECKING:
+    import open3d
 
 Array = NDArray[np.float64]
 
@@ -75,7 +78,9 @@ class SurfaceMotion:
         reach = max(FAR, self.length * np.sqrt(0.5 * most / HIDDEN))
         self._box = near.bounds + np.array([[-reach], [reach]])
 
-    def _scene(self, faces: NDArray[np.integer]) -> open3d.t.geometry.RaycastingScene:
+    def _scene(self, faces: NDArray[np.integer]) -> "open3d.t.geometry.RaycastingScene":
+        import open3d
+
         scene = open3d.t.geometry.RaycastingScene()
         # single precision counts from the dent, not from the corner of the room
         scene.add_triangles(tensor(self._start.vertices - self._origin, np.float32), tensor(faces, np.uint32))

@@ -6,7 +6,6 @@ Unlike `on_mesh`, whose splats imitate a scan, these are all alike and dense: wh
 from collections.abc import Callable
 
 import numpy as np
-import open3d
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
@@ -62,6 +61,8 @@ def discs_on(mesh: Mesh, spacing: float, colors: FaceColors | None = None) -> Ga
 
 def relaxed(mesh: Mesh, face: NDArray[np.int64], weight: Array, spacing: float) -> tuple[NDArray[np.int64], Array]:
     """The same number of points on a mesh, pushed apart where they are nearer than others on their side of it."""
+    import open3d
+
     scene, middle = open3d.t.geometry.RaycastingScene(), mesh.bounds.mean(axis=0)
     corner = mesh.vertices - middle
     scene.add_triangles(tensor(corner), tensor(mesh.faces, np.uint32))

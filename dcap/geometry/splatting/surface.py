@@ -19,7 +19,6 @@ Only what is thinner than a cell of the reconstruction keeps to the level set, w
 from dataclasses import dataclass
 
 import numpy as np
-import open3d
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
@@ -182,6 +181,8 @@ def sides(normal: Array) -> NDArray[np.int64]:
 
 def reconstructed(points: SurfacePoints, config: SurfaceConfig, threads: int = 1) -> Mesh:
     """Poisson reconstruction [K06], without what no point supports, decimated and coloured by the points."""
+    import open3d
+
     extent = 1.1 * float(np.ptp(points.position, axis=0).max())
     depth = int(np.clip(np.ceil(np.log2(max(extent / config.cell, 2.0))), 5, config.deepest))
     position = kept_apart(points, extent / 2**depth, threads)

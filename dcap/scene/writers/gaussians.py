@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.scene.readers.splats.splats import CHUNK, HARMONIC_RANGE, LARGEST_LOG_SCALE, WORDS
-from dcap.scene.store.ply import HEADER_END, Columns, ply_bytes
 from dcap.scene.types.gaussians import COEFFICIENTS, DC, Gaussians
+from dcap.scene.writers.ply import HEADER_END, Columns, ply_bytes
 
 F64 = NDArray[np.float64]
 

@@ -21,11 +21,11 @@ from dcap.scene.readers.scenes.placed_scene import (
     PlacedEntry,
     SceneFile,
 )
-from dcap.scene.store.ply import ply_bytes
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.earlier import Deformation, EarlierPlacements
 from dcap.scene.types.materials import PartMaterial
 from dcap.scene.types.segmentation import Instance
+from dcap.scene.writers.ply import ply_bytes
 
 
 def placed_scene_files_of(

@@ -10,7 +10,7 @@ from pydantic import BaseModel
 from rest_records import explicit_certificate, implicit_certificate
 
 from dcap.scene.json_tree import object_to_json, sorted_keys, to_json
-from dcap.scene.store.codec import decode, encode
+from tasks.codec import decode, encode
 from solver.certificate import Certificate
 
 

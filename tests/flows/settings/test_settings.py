@@ -8,15 +8,15 @@ import pytest
 from dcap.scene.errors import InputError
 from dcap.scene.settings import data_root
 from flows.cli.app import main
-from flows.configure import configured, many_options
+from flows.configure import configured
 from flows.drop_one import solver_settings
-from flows.options import DropOptions, PlaceOptions, checked
+from flows.given_settings import given_settings, settings_file
+from flows.options import AllSettings, BenchmarkOptions, DropOptions, PlaceOptions, UiOptions
 from flows.place import PlaceConfig
-from flows.settings.given import given_settings, settings_file
-from flows.settings.own import effective_options, exported_paths, run_settings, server_settings
+from flows.settings.effective import effective_options, exported_paths
 from flows.settings.stages import stage_settings
 from flows.settings.table import settings_in_force
-from tasks.runner.stage import deciding
+from tasks.cache import deciding
 
 
 @pytest.fixture(autouse=True)
@@ -33,9 +33,14 @@ def write(text: str) -> None:
     Path("dcap.yaml").write_text(text)
 
 
+def workers(**flags: object) -> int:
+    """Samples that a benchmark places in parallel."""
+    return effective_options(BenchmarkOptions, flags).workers
+
+
 def shown(key: str, **flags: object) -> tuple[object, str, str]:
     """Value and origin of a setting."""
-    (row,) = [one for one in settings_in_force(flags) if one.key == key]
+    (row,) = [one for one in settings_in_force(effective_options(AllSettings, flags), flags) if one.key == key]
     return row.value, str(row.origin), row.where
 
 
@@ -43,7 +48,7 @@ def test_nothing_given_is_every_default() -> None:
     """Without a file the stages have the configuration of the code."""
     assert settings_file() is None
     assert stage_settings() == PlaceConfig()
-    assert {str(one.origin) for one in settings_in_force({})} == {"default"}
+    assert {str(one.origin) for one in settings_in_force(AllSettings(), {})} == {"default"}
 
 
 def test_flag_over_environment_over_file_over_default(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -54,8 +59,8 @@ def test_flag_over_environment_over_file_over_default(monkeypatch: pytest.Monkey
     monkeypatch.setenv("DCAP_RUN__WORKERS", "4")
     assert shown("run.workers") == (4, "environment", "DCAP_RUN__WORKERS")
     assert shown("run.workers", workers=5) == (5, "flag", "--workers")
-    assert run_settings().workers == 4
-    assert run_settings({"workers": 5}).workers == 5
+    assert workers() == 4
+    assert workers(workers=5) == 5
 
 
 def test_the_file_is_that_of_the_working_directory_or_a_named_one(
@@ -65,17 +70,17 @@ def test_the_file_is_that_of_the_working_directory_or_a_named_one(
     write("run: {workers: 3}")
     (folder / "other.yaml").write_text("run: {workers: 7}")
     monkeypatch.setenv("DCAP_CONFIG", str(folder / "other.yaml"))
-    assert run_settings().workers == 7
+    assert workers() == 7
     monkeypatch.setenv("DCAP_CONFIG", "")
-    assert run_settings().workers == 2
+    assert workers() == 2
     monkeypatch.setenv("DCAP_CONFIG", "gone.yaml")
     with pytest.raises(InputError, match=r"DCAP_CONFIG=gone\.yaml: no such file"):
-        run_settings()
+        workers()
 
 
 def test_the_same_values_have_the_same_keys(monkeypatch: pytest.MonkeyPatch) -> None:
     """However a solver, a cell or a clamp is given, the configurations that decide results are equal."""
-    typed = configured(checked(PlaceOptions, {"solver": "mls", "resolution": 0.02, "paper_limits": True}))
+    typed = configured(effective_options(PlaceOptions, {"solver": "mls", "resolution": 0.02, "paper_limits": True}))
     write("drop: {solver: {method: mls}}\nparticles: {cell: 0.02}\nmaterials: {paper_limits: true}\n")
     in_file = configured(effective_options(PlaceOptions, {}))
     write("{}")
@@ -105,10 +110,10 @@ def test_a_setting_inside_defaults_of_its_own_leaves_them() -> None:
 def test_a_benchmark_takes_the_best_unless_told() -> None:
     """Nobody can be asked what was meant, so that its default is another one than that of `place`."""
     assert effective_options(PlaceOptions, {}).ambiguous == "ask"
-    assert many_options({}).ambiguous == "best"
+    assert effective_options(BenchmarkOptions, {}).ambiguous == "best"
     write("intent: {ambiguous: ask}")
-    assert many_options({}).ambiguous == "ask"
-    assert many_options({"ambiguous": "best"}).ambiguous == "best"
+    assert effective_options(BenchmarkOptions, {}).ambiguous == "ask"
+    assert effective_options(BenchmarkOptions, {"ambiguous": "best"}).ambiguous == "best"
 
 
 def test_a_drop_has_the_solvers_settings() -> None:
@@ -127,7 +132,7 @@ def test_paths_are_seen_from_the_file(folder: Path, monkeypatch: pytest.MonkeyPa
         assert data_root() == folder / "store" / "here"
         assert shown("paths.data")[1:] == ("file", "dcap.yaml:1")
     assert data_root() != folder / "store" / "here"
-    assert server_settings().port == 4300
+    assert effective_options(UiOptions, {}).port == 4300
     monkeypatch.setenv("DCAP_DATA", str(folder / "mine"))
     with exported_paths():
         assert data_root() == folder / "mine"
@@ -148,6 +153,8 @@ def test_paths_are_seen_from_the_file(folder: Path, monkeypatch: pytest.MonkeyPa
         ),
         ("run:\n  workers: many", "dcap.yaml:2: run.workers is 'many': Input should be a valid integer"),
         ("run: {workers: 0}", "dcap.yaml:1: run.workers is 0: Input should be greater than or equal to 1"),
+        ("run: {batch: yes}", "run.batch is 'yes': Input should be a valid boolean"),
+        ("drop: {solver: {method: mls}}\nrun: {runner: x}", "yaml:2: run.runner is 'x': is not one of local, dask"),
         ('particles: {cell: "0.02"}', "particles.cell is '0.02': Input should be a valid number"),
         ("particles: {cell: 2.0}", "particles.cell is 2.0: is not a cell size between 0 and 1.0 m"),
         ("drop: {solver: {method: fem}}", "drop.solver.method is 'fem': is not one of tl, mls"),
@@ -184,7 +191,7 @@ def test_mistakes_in_the_environment_name_the_variable(monkeypatch: pytest.Monke
     assert stage_settings().render.size == 512
     monkeypatch.setenv("DCAP_RUN__WORKRES", "5")
     with pytest.raises(InputError, match=r"DCAP_RUN__WORKRES: unknown key 'run\.workres'; did you mean"):
-        run_settings()
+        workers()
     monkeypatch.delenv("DCAP_RUN__WORKRES")
     monkeypatch.setenv("DCAP_PATHS__DATA", "/elsewhere")
     with pytest.raises(InputError, match=r"DCAP_PATHS__DATA: set DCAP_DATA for paths\.data"):
@@ -193,7 +200,7 @@ def test_mistakes_in_the_environment_name_the_variable(monkeypatch: pytest.Monke
 
 def test_a_misspelt_variable_without_a_section_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     """A single underscore in place of two, and a letter out of place; somebody's own variables are left alone."""
-    for name, reads in (("RUN_WORKERS", run_settings), ("RENDER_SIZE", stage_settings)):
+    for name, reads in (("RUN_WORKERS", workers), ("RENDER_SIZE", stage_settings)):
         monkeypatch.setenv(f"DCAP_{name}", "5")
         right = f"DCAP_{name.replace('_', '__')}"
         with pytest.raises(InputError, match=rf"DCAP_{name}: unknown variable; did you mean '{right}'\?"):
@@ -201,14 +208,14 @@ def test_a_misspelt_variable_without_a_section_is_told(monkeypatch: pytest.Monke
         monkeypatch.delenv(f"DCAP_{name}")
     monkeypatch.setenv("DCAP_SERVER_PORT", "5000")
     with pytest.raises(InputError, match=r"DCAP_SERVER_PORT: unknown variable; did you mean 'DCAP_SERVER__PORT'\?"):
-        server_settings()
+        effective_options(UiOptions, {})
     monkeypatch.setenv("DCAP_SERVER_PORT", "tcp://10.0.0.1:4200")  # a cluster tells of a service called dcap-server
     monkeypatch.setenv("DCAP_STROE", "")
     for name in ("DCAP_SAMPLE_DATA", "DCAP_DATASET", "DCAP_HOME", "DCAP_SCORE", "DCAP_STORES", "DCAP_WORKER_THREADS"):
         monkeypatch.setenv(name, "1")
     given_settings()
     stage_settings()
-    server_settings()
+    effective_options(UiOptions, {})
     for name in ("DCAP_STROE", "DCAP_STOR"):
         monkeypatch.setenv(name, "/elsewhere")
         with pytest.raises(InputError, match=rf"{name}: unknown variable; did you mean 'DCAP_STORE'\?"):
@@ -216,7 +223,7 @@ def test_a_misspelt_variable_without_a_section_is_told(monkeypatch: pytest.Monke
         monkeypatch.delenv(name)
     monkeypatch.setenv("DCAP_RUN_CLUSTER", "tcp://10.0.0.1:8786")
     with pytest.raises(InputError, match="did you mean 'DCAP_RUN__CLUSTER'"):
-        run_settings()
+        workers()
 
 
 def test_a_file_that_grows_without_end_is_refused() -> None:

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from ports import free_port
 from headless_page import WITHOUT_GPU, chromium
 from many_methods_run import many_methods_run
 from PIL import Image
@@ -23,7 +24,6 @@ from dcap.evaluation.study.journal import read_votes
 from dcap.evaluation.study.study_folder import STUDY_FOLDER, StudyDesign, read_design
 from dcap.packages import ROOT
 from flows.cli.app import main
-from flows.server import free_port
 
 pytestmark = [
     pytest.mark.browser,

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
+from ports import free_port
 import uvicorn
 from many_methods_run import SAMPLES, change_row, many_methods_run
 from study_server import ServedStudy
@@ -20,7 +21,6 @@ from dcap.evaluation.study.study_folder import STUDY_FOLDER, read_design, tokens
 from flows.cli.app import main
 from flows.judge_run import changed_since, read_rows, states_of
 from flows.measures_file import MEASURES
-from flows.server import free_port
 from flows.study import serve
 from flows.study.report import report_study
 from flows.study.serve import StudyOptions, shown_host

@@ -10,7 +10,7 @@ from dcap.geometry.distance import MeshDistance
 from dcap.geometry.splatting.config import SurfaceConfig
 from dcap.geometry.splatting.on_mesh import splats_on_mesh
 from dcap.scene.errors import InputError
-from dcap.scene.store.artifacts import Source, Store
+from tasks.artifact import Source, Store
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.writers.gaussians import write_splats

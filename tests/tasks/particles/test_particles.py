@@ -11,7 +11,7 @@ import trimesh
 
 from dcap.geometry.distance import sampler
 from dcap.scene.errors import GeometryError
-from dcap.scene.store.codec import encode
+from tasks.codec import encode
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.gravity import GRAVITY

@@ -10,7 +10,7 @@ from dcap.geometry.distance import MeshDistance
 from dcap.language.offline.client import OfflineClient
 from dcap.scene.errors import InputError
 from dcap.scene.readers.splats.splats import read_splats
-from dcap.scene.store.artifacts import Source
+from tasks.artifact import Source
 from dcap.scene.types.sample import SourceOptions
 from tasks.mesh.stage import MeshConfig, mesh_object, mesh_scene
 from tasks.segment.stage import SegmentConfig, segment, segment_object

@@ -25,7 +25,7 @@ from dcap.scene.errors import DcapError
 from dcap.scene.problems import Severity
 from dcap.scene.readers.frame.frame import Role
 from dcap.scene.readers.source import read_scan
-from dcap.scene.store.source_files import source_files
+from dcap.scene.readers.source_files import source_files
 from dcap.scene.types.gaussians import Gaussians
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.sample import SourceOptions

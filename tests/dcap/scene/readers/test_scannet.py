@@ -18,7 +18,7 @@ from dcap.scene.problems import Severity
 from dcap.scene.readers.frame.frame import Role
 from dcap.scene.readers.scenes.scannet import is_scannet
 from dcap.scene.readers.source import read_scan
-from dcap.scene.store.source_files import source_files, telling_folder
+from dcap.scene.readers.source_files import source_files, telling_folder
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.scan import Scan

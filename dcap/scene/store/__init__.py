@@ -1,1 +1,0 @@
-"""Values and foreign files kept by the digest of their content."""

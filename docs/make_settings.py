@@ -1,0 +1,39 @@
+"""Writes the tables of docs/configuration.md: `python docs/make_settings.py`, after a change of options or settings."""
+
+import json
+import re
+from pathlib import Path
+
+from flows.given_settings import section_of
+from flows.settings.table import setting_keys
+
+PAGE = Path(__file__).with_name("configuration.md")
+HEAD = "| key | default | option | meaning |\n|---|---|---|---|\n"
+TABLE = re.compile(r"(?<=^## `)(\w+)`\n\n(?:\|.*\n)*", re.MULTILINE)
+
+
+def page_with_tables(page: str) -> str:
+    """Return the page with the settings that there are in the table below the heading of each section."""
+    return TABLE.sub(lambda found: f"{found[1]}`\n\n{section_table(found[1])}", page)
+
+
+def section_table(section: str) -> str:
+    """Return the settings of a section as a table."""
+    rows = [one for one in setting_keys() if section_of(one.key) == section]
+    return HEAD + "".join(
+        f"| `{one.key}` | {in_code(one.default)} | {in_code(one.option)} | {escaped(one.meaning)} |\n" for one in rows
+    )
+
+
+def in_code(value: object) -> str:
+    """Return a value as YAML has it; nothing for an empty text."""
+    return "" if value == "" else f"`{value if isinstance(value, str) else json.dumps(value)}`"
+
+
+def escaped(text: str) -> str:
+    """Return text for a cell: a bar would end it."""
+    return text.replace("|", "\\|")
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page_with_tables(PAGE.read_text(encoding="utf-8")), encoding="utf-8")

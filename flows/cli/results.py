@@ -1,0 +1,212 @@
+"""Commands about finished results: `dcap judge|diff|provenance|maps|export|view`."""
+
+import json
+import sys
+from collections.abc import Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from dcap.scene.errors import InputError
+from flows.cli.checks import Json, PlacedRun, Sample, note, with_options
+from flows.find_run import find_run
+from flows.options import JudgeOptions, PlaceOptions, check_prompt
+
+if TYPE_CHECKING:
+    from dcap.evaluation.run_diff import RunDiff
+
+SHOWN = 40
+"""Rows of a table of differences; `--json` has all."""
+DIGITS = 6
+
+
+@with_options(JudgeOptions)
+def judge(
+    run: Annotated[str | None, typer.Argument(help="Name or folder of a run of several methods, or 'last'.")] = None,
+    validate: Annotated[
+        bool,
+        typer.Option("--validate", help="Ask about pairs with known answers instead, and say how many are right."),
+    ] = False,
+    *,
+    options: JudgeOptions,
+) -> int:
+    """Score and compare the methods of a run, and write Table 1; or tell how good a judge is."""
+    if run is None and not validate:
+        raise InputError("name the run to judge, or 'last'; without one there is --validate")
+    if run is not None:
+        find_run(run)
+    from dcap.evaluation.method_report import shown_lines
+    from flows.benchmark import rewrite_page
+    from flows.judge_known import validate_judge
+    from flows.judge_run import judge_run
+    from flows.language_options import language_options
+
+    if validate:
+        found = validate_judge(run, language_options(options), note)
+        print(f"{found.accuracy.in_words}\n{found.path}")
+        return 0
+    assert run is not None
+    judged = judge_run(run, language_options(options), note)
+    print("\n".join(shown_lines(judged.table)))
+    print(f"{judged.csv}\nreport: {rewrite_page(judged.folder, judged.rows)}")
+    return 0
+
+
+def diff(
+    one: PlacedRun,
+    other: Annotated[str, typer.Argument(metavar="RUN", help="What it is compared with.")],
+    times: Annotated[bool, typer.Option("--times", help="Show times, too; they are no difference.")] = False,
+    as_json: Json = False,
+) -> int:
+    """Compare verdicts, poses, metrics, settings and versions of two runs."""
+    from dcap.scene.json_tree import object_to_json
+    from flows.diff import diff_folders
+
+    found = diff_folders(one, other)
+    if as_json:
+        tree = {"equal": found.equal, **object_to_json(found)}
+        if not times:
+            del tree["times"]
+        print(json.dumps(tree, indent=2, ensure_ascii=False))
+        return 0
+    print(f"a: {found.a}\nb: {found.b}")
+    if found.equal:
+        print("no difference")
+    for line in difference_lines(found, times=times):
+        print(line)
+    return 0
+
+
+def difference_lines(found: "RunDiff", *, times: bool) -> list[str]:
+    """Return all tables as lines."""
+    lines = [f"only in {name}: {', '.join(samples)}" for name, samples in (("a", found.only_a), ("b", found.only_b))
+             if samples]  # fmt: skip
+    for name in ("outcomes", "poses", "metrics", "asked", "config", "versions", *(["times"] if times else [])):
+        lines += table_lines(name, getattr(found, name))
+    return lines
+
+
+def table_lines(name: str, rows: Sequence[object]) -> list[str]:
+    """Return a table with its heading; nothing for no rows."""
+    if not rows:
+        return []
+    columns = [one.name for one in fields(rows[0])]  # type: ignore[arg-type]
+    cells = [columns, *([table_cell(getattr(row, column)) for column in columns] for row in rows[:SHOWN])]
+    widths = [max(len(row[index]) for row in cells) for index in range(len(columns))]
+    lines = ["  ".join(f"{word:<{width}}" for word, width in zip(row, widths, strict=True)).rstrip() for row in cells]
+    more = [f"... {len(rows) - SHOWN} more, all with --json"] if len(rows) > SHOWN else []
+    return ["", f"{name} ({len(rows)})", *lines, *more]
+
+
+def table_cell(value: object) -> str:
+    """Return a value as a table shows it."""
+    if value is None:
+        return "-"
+    return f"{value:.{DIGITS}g}" if isinstance(value, float) else str(value)
+
+
+def provenance(
+    artifact: Annotated[
+        str, typer.Argument(help="File or folder of a sample of a run, path in the store, or an artifact's digest.")
+    ],
+    as_json: Json = False,
+) -> int:
+    """Walk back from a result to its inputs: stages, settings, code, versions, seeds, prompts and hashes."""
+    from dcap.scene.json_tree import object_to_json
+    from flows.provenance import provenance_lines, provenance_of
+
+    found = provenance_of(artifact)
+    if as_json:
+        print(json.dumps(object_to_json(found), indent=2, ensure_ascii=False))
+        return 0
+    for line in provenance_lines(found):
+        print(line)
+    return 0
+
+
+def maps(
+    run: PlacedRun,
+    sample: Sample = None,
+    camera: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="camera.json (docs/formats.md); default: that of settled.png.")
+    ] = None,
+    over: Annotated[
+        Path | None, typer.Option(metavar="PHOTO", help="Put the object into this photo of the camera's.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder; default: maps in the sample's own.")] = None,
+) -> int:
+    """Write depth, normals, masks, contact, shadow and ids of a placement, pixel by pixel of one view."""
+    from flows.maps_one import maps_of_sample, note_of
+
+    folder = maps_of_sample(run, sample, camera, over, out)
+    if warning := note_of(folder):
+        print(f"note: {warning}", file=sys.stderr)
+    print(folder)
+    return 0
+
+
+def export(
+    run: PlacedRun,
+    sample: Sample = None,
+    format: Annotated[  # noqa: A002 the contract's name
+        str, typer.Option(metavar="NAME", help="mjcf (MuJoCo), urdf, usd, or splats (the Gaussians).")
+    ] = "",
+    out: Annotated[Path | None, typer.Option(help="Folder; default: export/FORMAT in the sample's own.")] = None,
+) -> int:
+    """Write the settled scene for a simulator, or as Gaussians."""
+    from flows.export_one import export_sample
+
+    print(export_sample(run, sample, format, out))
+    return 0
+
+
+@with_options(PlaceOptions, "out", "label", "up", "unit", "labels", "object_label", "object_up", "object_unit", "mass")
+def view(
+    run: Annotated[
+        str,
+        typer.Argument(metavar="RUN|SCENE", help="Run, 'last', a folder that `place` wrote; or a scene to place in."),
+    ],
+    sample: Sample = None,
+    port: Annotated[
+        int, typer.Option(min=1, max=65535, help="Port on this machine; the next free one if taken.")
+    ] = 8080,
+    frame: Annotated[
+        int | None, typer.Option(min=0, help="Frame of the drop to begin with; default: the last.")
+    ] = None,
+    no_open: Annotated[bool, typer.Option("--no-open", help="Do not open a browser.")] = False,
+    object: Annotated[  # noqa: A002 the contract's name
+        str, typer.Option(metavar="FILE", help="Mesh that is placed where you click in SCENE.")
+    ] = "",
+    prompt: Annotated[str, typer.Option(metavar="TEXT", help="What to do with it.")] = "put it there",
+    out: Annotated[Path | None, typer.Option(help="Folder for that placement; default: data/runs/view.")] = None,
+    *,
+    options: PlaceOptions,
+) -> int:
+    """Show a placement, or a scene to place something in, in the browser until interrupted."""
+    check_prompt(prompt)
+
+    from flows.view_one import ScenePrompt, ViewPage, is_placement, view_sample, view_scene
+
+    page = ViewPage(port, not no_open, announce_page)
+    if not object and (sample is not None or is_placement(run) or not Path(run).exists()):
+        view_sample(run, sample, frame, page)
+        return 0
+    if sample is not None:
+        raise InputError(
+            f"{sample!r} is a sample of a run, and --object {object} is for a scene: leave one of them out"
+        )
+    if object and not Path(object).is_file():
+        raise InputError(f"--object {object}: no such file")
+    if frame is not None:
+        raise InputError(f"--frame {frame}: nothing is placed in {run} yet")
+    view_scene(ScenePrompt(run, object, prompt, options), page)
+    return 0
+
+
+def announce_page(url: str, warning: str) -> None:
+    """Print the page's address on standard output."""
+    if warning:
+        note(warning)
+    print(f"{url}  (stop with Ctrl-C)", flush=True)

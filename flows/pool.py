@@ -1,0 +1,181 @@
+"""The work pool of a Prefect server: samples that are run as deployments by workers, on any machine. Imports Prefect.
+
+A worker that is lost with its machine tells nobody: a sample whose process is gone, or that waits while no worker has
+answered for long, is given up and runs again.
+"""
+
+import os
+import socket
+import time
+from dataclasses import asdict, replace
+from typing import Any
+from uuid import UUID
+
+from prefect import flow, task
+from prefect.cache_policies import NO_CACHE
+from prefect.client.orchestration import SyncPrefectClient, get_client
+from prefect.client.schemas.actions import WorkPoolCreate
+from prefect.client.schemas.objects import FlowRun, State, TaskRun, WorkerStatus
+from prefect.deployments import run_deployment
+from prefect.flows import Flow, load_flow_from_entrypoint
+from prefect.runtime import flow_run
+from prefect.states import Completed, Crashed, Failed
+from prefect.utilities.callables import parameter_schema
+
+from dcap.cores import available_cores
+from dcap.language.protocol.session import Session
+from dcap.scene.errors import DcapError, StoreError
+from dcap.scene.readers.files.yaml_text import parse_yaml
+from dcap.scene.settings import resource
+from flows.configure import with_threads
+from flows.place import PlaceConfig
+from flows.run_files import located, sample_from_json
+from flows.run_names import sample_tags
+from flows.sample_run import FinishedSample, StageResult, error_line, plan_sample
+from flows.server import die_with_parent
+from flows.watched import (
+    PlacedSample,
+    SampleJob,
+    ending_of,
+    run_job,
+    sample_run_name,
+    show_pictures,
+    suppress_lost_server,
+    tag_task_run,
+)
+
+POOL, SAMPLE = "dcap", "place/sample"
+"""The pool, and the deployment that places one sample."""
+LOOK_SECONDS = 1.0
+LOST_SECONDS = 120.0
+"""After so long without any worker a sample that runs is given up: a worker sends a heartbeat every 10 s."""
+CACHED = "Cached"
+
+
+class LostWorkerError(DcapError):
+    """The worker that had a sample is gone."""
+
+
+def register() -> None:
+    """Create the pool and its deployments on the server of this program, or bring them up to date."""
+    tree: Any = parse_yaml(resource("prefect.yaml").read_text(encoding="utf-8"))
+    with get_client(sync_client=True) as client:
+        client.create_work_pool(WorkPoolCreate(name=POOL, type="process"), overwrite=True)
+        for one in tree["deployments"]:
+            deployed: Flow[..., Any] = load_flow_from_entrypoint(one["entrypoint"])
+            client.create_deployment(
+                client.create_flow(deployed),
+                one["name"],
+                description=one["description"],
+                work_pool_name=POOL,
+                entrypoint=one["entrypoint"],
+                parameter_openapi_schema=parameter_schema(deployed).model_dump(),
+                enforce_parameter_schema=False,
+                pull_steps=tree["pull"],
+            )
+
+
+def _worker_is_lost(task: Any, task_run: TaskRun, state: State[Any]) -> bool:
+    return isinstance(state.data, LostWorkerError)
+
+
+@task(
+    name="sample", task_run_name=sample_run_name, cache_policy=NO_CACHE, persist_result=False,
+    retries=3, retry_condition_fn=_worker_is_lost,
+)  # fmt: skip
+def place_in_pool(job: SampleJob) -> object:
+    """Let a worker place a sample, and look its results up in the store that both share."""
+    tag_task_run(job)
+    tags = sample_tags(job.sample, job.run)
+    asked: Any = run_deployment(
+        SAMPLE, parameters={"job": job_to_json(job)}, flow_run_name=job.sample.id, tags=list(tags), timeout=0
+    )
+    state = _final_state(asked.id)
+    if not state.is_completed():
+        raise DcapError(state.message or f"its flow run ended as {state.name}")
+    plan = plan_sample(job.sample, job.config)
+    if plan.finished is None:
+        raise StoreError(
+            f"{job.sample.id} was placed, but not all of it is in the store here ({plan.why}); workers and this "
+            "program need the same version of dcap and the same DCAP_DATA or DCAP_STORE"
+        )
+    results = tuple(StageResult(one.stage, one.ref, state.name != CACHED) for one in plan.finished.results)
+    finished = FinishedSample(job.sample, plan.finished.placement, results)
+    name, why = ending_of(finished)
+    return Completed(name=name, message=why or None, data=PlacedSample(finished))
+
+
+def _final_state(run_id: UUID) -> State[Any]:
+    """Wait for the final state of a flow run; LostWorkerError where its worker is gone."""
+    alone_since = time.monotonic()
+    while True:
+        time.sleep(LOOK_SECONDS)
+        with suppress_lost_server(), get_client(sync_client=True) as client:
+            run = client.read_flow_run(run_id)
+            if run.state is not None and run.state.is_final():
+                return run.state
+            if _has_worker(client):
+                alone_since = time.monotonic()
+            at_work = run.state is not None and run.state.is_running()
+            if at_work and (_process_is_gone(run) or time.monotonic() - alone_since > LOST_SECONDS):
+                client.set_flow_run_state(run_id, Crashed(message="its worker was lost"), force=True)
+                raise LostWorkerError("its worker was lost")
+
+
+def _has_worker(client: SyncPrefectClient) -> bool:
+    workers = client.read_workers_for_work_pool(POOL)
+    return any(one.status is WorkerStatus.ONLINE for one in workers)
+
+
+def _process_is_gone(run: FlowRun) -> bool:
+    """Return whether the process of a flow run on this machine has ended; of another machine nobody can tell."""
+    host, _, pid = (run.infrastructure_pid or "").partition(":")
+    if host != socket.gethostname() or not pid.isdigit():
+        return False
+    try:
+        os.kill(int(pid), 0)
+    except ProcessLookupError:
+        return True
+    except PermissionError:
+        return False
+    return False
+
+
+@flow(name="place", persist_result=False, validate_parameters=False)
+def place_for_pool(job: dict[str, Any]) -> State[Any]:
+    """Place the sample of a job on a worker, and leave its results in the store."""
+    die_with_parent()  # who kills a worker kills its samples
+    mine = job_from_json(job)
+    if not mine.config.drop.threads:
+        mine = replace(mine, config=with_threads(mine.config, available_cores()))
+    assert flow_run.id
+    try:
+        finished = run_job(mine)
+    except Exception as error:
+        return Failed(message=error_line(error))
+    show_pictures(finished)
+    name, why = ending_of(finished)
+    computed = any(one.computed for one in finished.results)
+    return Completed(name=name if computed else CACHED, message=why or None)
+
+
+def job_to_json(job: SampleJob) -> dict[str, Any]:
+    """Return a job in plain form, with whole paths: workers have other working directories."""
+    return {
+        "sample": asdict(located(job.sample)),
+        "config": job.config.model_dump(mode="json"),
+        "session": job.session.to_json(),
+        "run": job.run,
+        "limits": sorted(job.limits),
+    }
+
+
+def job_from_json(tree: dict[str, Any]) -> SampleJob:
+    """Return the job that `job_to_json` wrote."""
+    return SampleJob(
+        sample_from_json(tree["sample"]),
+        PlaceConfig.model_validate(tree["config"]),
+        Session(**tree["session"]),
+        tree["run"],
+        frozenset(tree["limits"]),
+    )

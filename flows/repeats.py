@@ -1,0 +1,76 @@
+"""Drops that are made again on other cells, because what the first one showed was not foreseen.
+
+Each go is a call of the stages with its own configuration, and has its own record.
+"""
+
+from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.earlier import FreedThings
+from dcap.scene.types.intent import Intent
+from dcap.scene.types.materials import PartMaterials
+from dcap.scene.types.measures import Drift
+from dcap.scene.types.outcome import Infeasible, Reason
+from dcap.scene.types.particles import Particles
+from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
+from dcap.scene.types.settled import Settled
+from tasks.artifact import Ref, Store
+from tasks.drop.stage import DropConfig, drop_task, unforeseen
+from tasks.particles.config import ParticlesConfig
+from tasks.particles.stage import particles_task
+
+COARSER = 1.4
+"""How much larger cells are where a drop broke down: half as many along two axes [-]."""
+
+
+def settle(
+    scene: Ref[SegmentedScene],
+    item: Ref[SegmentedObject],
+    intent: Ref[Intent],
+    anchor: Ref[Anchor],
+    materials: Ref[PartMaterials],
+    seed: int,
+    *,
+    freed: Ref[FreedThings] | None,
+    cells: ParticlesConfig,
+    drop: DropConfig,
+) -> tuple[Ref[Particles], Ref[Settled]]:
+    """Fill the bodies and drop the object; again on coarser cells where the drop broke down, and on finer ones where
+    the object came to rest where cells were not foreseen to be fine."""
+    particles = particles_task(scene, item, intent, anchor, materials, config=cells, freed=freed)
+    settled = drop_task(particles, anchor, intent, seed, config=drop)
+    if broke_down(settled):
+        cells = coarsened(cells)
+        again = particles_task(scene, item, intent, anchor, materials, config=cells, freed=freed)
+        outcome = drop_task(again, anchor, intent, seed, config=drop)
+        if not outcome.infeasible:
+            particles, settled = again, outcome
+    if settled_elsewhere(settled):
+        again = particles_task(scene, item, intent, anchor, materials, config=cells, rest=settled, freed=freed)
+        outcome = drop_task(again, anchor, intent, seed, config=drop)
+        if not outcome.infeasible:
+            particles, settled = again, outcome
+    return particles, settled
+
+
+def broke_down(settled: Ref[Settled]) -> bool:
+    """Return whether a step broke: slivers of material in cut cells can fold, and where the grid cuts is chance."""
+    value = Store.default().load(settled) if settled.infeasible else None
+    return isinstance(value, Infeasible) and value.reason is Reason.UNSTABLE_STEP
+
+
+def settled_elsewhere(settled: Ref[Settled]) -> bool:
+    """Return whether the drop showed that cells must be fine at another place than was foreseen."""
+    return not settled.pending and unforeseen(Store.default().load(settled))
+
+
+def drift_broke_down(drift: Ref[Drift], settled: Ref[Settled]) -> bool:
+    """Return whether a step broke where a pose was simulated on. It is tried on other cells then, as a drop that
+    breaks is. A dent has no other cells than its drop's, which have lasted a whole drop."""
+    if drift.pending or settled.pending:
+        return False
+    found, state = Store.default().load(drift), Store.default().load(settled)
+    return isinstance(found, Drift) and found.broken and isinstance(state, Settled) and not state.nodes
+
+
+def coarsened(cells: ParticlesConfig) -> ParticlesConfig:
+    """Return the configuration with larger cells."""
+    return cells.model_copy(update={"coarser": COARSER * cells.coarser})

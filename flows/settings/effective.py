@@ -1,0 +1,138 @@
+"""Values for the options of a command, from flags, environment and `dcap.yaml`; the first one wins.
+
+Nothing heavy is imported here: options are checked before the stages are loaded. What is said of the stages alone is
+checked with them (stages.py).
+"""
+
+import json
+import math
+import os
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import Annotated, Any, TypeVar
+
+from pydantic import TypeAdapter, ValidationError
+from pydantic_core import ErrorDetails
+
+from dcap.scene.errors import InputError
+from dcap.scene.given_text import shortened
+from dcap.scene.spelling import did_you_mean, not_one_of
+from flows.given_settings import (
+    EXPORTED,
+    VARIABLES,
+    Given,
+    GivenSetting,
+    check_underscores,
+    given_settings,
+    refused,
+    section_of,
+    unknown,
+)
+from flows.options import KEYS, SHOWN, AllSettings, Options
+
+Kind = TypeVar("Kind", bound=Options)
+OWN = ("run", "paths", "server")
+"""The sections of `dcap.yaml` that are no stage's."""
+WORD = re.compile(r"'([^']*)'")
+"""One of the words that pydantic expected, as it quotes them."""
+OWN_KEYS = tuple(key for key in KEYS if section_of(key) in OWN)
+
+
+def effective_options(kind: type[Kind], flags: Mapping[str, object]) -> Kind:
+    """Return the options of a command: its flags over the environment, that over the file, that over the defaults.
+
+    Raises InputError with the option, or the place of the value, and what is wrong with it.
+    """
+    for name in flags:
+        if name not in kind.model_fields:
+            hint = did_you_mean(name, kind.model_fields) or f"; there are {', '.join(sorted(kind.model_fields))}"
+            raise InputError(f"unknown option {name!r}{hint}")
+    check_given(given_settings())
+    values: Any = dict(flags)  # by names of fields, not those of pydantic's own parameters
+    try:
+        return kind(**values)
+    except ValidationError as error:
+        raise InputError(complaint(error)) from None
+
+
+def complaint(error: ValidationError) -> str:
+    """Return the first thing that is wrong with the flags, in a line."""
+    first = error.errors(include_url=False)[0]
+    if not first["loc"]:
+        return reason(first)
+    option = "--" + str(first["loc"][0]).replace("_", "-")
+    value = first["input"]
+    shown = shortened(repr(value) if isinstance(value, str) else str(value), SHOWN)
+    return f"{option} {shown}{' ' if is_ours(first) else ': '}{reason(first)}"
+
+
+def reason(first: ErrorDetails) -> str:
+    """Return what is wrong with a value: in our words where we have some, else in pydantic's."""
+    if first["type"] == "literal_error":
+        return not_one_of(first["input"], filter(None, WORD.findall(first["ctx"]["expected"])))
+    return str(first["ctx"]["error"]) if is_ours(first) else first["msg"]
+
+
+def is_ours(first: ErrorDetails) -> bool:
+    """Return whether the reason is in our words, which go on from the value."""
+    return first["type"] in ("literal_error", "value_error")
+
+
+def check_given(given: Given) -> None:
+    """Refuse unknown keys in the sections of our own, and values that options cannot have."""
+    check_underscores(OWN_KEYS)
+    for key, one in given.items():
+        if key in KEYS:
+            check_value(KEYS[key], one)
+        elif key in OWN:
+            check_empty(one)
+        elif section_of(key) in OWN:
+            raise unknown(one, (own for own in OWN_KEYS if section_of(own) == section_of(key)))
+
+
+def check_value(name: str, one: GivenSetting) -> None:
+    """Refuse a value that an option cannot have; text is no number here."""
+    field = AllSettings.model_fields[name]
+    kind: Any = Annotated[field.annotation, *field.metadata]  # not the model, which would take in all other values too
+    try:
+        TypeAdapter(kind).validate_json(as_json(plain(one)), strict=True)
+    except ValidationError as error:
+        raise refused(one, reason(error.errors(include_url=False)[0])) from None
+
+
+def check_empty(one: GivenSetting) -> None:
+    """Refuse a value where keys are expected; a section without any is as good as none."""
+    if one.value is not None:
+        raise refused(one, "expected keys and values")
+
+
+def plain(one: GivenSetting) -> object:
+    """Return a value that JSON can hold, a scalar or a list of such; anything nested deeper is refused unread."""
+    items = one.value if isinstance(one.value, list) else [one.value]
+    if any(isinstance(item, list | dict | set) for item in items):
+        raise refused(one, "expected a value or a list of values")
+    if any(isinstance(item, float) and not math.isfinite(item) for item in items):
+        raise refused(one, "expected a finite number")
+    return one.value
+
+
+def as_json(tree: object) -> str:
+    """Return values as strict JSON; what JSON has no word for (a date) becomes text."""
+    return json.dumps(tree, default=str)
+
+
+@contextmanager
+def exported_paths() -> Iterator[None]:
+    """Put what the file says of places into the environment, for this process and all that it starts."""
+    given = given_settings()
+    check_given(given)
+    new = {name: str(given[key].value) for key, name in VARIABLES.items() if key in given and not os.environ.get(name)}
+    os.environ.update(new)
+    EXPORTED.update(new)
+    try:
+        yield
+    finally:
+        for name in new:
+            EXPORTED.pop(name, None)
+            os.environ.pop(name, None)

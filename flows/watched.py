@@ -1,0 +1,342 @@
+"""Placements as flow and task runs of Prefect; imports Prefect, so only once the server's address is known.
+
+A benchmark is one flow run, each sample a task in it, each stage a task in the sample. The server only watches: where
+it is lost, samples go on, and Prefect's pages stay incomplete.
+"""
+
+import base64
+import fcntl
+import html
+import io
+import os
+import re
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from uuid import UUID
+
+import httpx
+from PIL import Image
+from prefect import flow, task
+from prefect.artifacts import (
+    create_markdown_artifact,
+    create_progress_artifact,
+    create_table_artifact,
+    update_progress_artifact,
+)
+from prefect.cache_policies import NO_CACHE
+from prefect.client.orchestration import get_client
+from prefect.client.schemas.filters import FlowRunFilter, TaskRunFilter
+from prefect.context import TaskRunContext
+from prefect.exceptions import PrefectException
+from prefect.futures import PrefectFuture, as_completed
+from prefect.runtime import flow_run, task_run
+from prefect.states import Completed, Crashed, Failed
+from prefect.transactions import CommitMode, transaction
+
+from dcap.language.protocol.session import Session
+from dcap.scene.errors import StoreError
+from dcap.scene.settings import server_folder
+from dcap.scene.types.outcome import Infeasible
+from dcap.scene.types.sample import Sample
+from flows.place import PlaceConfig
+from flows.run_names import sample_tags
+from flows.sample_run import FinishedSample, error_line, run_sample
+from flows.server import give_up_server
+from tasks.artifact import Store
+from tasks.cache import INFEASIBLE, Mode, OnEvent, RunContext, current_context, reason_line, use_context
+from tasks.codec import picture_from_png
+
+if TYPE_CHECKING:
+    from prefect import Task
+    from prefect.client.schemas.objects import State
+
+SIDE, QUALITY, MOST = 320, 80, 3
+"""Pictures on a sample's page: side [pixels], quality of the JPEG, and how many: 100 KB of the server's database."""
+SHOWN = ("settled", "closeup", "before_after", "asked", "clean", "candidates", "hole")
+"""Pictures of a placement, the most telling first."""
+STEERING = re.compile(r"[\\`*_\[\]()#+!|~]")
+"""Characters that steer a page of Markdown."""
+FAILED = "Failed"
+NO_SERVER = "Failed to reach API"
+"""Beginning of Prefect's RuntimeError where its server is gone."""
+_work: ContextVar[Callable[[], object]] = ContextVar("work of the flow")
+"""What the flow that is called next does: a flow itself may be sent to other machines, and its work cannot."""
+_server_lost = threading.Event()
+
+
+@dataclass(frozen=True, slots=True)
+class SampleJob:
+    """A sample to place, here or on another machine."""
+
+    sample: Sample
+    config: PlaceConfig
+    session: Session
+    run: str = ""
+    """Name of the run that it belongs to."""
+    limits: frozenset[str] = frozenset()
+    """Prefect's global concurrency limits that hold."""
+    refresh: frozenset[str] = frozenset()
+    """Stages to compute again."""
+
+
+class PlacedSample:
+    """What the task of a sample returns. A plain class: of the parts of a dataclass Prefect would keep links."""
+
+    def __init__(self, finished: FinishedSample) -> None:
+        self.finished = finished
+
+
+def is_lost_server(error: BaseException) -> bool:
+    """Return whether an error only says that the server does not answer, or refuses."""
+    return isinstance(error, httpx.HTTPError | PrefectException) or NO_SERVER in str(error)
+
+
+def sample_run_name() -> str:
+    """Return the name of the task run of a sample."""
+    job: SampleJob = task_run.parameters["job"]
+    return job.sample.id
+
+
+@task(name="sample", task_run_name=sample_run_name, cache_policy=NO_CACHE, persist_result=False)
+def place_sample(job: SampleJob) -> object:
+    """Place a sample; its stages are tasks in this one."""
+    tag_task_run(job)
+    finished = run_job(job)
+    show_pictures(finished)
+    name, why = ending_of(finished)
+    return Completed(name=name, message=why or None, data=PlacedSample(finished))
+
+
+def tag_task_run(job: SampleJob) -> None:
+    """Tag the task run of a sample; not before it runs: of tags that it starts with Prefect asks the server."""
+    context = TaskRunContext.get()
+    assert context is not None
+    context.task_run.tags = list(sample_tags(job.sample, job.run))
+
+
+def run_job(job: SampleJob) -> FinishedSample:
+    """Run the stages of a sample as tasks, each of which commits its result when it ends."""
+    around = current_context()  # of the program that asked, if it is this one
+    context = replace(
+        around,
+        mode=Mode.WATCHED,
+        session=job.session,
+        limits=job.limits,
+        refresh=job.refresh,
+        tags=sample_tags(job.sample, job.run),
+    )
+    with transaction(commit_mode=CommitMode.EAGER):
+        return run_sample(job.sample, job.config, context)
+
+
+def ending_of(finished: FinishedSample) -> tuple[str, str]:
+    """Return the name of the final state of a sample, and why it found no way."""
+    if not finished.placement.renders.infeasible:
+        return "Completed", ""
+    found = Store.default().load(finished.placement.renders)
+    assert isinstance(found, Infeasible)
+    return INFEASIBLE, reason_line(found)
+
+
+@flow(name="place", persist_result=False, validate_parameters=False)
+def place(scene: str, object: str, prompt: str) -> object:  # noqa: A002
+    """Run the work of `in_flow`; the parameters are for those who watch."""
+    return _work.get()()
+
+
+@flow(name="benchmark", persist_result=False, validate_parameters=False)
+def benchmark(dataset: str, methods: list[str], workers: int, runner: str) -> object:
+    """Run the work of `in_flow`; the parameters are for those who watch."""
+    return _work.get()()
+
+
+def in_flow(shown: Callable[..., Any], tags: Sequence[str], work: Callable[[], tuple[str, str]]) -> bool:
+    """Run some work as a flow; it returns the name and the message of the final state.
+
+    Returns whether the server was lost on the way. Errors of the work are raised.
+    """
+    ended: list[str] = []
+    claims: list[Path] = []
+    _server_lost.clear()
+
+    def tagged_work() -> object:
+        with claimed_run() as claim:
+            claims.append(claim)
+            with suppress_lost_server(), get_client(sync_client=True) as client:
+                # not around the flow: the tags would be those of each task from its start
+                client.update_flow_run(UUID(flow_run.id), tags=list(tags))
+            name, message = work()
+            ended.append(name)
+            return Failed(message=message) if name == FAILED else Completed(name=name, message=message or None)
+
+    token = _work.set(tagged_work)
+    try:
+        state = shown(return_state=True)
+        for claim in claims:
+            claim.unlink(missing_ok=True)
+        if not ended:
+            state.result()  # raises what the work has raised
+    except Exception as error:
+        if not (ended and is_lost_server(error)):
+            raise
+        _server_lost.set()
+    finally:
+        _work.reset(token)
+    return _server_lost.is_set()
+
+
+def place_in_flow(sample: Sample, config: PlaceConfig, context: RunContext, run: str = "") -> FinishedSample:
+    """Place a single sample, perhaps of a run, in a flow run of its own."""
+    placed: list[FinishedSample] = []
+    failed: list[Exception] = []
+
+    def work() -> tuple[str, str]:
+        try:
+            placed.append(run_job(SampleJob(sample, config, context.session, run, refresh=context.refresh)))
+        except Exception as error:
+            failed.append(error)
+            return FAILED, error_line(error)
+        show_pictures(placed[0])
+        return ending_of(placed[0])
+
+    shown = place.with_options(flow_run_name=lambda: sample.id)
+    with use_context(context):
+        in_flow(partial(shown, sample.scene, sample.object, sample.prompt), sample_tags(sample, run), work)
+    if failed:
+        raise failed[0]
+    return placed[0]
+
+
+class BenchmarkPage:
+    """What Prefect's page of a benchmark shows: progress, a table of results, the way to the report."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._progress: UUID | None = None
+
+    def show_progress(self, share: float, text: str) -> None:
+        """Show how much of the work is done, 0..1."""
+
+        def show() -> None:
+            if self._progress is None:
+                self._progress = UUID(str(create_progress_artifact(round(100 * share, 1), "progress", text)))
+            else:
+                update_progress_artifact(self._progress, round(100 * share, 1), text)
+
+        show_there(show)
+
+    def show_results(self, rows: Sequence[Mapping[str, object]], line: str) -> None:
+        """Show how each sample ended, and where the report lies: browsers open no file from a page of a server."""
+        cells = [{key: plain_text(one) if isinstance(one, str) else one for key, one in row.items()} for row in rows]
+        report = f"{plain_text(line)}\n\nOpen in a browser:\n\n    {self.folder / 'report.html'}\n"
+        show_there(lambda: create_table_artifact(cells, "results", "How each sample ended."))
+        show_there(lambda: create_markdown_artifact(report, "report", "Where the results are."))
+
+
+def place_all(
+    jobs: Sequence[SampleJob], place: "Task[..., Any]", listener: Callable[[Sample], OnEvent]
+) -> Iterator[tuple[SampleJob, FinishedSample | BaseException]]:
+    """Submit all samples to the task runner of the flow, and yield them as they end with what they came to."""
+    futures: dict[PrefectFuture[Any], SampleJob] = {}
+    for job in jobs:
+        with use_context(replace(current_context(), on_event=listener(job.sample))):
+            futures[place.submit(job)] = job
+    for future in as_completed(list(futures)):
+        found = future.result(raise_on_failure=False)
+        yield futures[future], found.finished if isinstance(found, PlacedSample) else found
+
+
+def show_there(show: Callable[[], object]) -> None:
+    """Show something on Prefect's pages; nothing any more once the server was lost, as each go waits for it."""
+    if not _server_lost.is_set():
+        with suppress_lost_server() as lost:
+            show()
+        if lost and not _server_lost.is_set():
+            _server_lost.set()
+            give_up_server()
+
+
+@contextmanager
+def suppress_lost_server() -> Iterator[list[Exception]]:
+    """Pass over what a server comes to, where nothing depends on its answer; yields a list that keeps it."""
+    lost: list[Exception] = []
+    try:
+        yield lost
+    except Exception as error:
+        if not is_lost_server(error):
+            raise
+        lost.append(error)
+
+
+def show_pictures(finished: FinishedSample) -> None:
+    """Put pictures of a placement on the page of the run that computed something of it; they are in the text itself,
+    as browsers load no files."""
+    if not any(one.computed for one in finished.results):
+        return
+    folder = Store.default().folder(finished.placement.overview or finished.placement.renders)
+    paths = [path for name in SHOWN if (path := folder / f"{name}.png").is_file()][:MOST]
+    parts = []
+    with suppress(OSError, StoreError):  # damaged meanwhile: the sample is placed all the same
+        for path in paths:
+            small = Image.fromarray(picture_from_png(path.read_bytes(), path.name)).convert("RGB")
+            small.thumbnail((SIDE, SIDE))
+            data = io.BytesIO()
+            small.save(data, "JPEG", quality=QUALITY)
+            code = base64.b64encode(data.getvalue()).decode()
+            name = path.stem.replace("_", " ")
+            parts.append(f"**{name}**\n\n![{name}](data:image/jpeg;base64,{code})")
+    if parts:
+        show_there(lambda: create_markdown_artifact("\n\n".join(parts), "pictures"))
+
+
+def plain_text(text: str) -> str:
+    """Return text of others for a page of Markdown, shown as it is, addresses too."""
+    return STEERING.sub(r"\\\g<0>", html.escape(text, quote=False)).replace("://", "&#58;//")
+
+
+@contextmanager
+def claimed_run() -> Iterator[Path]:
+    """Hold the lock of a file that tells that the program of this flow run lives; set runs of dead programs to Crashed
+    first. Whoever knows that the server has been told how the run ended deletes the file."""
+    folder = server_folder() / "running"
+    folder.mkdir(parents=True, exist_ok=True)
+    with suppress_lost_server():
+        end_dead_runs(folder)
+    path = folder / str(flow_run.id)
+    lock = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+    fcntl.flock(lock, fcntl.LOCK_EX)
+    try:
+        yield path
+    finally:
+        os.close(lock)
+
+
+def end_dead_runs(folder: Path) -> None:
+    """Set the flow runs whose programs were killed on this machine to Crashed, with the task runs at work in them and
+    the samples that wait in the pool for them."""
+    for path in folder.iterdir():
+        with path.open() as file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:  # it lives
+                continue
+            state: State[Any] = Crashed(message="its program was killed")
+            run = UUID(path.name)
+            with get_client(sync_client=True) as client:
+                unended = {"state": {"type": {"any_": ["SCHEDULED", "PENDING", "RUNNING"]}}}
+                inside = FlowRunFilter.model_validate({"id": {"any_": [run]}})
+                filter_ = TaskRunFilter.model_validate(unended)
+                while some := client.read_task_runs(flow_run_filter=inside, task_run_filter=filter_):
+                    for one in some:
+                        client.set_task_run_state(one.id, state, force=True)
+                for which in ({"id": {"any_": [run]}}, {"parent_flow_run_id": {"any_": [run]}}):
+                    runs = FlowRunFilter.model_validate({**unended, **which})
+                    for found in client.read_flow_runs(flow_run_filter=runs):
+                        client.set_flow_run_state(found.id, state, force=True)
+            path.unlink(missing_ok=True)

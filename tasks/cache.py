@@ -1,0 +1,535 @@
+"""Turns the pure function of a stage into a cached Prefect task.
+
+`segment_task = stage(segment)` gives a callable that takes references (`Ref[Scan]`) where the function takes values,
+and plain values as they are, and returns a reference to what the function returns. An `Infeasible` among the inputs is
+handed through without running anything. A function with a parameter `client` gets the client that its configuration
+names. How calls run says the `RunContext` around them:
+
+- WATCHED: as a stock Prefect task, `Stage.task`, whose cache policy finds the record of the same recipe;
+- DIRECT: the same lookup and the same record, without Prefect, for a single placement that nobody watches;
+- LOOKUP: nothing is computed; where no result is known, a pending reference is returned and handed through.
+
+mypy derives the signature of a stage from its function's (mypy_plugin.py): a swapped reference is a type error.
+"""
+
+import fcntl
+import inspect
+import os
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+from contextvars import ContextVar
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+from functools import cached_property, partial
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, ParamSpec, TypeVar, get_args, get_type_hints
+
+from pydantic import BaseModel
+
+from dcap.language.connect import connect
+from dcap.language.protocol.client import ClientName
+from dcap.language.protocol.session import Session
+from dcap.scene.errors import StoreError
+from dcap.scene.settings import cache_root
+from dcap.scene.types.outcome import Infeasible
+from tasks.artifact import Record, Ref, Store
+from tasks.code import Code, code_of, note_files
+from tasks.codec import from_tree, to_tree
+from tasks.process import StageProcessError, preload, run_in_process
+from tasks.records import (
+    DECODER,
+    ENCODER,
+    find_record,
+    key_of,
+    records_root,
+    share_record,
+    write_record,
+)
+
+if TYPE_CHECKING:
+    from prefect import Task
+    from prefect.client.schemas.objects import State, TaskRun
+
+P = ParamSpec("P")
+ValueT = TypeVar("ValueT")
+ValueT_co = TypeVar("ValueT_co", covariant=True)
+NOT_DECIDING = frozenset({"threads"})
+"""Settings of any stage that change how long it takes, never what it returns."""
+CLIENT = "client"
+"""Parameter through which a stage that asks questions gets who answers them."""
+SIMULATIONS, MODEL_CALLS = "dcap-simulations", "dcap-model-calls"
+"""Prefect's global concurrency limits of stages that simulate, and of stages that ask a model."""
+INFEASIBLE = "Infeasible"
+"""Name of the completed state of a stage, or a sample, that found no way: its reason is a result like any other."""
+RETRIES = 1
+"""How often a stage runs again whose process has died: memory may have been short."""
+
+
+class Mode(StrEnum):
+    """How stages are run."""
+
+    WATCHED = "watched"
+    DIRECT = "direct"
+    LOOKUP = "lookup"
+
+
+class Event(StrEnum):
+    """What can happen to a stage while a sample is placed."""
+
+    STARTED = "started"
+    PROGRESS = "progress"
+    FINISHED = "finished"
+    CACHED = "cached"
+    MISSING = "missing"
+    """Only in a lookup: it would run, or wait for a stage that would."""
+
+
+@dataclass(frozen=True, slots=True)
+class StageEvent:
+    """One thing that happened to a stage."""
+
+    stage: str
+    event: Event
+    part: float = 0.0
+    """Share of the work that is done, 0..1, where the stage knows it."""
+    text: str = ""
+    ref: Ref[Any] | None = None
+    """The result, once there is one."""
+    recipe: Mapping[str, Any] = field(default_factory=dict)
+    """Of a missing result: what it would be made of; empty if it waits for another stage."""
+
+
+OnEvent = Callable[[StageEvent], None]
+
+
+@dataclass(frozen=True, slots=True)
+class RunContext:
+    """How the stages that are called inside `use_context` run. It decides no result."""
+
+    mode: Mode = Mode.DIRECT
+    on_event: OnEvent = lambda event: None
+    session: Session = field(default_factory=Session)
+    """How questions are asked."""
+    refresh: frozenset[str] = frozenset()
+    """Stages to compute again although they have a record."""
+    slots: threading.Semaphore | None = None
+    """How many stages may compute at a time; a stage that waits for a reply lends its slot to another."""
+    limits: frozenset[str] = frozenset()
+    """Prefect's global concurrency limits that hold."""
+    tags: tuple[str, ...] = ()
+    """Of the task runs."""
+
+
+_context: ContextVar[RunContext] = ContextVar("run context")
+
+
+def current_context() -> RunContext:
+    """Return the context of this thread's run; a plain one outside of any."""
+    return _context.get(None) or RunContext()
+
+
+@contextmanager
+def use_context(context: RunContext) -> Iterator[RunContext]:
+    """Let stages called in this block and thread run as `context` says."""
+    token = _context.set(context)
+    try:
+        yield context
+    finally:
+        _context.reset(token)
+
+
+class Stage(Generic[P, ValueT_co]):
+    """A stage as the flows call it: references in, a reference out."""
+
+    def __init__(
+        self,
+        function: Callable[..., ValueT_co | Infeasible],
+        *,
+        process: bool | Callable[..., bool],
+        name: str,
+        simulates: bool,
+    ) -> None:
+        self.function = function
+        self.process = process
+        self.name = name
+        self.simulates = simulates
+        self._tasks: dict[Path, Task[..., Ref[Any]]] = {}
+        self.signature = inspect.signature(function)
+
+    @cached_property
+    def hints(self) -> dict[str, Any]:
+        """Declared types of the function's parameters."""
+        return get_type_hints(self.function)
+
+    @cached_property
+    def code(self) -> Code:
+        """The sources that decide what the function returns."""
+        return code_of(Path(inspect.getfile(self.function)).resolve())
+
+    def __call__(self, *args: P.args, **kwargs: P.kwargs) -> Ref[ValueT_co]:
+        """Return a reference to what the function returns for these inputs, computed only if it was not before."""
+        inputs = self._bound(*args, **kwargs)
+        context, computed = current_context(), threading.Event()
+        for value in inputs.values():
+            if isinstance(value, Ref) and value.infeasible:
+                return value
+        if context.mode is Mode.LOOKUP:
+            return self._look_up(inputs, context)
+
+        def on_event(event: StageEvent) -> None:
+            if event.event is Event.STARTED:
+                computed.set()
+            context.on_event(event)
+
+        with use_context(replace(context, on_event=on_event)):
+            ref = self._run_watched(inputs) if context.mode is Mode.WATCHED else self._run_directly(inputs)
+        if computed.is_set() and Store.default().shared is not None:
+            share_record(find_record(key_of(self.recipe(inputs)))[0])
+        context.on_event(StageEvent(self.name, Event.FINISHED if computed.is_set() else Event.CACHED, 1.0, ref=ref))
+        return ref
+
+    def recipe(self, inputs: Mapping[str, Any]) -> dict[str, Any]:
+        """Return everything that decides the result for these inputs."""
+        config = inputs.get("config")
+        given = {name: plain_input(name, value) for name, value in inputs.items() if name != "config"}
+        return {
+            "stage": self.name,
+            "function": self.function.__name__,
+            "code": self.code.digest,
+            "libraries": dict(self.code.libraries),
+            "config": None if config is None else deciding(config.model_dump(mode="json")),
+            "inputs": given,
+        }
+
+    @property
+    def task(self) -> "Task[..., Ref[Any]]":
+        """The Prefect task behind this stage, one for each folder of records."""
+        if records_root() not in self._tasks:
+            self._tasks[records_root()] = self._new_task()
+        return self._tasks[records_root()]
+
+    def _new_task(self) -> "Task[..., Ref[Any]]":
+        from prefect import Task  # planning, and a placement that nobody watches, need not wait for it
+        from prefect.cache_policies import CachePolicy
+        from prefect.context import TaskRunContext
+        from prefect.serializers import JSONSerializer
+        from prefect.states import Completed
+
+        recipe = self.recipe
+
+        class SoundRecord(CachePolicy):
+            """Takes a result from the cache only while its record is whole and its artifact sound."""
+
+            def compute_key(
+                self, task_ctx: TaskRunContext, inputs: dict[str, Any], flow_parameters: dict[str, Any], **_: Any
+            ) -> str | None:
+                # only now: of tags that a run starts with Prefect asks the server, which may be lost
+                task_ctx.task_run.tags = list(current_context().tags)
+                return find_record(key_of(recipe(inputs)))[0]
+
+        def body(**inputs: Any) -> Any:  # a reference, or a state that holds one
+            ref = self._compute(inputs)
+            if not ref.infeasible:
+                return ref
+            found = Store.default().load(ref)
+            assert isinstance(found, Infeasible)
+            return Completed(name=INFEASIBLE, message=reason_line(found), data=ref)
+
+        body.__name__ = body.__qualname__ = self.name
+        body.__doc__ = self.function.__doc__
+        named = inspect.Parameter.KEYWORD_ONLY
+        shown = [one.replace(kind=named) for one in self.signature.parameters.values() if one.name != CLIENT]
+        body.__signature__ = inspect.Signature(shown)  # type: ignore[attr-defined]
+        return Task(
+            body,
+            name=self.name,
+            task_run_name=self._task_run_name,
+            # two samples that need the same room read it once, the second waits for the first
+            cache_policy=SoundRecord().configure(isolation_level="SERIALIZABLE", lock_manager=FileLocks()),
+            persist_result=True,
+            result_storage=records_root(),
+            result_serializer=JSONSerializer(object_encoder=ENCODER, object_decoder=DECODER),
+            cache_result_in_memory=False,
+            retries=RETRIES,
+            retry_condition_fn=_process_died,
+        )
+
+    def _task_run_name(self) -> str:
+        return f"{self.name} {current_context().session.sample}".rstrip()
+
+    def _bound(self, *args: Any, **kwargs: Any) -> dict[str, Any]:
+        """Return the inputs by name; an input left out is its default, and a configuration that is not given too."""
+        bound = self.signature.bind_partial(*args, **kwargs)
+        bound.apply_defaults()
+        inputs = {name: value for name, value in bound.arguments.items() if name != CLIENT}
+        if "config" in self.signature.parameters and inputs.get("config") is None:
+            inputs["config"] = self.hints["config"]()
+        return inputs
+
+    def _look_up(self, inputs: Mapping[str, Any], context: RunContext) -> Ref[Any]:
+        waits = [value.kind for value in inputs.values() if isinstance(value, Ref) and value.pending]
+        recipe = {} if waits else self.recipe(inputs)
+        ref = None if waits else find_record(key_of(recipe))[1]
+        if ref is None:
+            text = ", ".join(dict.fromkeys(waits))
+            context.on_event(StageEvent(self.name, Event.MISSING, text=text, recipe=recipe))
+            return Ref(self.name, "")
+        context.on_event(StageEvent(self.name, Event.CACHED, 1.0, ref=ref))
+        return ref
+
+    def _run_watched(self, inputs: Mapping[str, Any]) -> Ref[Any]:
+        """Call the Prefect task; it returns a reference, or a state that holds one."""
+        task = self.task.with_options(refresh_cache=True) if self.name in current_context().refresh else self.task
+        result: Any = task(**inputs)
+        return result if isinstance(result, Ref) else result.data.result
+
+    def _run_directly(self, inputs: Mapping[str, Any]) -> Ref[Any]:
+        """Do what Prefect's transaction does."""
+        key = key_of(self.recipe(inputs))
+        with FileLocks().held(key):
+            name, ref = find_record(key)
+            if ref is None or self.name in current_context().refresh:
+                for attempt in range(RETRIES + 1):
+                    try:
+                        ref = self._compute(inputs)
+                        break
+                    except StageProcessError:
+                        if attempt == RETRIES:
+                            raise
+                assert ref is not None
+                write_record(name, ref)
+            return ref
+
+    def _compute(self, inputs: Mapping[str, Any]) -> Ref[Any]:
+        """Run the function and save what it returns."""
+        preload()  # later stages have processes of their own
+        context = current_context()
+        context.on_event(StageEvent(self.name, Event.STARTED))
+        given = {name: plain_input(name, value) for name, value in inputs.items() if name != "config"}
+        config = inputs.get("config")
+        begin = time.perf_counter()
+        with ExitStack() as held:
+            held.enter_context(self._limit(config))
+            held.enter_context(context.slots or nullcontext())
+            if self._needs_process(given):
+                where = (self.function.__module__, self.function.__name__)
+                settings = None if config is None else config.model_dump(mode="json")
+                done = run_in_process(
+                    run_job, *where, given, settings, context.session, on_progress=self._progress_listener()
+                )
+            else:
+                done = self.run(given, config, context.session, partial(_lent, context.slots))
+        kind, sha256, seconds, size = done
+        self._log(
+            f"{kind} {sha256[:12]}, {seconds:.2f} s ({time.perf_counter() - begin:.2f} s with loading and saving)"
+        )
+        note_files(self.code)
+        recipe = self.recipe(inputs)
+        return Ref(kind, sha256, Record(key_of(recipe), seconds, size, recipe))
+
+    def run(
+        self,
+        given: Mapping[str, Any],
+        config: BaseModel | None,
+        session: Session,
+        idle: Callable[[], AbstractContextManager[object]] = nullcontext,
+    ) -> tuple[str, str, float, int]:
+        """Load the inputs, run the function, save what it returns; kind, digest, time [s] and size [bytes] of that."""
+        values = {name: self._loaded(name, tree) for name, tree in given.items()}
+        if config is not None:
+            values["config"] = config
+        if CLIENT in self.signature.parameters:
+            values[CLIENT] = connect(values["config"].language, session, idle)
+        begin = time.perf_counter()
+        value = self.function(**values)
+        seconds = time.perf_counter() - begin
+        ref = Store.default().save(value)
+        return ref.kind, ref.sha256, seconds, Store.default().size(ref)
+
+    def _loaded(self, name: str, tree: Mapping[str, Any]) -> Any:
+        """Return an input as the function takes it; StoreError if the artifact is of another kind than declared."""
+        declared = self.hints.get(name, object)
+        if "ref" not in tree:
+            return from_tree(tree["value"], declared, {})
+        value = Store.default().load(Ref.from_json(tree["ref"]))
+        if not isinstance(value, kinds_of(declared)):
+            raise StoreError(f"stage {self.name}: {name} is a {type(value).__name__}, expected {declared}")
+        return value
+
+    def _needs_process(self, given: Mapping[str, Any]) -> bool:
+        if isinstance(self.process, bool):
+            return self.process
+        return self.process(**{name: self._loaded(name, tree) for name, tree in given.items()})
+
+    @contextmanager
+    def _limit(self, config: Any) -> Iterator[None]:
+        """Hold a slot of the limit that the stage falls under, if that is set. A cached stage waits for nothing."""
+        asks = CLIENT in self.signature.parameters
+        models = asks and config.language.client in (ClientName.ANTHROPIC, ClientName.OPENAI)
+        name = SIMULATIONS if self.simulates else MODEL_CALLS if models else ""
+        if name not in current_context().limits:
+            yield
+            return
+        from prefect.concurrency.sync import concurrency
+
+        with concurrency(name, strict=True):
+            yield
+
+    def _progress_listener(self) -> Callable[[float, str], None]:
+        context = current_context()
+
+        def on_progress(part: float, text: str) -> None:
+            self._log(f"{part:.0%} {text}" if part else text)
+            context.on_event(StageEvent(self.name, Event.PROGRESS, part, text))
+
+        return on_progress
+
+    def _log(self, text: str) -> None:
+        if current_context().mode is Mode.WATCHED:
+            from prefect.logging import get_run_logger
+
+            get_run_logger().info("%s: %s", self.name, text)
+
+
+def stage(
+    function: Callable[..., ValueT | Infeasible],
+    *,
+    process: bool | Callable[..., bool] = False,
+    name: str | None = None,
+    simulates: bool = False,
+) -> Stage[..., ValueT]:
+    """Return the stage of a pure function.
+
+    `process` gives each run a process of its own, or those that it returns true for by their inputs; what `simulates`
+    falls under the limit of simulations.
+    """
+    return Stage(function, process=process, name=name or function.__name__, simulates=simulates)
+
+
+def run_job(
+    module: str, function: str, given: dict[str, Any], settings: object, session: Session
+) -> tuple[str, str, float, int]:
+    """Run a stage in the process that was started for it."""
+    own = stage(getattr(import_module(module), function))
+    config = None if settings is None else own.hints["config"].model_validate(settings)
+    return own.run(given, config, session)
+
+
+def deciding(tree: Any) -> Any:
+    """Return settings as JSON without those that never change a result, at any depth."""
+    if isinstance(tree, dict):
+        return {key: deciding(value) for key, value in tree.items() if key not in NOT_DECIDING}
+    return [deciding(value) for value in tree] if isinstance(tree, list) else tree
+
+
+def plain_input(name: str, value: Any) -> dict[str, Any]:
+    """Return an input as JSON: a reference by its digest, anything else by its value."""
+    if isinstance(value, Ref):
+        return {"ref": value.to_json()}
+    files: dict[str, bytes] = {}
+    tree = to_tree(value, "", files)
+    if files:
+        raise StoreError(f"input {name} holds meshes or large arrays; save it and pass its reference")
+    return {"value": tree}
+
+
+def kinds_of(declared: Any) -> tuple[type, ...]:
+    """Return the classes that a declared type allows, through unions and new names of a class."""
+    options = get_args(declared) or (declared,)
+    plain = (getattr(one, "__supertype__", one) for one in options)
+    return tuple(one for one in plain if isinstance(one, type))
+
+
+def reason_line(found: Infeasible) -> str:
+    """Return why there is no value, in a line."""
+    return " ".join(f"{found.reason}: {found.message}".split()).rstrip(": ")
+
+
+def _process_died(task: "Task[..., Any]", task_run: "TaskRun", state: "State[Any]") -> bool:
+    """Return whether a stage has failed because its process ended without a result."""
+    return isinstance(state.data, StageProcessError)
+
+
+@contextmanager
+def _lent(slots: threading.Semaphore | None) -> Iterator[None]:
+    """Give the slot that this thread holds away inside of the block."""
+    if slots is None:
+        yield
+        return
+    slots.release()
+    try:
+        yield
+    finally:
+        slots.acquire()
+
+
+class FileLocks:
+    """Exclusive locks by `flock(2)` for threads and processes of one machine: the kernel releases those of a killed
+    process. The methods are those of Prefect's LockManager, which asks for no timeouts here."""
+
+    _held: ClassVar[dict[str, tuple[str, int]]] = {}
+
+    def acquire_lock(
+        self, key: str, holder: str, acquire_timeout: float | None = None, hold_timeout: float | None = None
+    ) -> bool:
+        """Wait for a lock."""
+        if not self.is_lock_holder(key, holder):
+            lock = self._open(key)
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            self._held[key] = (holder, lock)
+        return True
+
+    async def aacquire_lock(
+        self, key: str, holder: str, acquire_timeout: float | None = None, hold_timeout: float | None = None
+    ) -> bool:
+        """Wait for a lock."""
+        return self.acquire_lock(key, holder)
+
+    def release_lock(self, key: str, holder: str) -> None:
+        """Release a lock that the holder holds."""
+        if self.is_lock_holder(key, holder):
+            os.close(self._held.pop(key)[1])
+
+    def is_locked(self, key: str) -> bool:
+        """Return whether anybody holds a lock."""
+        lock = self._open(key)
+        try:
+            fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
+        finally:
+            os.close(lock)
+        return False
+
+    def is_lock_holder(self, key: str, holder: str) -> bool:
+        """Return whether this holder in this process holds a lock."""
+        return self._held.get(key, ("", -1))[0] == holder
+
+    def wait_for_lock(self, key: str, timeout: float | None = None) -> bool:
+        """Wait until nobody holds a lock."""
+        lock = self._open(key)
+        fcntl.flock(lock, fcntl.LOCK_SH)
+        os.close(lock)
+        return True
+
+    async def await_for_lock(self, key: str, timeout: float | None = None) -> bool:
+        """Wait until nobody holds a lock."""
+        return self.wait_for_lock(key)
+
+    @contextmanager
+    def held(self, key: str) -> Iterator[None]:
+        """Hold a lock inside of the block."""
+        holder = str(threading.get_ident())
+        self.acquire_lock(key, holder)
+        try:
+            yield
+        finally:
+            self.release_lock(key, holder)
+
+    def _open(self, key: str) -> int:
+        path = cache_root() / "locks" / f"{Path(key).name}.lock"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        return os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)

@@ -1,0 +1,247 @@
+"""Which of our own sources decide what a stage returns: every file that its module reaches by static import.
+
+Comments, docstrings and layout do not count (the syntax tree is hashed); imports inside functions do. A data file that
+reachable code names by a string (`materials.csv`, the folder `prompts`) counts with its bytes. What a source file says
+is kept in the cache under the digest of its bytes: building 650 syntax trees takes three seconds.
+"""
+
+import ast
+import hashlib
+import json
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+from dcap.scene import settings
+from dcap.scene.json_tree import canonical_json
+from dcap.scene.whole_files import write_whole
+
+PACKAGES = frozenset({"dcap", "flows", "solver", "tasks"})
+MACHINERY = frozenset(
+    {
+        "dcap.language.model.anthropic_api",
+        "dcap.language.model.apis",
+        "dcap.language.model.batch",
+        "dcap.language.model.ledger",
+        "dcap.language.model.openai_api",
+        "dcap.language.model.reply_folder",
+        "dcap.language.protocol.session",
+        "dcap.packages",
+        "dcap.scene.redaction",
+        "dcap.scene.settings",
+        "tasks.artifact",
+        "tasks.cache",
+        "tasks.code",
+        "tasks.codec",
+        "tasks.process",
+        "tasks.shared_store",
+    }
+)
+"""Modules that carry results but do not decide them."""
+FACE = "dcap"
+"""The package whose own `__init__` is the public face: what it offers to programs decides no result."""
+DATA_SUFFIXES = frozenset({".csv", ".yaml", ".yml", ".json", ".j2", ".txt", ".toml"})
+DATA_FOLDERS = frozenset({"prompts"})
+LONGEST_NAME = 100
+"""Letters of a string that may name a data file."""
+CARRIED = Path(FACE, settings.CARRIED)
+"""Where an installed dcap has the data files that lie at the root of a clone."""
+DISTRIBUTIONS = {"PIL": "pillow", "igl": "libigl", "skimage": "scikit-image", "ruamel": "ruamel.yaml", "yaml": "PyYAML"}
+"""Where the name to install differs from the name to import."""
+PARSED, LISTS = "sources.json", "code"
+"""File and folder of the cache: what each source says, and lists of files by the digest of the list."""
+RULES = f"{sys.version_info[:2]} {hashlib.sha256(Path(__file__).read_bytes()).hexdigest()}"
+"""What decides what a source says, besides its bytes."""
+_known_lists: dict[str, Mapping[str, str]] = {}
+"""Of the code of this process, by digest."""
+_lock = Lock()
+"""One thread builds trees at a time: CPython counts the recursion of all threads together (cpython issue 106905)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Code:
+    """The sources behind a stage."""
+
+    digest: str
+    """SHA-256 over all of `files`."""
+    files: Mapping[str, str]
+    """Digest by path relative to the root, the same for a clone and an installed dcap."""
+    libraries: Mapping[str, str]
+    """Versions of Python and of the third-party packages that these files import."""
+
+
+@cache
+def code_of(module_path: Path, root: Path = settings.PROJECT_ROOT) -> Code:
+    """Return what a module reaches, itself included; found once per process, which runs the code that it loaded."""
+    with _lock:
+        parsed = _ParsedSources(settings.cache_root() / PARSED)
+        paths = sorted(_reachable(module_path.resolve(), root, parsed))
+        files = {_name_of(path, root): _digest_of(path, parsed) for path in paths}
+        imported = {name.split(".")[0] for path in paths if path.suffix == ".py" for name in parsed[path]["imports"]}
+        parsed.write()
+    code = Code(hashlib.sha256(canonical_json(files)).hexdigest(), files, _versions(imported))
+    _known_lists[code.digest] = files
+    return code
+
+
+def note_files(code: Code) -> None:
+    """Keep the list of files behind a result, so that a later key that differs can be explained."""
+    path = settings.cache_root() / LISTS / f"{code.digest}.json"
+    with suppress(OSError):
+        if not path.is_file():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_whole(path, canonical_json(code.files))
+
+
+def files_behind(digest: str) -> Mapping[str, str] | None:
+    """Return the files of a state of the code, by their paths; None for one that nobody noted here."""
+    if digest in _known_lists:
+        return _known_lists[digest]
+    try:
+        data = (settings.cache_root() / LISTS / f"{digest}.json").read_bytes()
+    except OSError:
+        return None
+    return dict(json.loads(data)) if hashlib.sha256(data).hexdigest() == digest else None
+
+
+def changed_sources(files: Mapping[str, str], root: Path = settings.PROJECT_ROOT) -> Iterator[str]:
+    """Yield the files, by their paths relative to `root`, that are no longer what they were."""
+    parsed = _ParsedSources(settings.cache_root() / PARSED)
+    for name, digest in files.items():
+        path = next((one for folder in (root, root / CARRIED) if (one := folder / name).is_file()), None)
+        with _lock:
+            if path is None or _digest_of(path, parsed) != digest:
+                yield name
+
+
+class _ParsedSources:
+    """What sources say, each by the digest of its bytes, in one file of the cache; a damaged file counts as none."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._known: dict[str, Any] = {}
+        self._by_path: dict[Path, dict[str, Any]] = {}
+        with suppress(OSError, ValueError, KeyError, TypeError):
+            tree = json.loads(path.read_bytes())
+            if tree["check"] == self._check(tree["sources"]):
+                self._known = tree["sources"]
+        self._before = set(self._known)
+
+    def __getitem__(self, path: Path) -> dict[str, Any]:
+        if path not in self._by_path:
+            source = path.read_bytes()
+            name = hashlib.sha256(source).hexdigest()
+            if name not in self._known:
+                self._known[name] = _parse(source, path)
+            self._by_path[path] = self._known[name]
+        return self._by_path[path]
+
+    def write(self) -> None:
+        if set(self._known) != self._before:
+            with suppress(OSError):  # costs the next program some seconds
+                self.path.parent.mkdir(parents=True, exist_ok=True)
+                write_whole(self.path, canonical_json({"check": self._check(self._known), "sources": self._known}))
+
+    @staticmethod
+    def _check(sources: Mapping[str, Any]) -> str:
+        return hashlib.sha256(RULES.encode() + canonical_json(sources)).hexdigest()
+
+
+def _parse(source: bytes, path: Path) -> dict[str, Any]:
+    """Return the digest of a source without docstrings, what it imports, and the names of files in it."""
+    tree = ast.parse(source, filename=str(path))
+    imports, texts = set[str](), set[str]()
+    for node in ast.walk(tree):
+        if isinstance(getattr(node, "body", None), list):
+            node.body = [one for one in node.body if not _is_docstring(one)]  # type: ignore[attr-defined]
+        if isinstance(node, ast.Import):
+            imports |= {one.name for one in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:  # relative imports are not used in this project
+            imports |= {f"{node.module}.{one.name}" for one in node.names}
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and _may_name_data(node.value):
+            texts.add(node.value)
+    digest = hashlib.sha256(ast.dump(tree, annotate_fields=False).encode()).hexdigest()
+    return {"digest": digest, "imports": sorted(imports), "texts": sorted(texts)}
+
+
+def _is_docstring(node: ast.AST) -> bool:
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+
+
+def _may_name_data(text: str) -> bool:
+    plain = 0 < len(text) < LONGEST_NAME and "\n" not in text and "\0" not in text
+    return plain and (text in DATA_FOLDERS or Path(text).suffix in DATA_SUFFIXES)
+
+
+def _reachable(module_path: Path, root: Path, parsed: _ParsedSources) -> set[Path]:
+    """Return our files that a module reaches by import, and the data files that they name."""
+    found: set[Path] = set()
+    waiting = [module_path]
+    while waiting:
+        path = waiting.pop()
+        if path not in found:
+            found.add(path)
+            if path.suffix == ".py":
+                waiting += _imported_files(parsed[path]["imports"], root)
+                waiting += _data_files(parsed[path]["texts"], path, root)
+    return found
+
+
+def _imported_files(imports: list[str], root: Path) -> Iterator[Path]:
+    """Yield the source files behind imports; importing a module also runs the packages above it."""
+    for name in imports:
+        words = name.split(".")
+        above = [".".join(words[:count]) for count in range(1, len(words) + 1)]
+        if words[0] in PACKAGES and MACHINERY.isdisjoint(above):
+            for one in above[1:] if words[0] == FACE else above:
+                yield from _module_files(one, root)
+
+
+@cache
+def _module_files(module: str, root: Path) -> tuple[Path, ...]:
+    stem = root.joinpath(*module.split("."))
+    return tuple(path for path in (stem / "__init__.py", stem.with_suffix(".py")) if path.is_file())
+
+
+def _data_files(texts: list[str], path: Path, root: Path) -> Iterator[Path]:
+    """Yield the data files that a module names, beside it or at the root; of site-packages only those that are ours."""
+    carried = root / CARRIED
+    for text in texts:
+        for folder in (path.parent, carried if carried.is_dir() else root):
+            found = folder / text
+            if text in DATA_FOLDERS and found.is_dir():
+                yield from (one for one in found.rglob("*") if one.is_file())
+            elif found.suffix in DATA_SUFFIXES and found.is_file():
+                yield found.resolve()
+
+
+def _name_of(path: Path, root: Path) -> str:
+    folder = next((one for one in (root / CARRIED, root) if path.is_relative_to(one)), path.parent)
+    return path.relative_to(folder).as_posix()
+
+
+def _digest_of(path: Path, parsed: _ParsedSources) -> str:
+    return str(parsed[path]["digest"]) if path.suffix == ".py" else hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _versions(imported: set[str]) -> dict[str, str]:
+    found = {"python": f"{sys.version_info.major}.{sys.version_info.minor}"}
+    for name in sorted(imported - PACKAGES - sys.stdlib_module_names):
+        if known := installed_version(DISTRIBUTIONS.get(name, name)):
+            found[name] = known
+    return found
+
+
+@cache
+def installed_version(distribution: str) -> str:
+    """Return the version of an installed package; empty if there is none of that name."""
+    try:
+        return version(distribution)
+    except PackageNotFoundError:
+        return ""

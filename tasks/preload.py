@@ -1,0 +1,16 @@
+"""What the fork server loads once for the processes of all heavy stages."""
+
+import gc
+
+import solver.onward
+import solver.settle  # noqa: F401
+import tasks.drop.stage
+import tasks.measure.drift
+import tasks.measure.touch
+import tasks.measure.views
+import tasks.mesh.stage
+import tasks.particles.stage
+import tasks.render.stage  # noqa: F401
+
+gc.collect()
+gc.freeze()  # a collection in a child would write into each object, and so copy every page that is shared

@@ -1,0 +1,201 @@
+"""Runs a function in a process of its own: a crash, a memory leak or a second `ti.init` stays inside of its job.
+
+The processes are forked by the fork server of `multiprocessing`, which has loaded what heavy stages need (preload.py).
+Each leads a session of its own, and ends with the program, even if that is killed.
+"""
+
+import ctypes
+import logging
+import multiprocessing
+import os
+import resource
+import signal
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
+from types import ModuleType
+from typing import Any, TypeVar
+
+from threadpoolctl import threadpool_limits
+
+from dcap.scene import errors
+from dcap.scene.errors import DcapError
+from dcap.scene.machine_errors import machine_error
+from tasks.code import PACKAGES
+
+ResultT = TypeVar("ResultT")
+OnProgress = Callable[[float, str], None]
+"""Gets the part of the work that is done, 0 where that is not known, and a text."""
+MOST_SECONDS = 3600.0
+"""A stage that runs longer hangs: budgets count steps, so this never decides a result."""
+LAST_LINES = 15
+PR_SET_PDEATHSIG = 1
+SAFE_PATH = "PYTHONSAFEPATH"
+CONTEXT: Any = multiprocessing.get_context("forkserver" if sys.platform == "linux" else "spawn")
+_starting = threading.Lock()
+_running: set[BaseProcess] = set()
+_interrupted = threading.Event()
+
+
+class StageProcessError(RuntimeError):
+    """The process of a stage ended without a result."""
+
+
+def preload() -> None:
+    """Start the fork server if it does not run: it loads for three seconds, while the program does other things."""
+    from multiprocessing import forkserver
+
+    if sys.platform == "linux":
+        CONTEXT.set_forkserver_preload(["dcap", "tasks.preload"])  # dcap: it finds our packages before others
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # a Ctrl-C is meant for this program
+        safe = os.environ.get(SAFE_PATH)
+        os.environ[SAFE_PATH] = "1"  # it imports nothing from the working directory
+        forkserver.ensure_running()
+        os.environ.pop(SAFE_PATH) if safe is None else os.environ.update({SAFE_PATH: safe})
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def run_in_process(function: Callable[..., ResultT], *arguments: object, on_progress: OnProgress) -> ResultT:
+    """Return what a module-level function returns in a process of its own.
+
+    Errors on purpose are raised here under their own type; StageProcessError where the process ends without a result,
+    KeyboardInterrupt where that is because the program was interrupted.
+    """
+    preload()
+    receiver, sender = CONTEXT.Pipe(duplex=False)
+    with tempfile.NamedTemporaryFile("r", errors="replace", prefix="dcap-stage-") as output, receiver:
+        job = (sender, output.name, dict(os.environ), function, arguments)
+        process = _start(job)
+        sender.close()
+        try:
+            result: ResultT = _listen(process, receiver, on_progress)
+            return result
+        except EOFError:
+            process.join()
+            if _interrupted.is_set():
+                raise KeyboardInterrupt from None
+            tail = "".join(output.readlines()[-LAST_LINES:])
+            raise StageProcessError(f"the stage's process ended with {_exit_words(process)}\n{tail}") from None
+        finally:
+            _running.discard(process)
+            _kill(process)
+            process.join()
+
+
+def interrupt() -> None:
+    """Kill the processes of all stages at work, and start no more."""
+    _interrupted.set()
+    for process in list(_running):
+        _kill(process)
+
+
+def _start(job: tuple[object, ...]) -> BaseProcess:
+    """Start a process; `multiprocessing` would run the user's own script again in it, so that script is hidden."""
+    with _starting:
+        if _interrupted.is_set():
+            raise KeyboardInterrupt
+        process: BaseProcess = CONTEXT.Process(target=_work, args=job)
+        main, sys.modules["__main__"] = sys.modules["__main__"], ModuleType("__main__")
+        try:
+            process.start()
+        finally:
+            sys.modules["__main__"] = main
+        _running.add(process)
+        return process
+
+
+def _listen(process: BaseProcess, receiver: Connection, on_progress: OnProgress) -> Any:
+    """Return the result that a process sends; EOFError where it ends without one."""
+    deadline = time.monotonic() + MOST_SECONDS
+    while True:
+        if not receiver.poll(max(deadline - time.monotonic(), 0.0)):
+            _kill(process)
+        kind, *content = receiver.recv()
+        if kind == "progress":
+            on_progress(*content)
+        elif kind == "error":
+            name, message = content
+            raise getattr(errors, name, DcapError)(message)
+        else:
+            return content[0]
+
+
+def _kill(process: BaseProcess) -> None:
+    """Kill a process and everything that it started."""
+    if process.pid is not None:
+        with suppress(ProcessLookupError, PermissionError):
+            os.killpg(process.pid, signal.SIGKILL)
+        if process.is_alive():  # it does not lead its group yet
+            process.kill()
+
+
+def _exit_words(process: BaseProcess) -> str:
+    code = process.exitcode or 0
+    return f"signal {signal.Signals(-code).name}" if code < 0 else f"status {code}"
+
+
+def _work(
+    sender: Connection,
+    output: str,
+    environment: Mapping[str, str],
+    function: Callable[..., object],
+    arguments: tuple[object, ...],
+) -> None:
+    """Do a job in the process that was started for it."""
+    os.setsid()
+    if sys.platform == "linux":
+        parent = os.getppid()
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+        if os.getppid() != parent:
+            os._exit(1)
+    threading.Thread(target=_end_with_program, daemon=True).start()
+    with open(output, "w") as file:
+        os.dup2(file.fileno(), 1)
+        os.dup2(file.fileno(), 2)
+    os.environ.clear()
+    os.environ.update(environment)  # the fork server has that of its start
+    for package in PACKAGES:
+        logging.getLogger(package).setLevel(logging.INFO)
+        logging.getLogger(package).addHandler(_ProgressHandler(sender))
+    # more threads for small matrices wait for one another without sleeping, at the cost of the process beside
+    threadpool_limits(1, user_api="blas")
+    try:
+        result = function(*arguments)
+    except Exception as error:
+        known = error if isinstance(error, DcapError) else machine_error(error)
+        if known is None:
+            raise
+        sender.send(("error", type(known).__name__, str(known)))
+        return
+    usage = resource.getrusage(resource.RUSAGE_SELF)
+    used = f"{usage.ru_utime + usage.ru_stime:.2f} s of processor time, {usage.ru_maxrss / 1024:.0f} MiB"
+    sender.send(("progress", 1.0, used))
+    sender.send(("done", result))
+
+
+def _end_with_program() -> None:
+    """Wait for the end of the program that has asked, and kill this process with all that it has started.
+
+    The parent is the fork server, which lives as long as one of its processes.
+    """
+    program = multiprocessing.parent_process()
+    assert program is not None
+    program.join()
+    os.killpg(0, signal.SIGKILL)
+
+
+class _ProgressHandler(logging.Handler):
+    """Sends what our code logs to the parent; `extra={"progress": 0.4}` says how much of the work is done."""
+
+    def __init__(self, sender: Connection) -> None:
+        super().__init__(logging.INFO)
+        self.sender = sender
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Send one record."""
+        self.sender.send(("progress", getattr(record, "progress", 0.0), record.getMessage()))

@@ -1,0 +1,176 @@
+"""What stages have computed before: recipes, and the records of their results.
+
+A recipe holds everything that decides a result; its digest is the key. A record lies at `records/KEY` as Prefect's
+result file, whoever wrote it: Prefect, or a run that nobody watches. A record counts only if it is whole, is that of
+the wanted key, and its artifact is sound. If not, the next name is used (KEY, KEY-r1, ...), so nothing is ever deleted
+on the way; and Prefect is never handed a file that names another serializer, as `pickle`.
+"""
+
+import hashlib
+import json
+import os
+import uuid
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from dcap.scene.errors import StoreError
+from dcap.scene.json_tree import canonical_json
+from dcap.scene.settings import cache_root
+from tasks.artifact import DRAFTS, Record, Ref, Store
+from tasks.code import installed_version
+
+FOLDER = "records"
+MOST_REPEATS = 1000
+ENCODER, DECODER = "tasks.records.encode_ref", "tasks.records.decode_ref"
+SERIALIZER = {
+    "type": "json",
+    "jsonlib": "json",
+    "object_encoder": ENCODER,
+    "object_decoder": DECODER,
+    "dumps_kwargs": {},
+    "loads_kwargs": {},
+}
+"""How Prefect writes our records, and reads a file that says so."""
+DAMAGED = (OSError, ValueError, KeyError, TypeError, RecursionError)
+"""What reading a damaged record raises."""
+
+
+def key_of(recipe: Mapping[str, Any]) -> str:
+    """Return the name of the record of a recipe, readable at the front."""
+    return f"{recipe['stage']}-{hashlib.sha256(canonical_json(recipe)).hexdigest()[:40]}"
+
+
+def records_root() -> Path:
+    """Return the folder of all records."""
+    return cache_root() / FOLDER
+
+
+def find_record(key: str) -> tuple[str, Ref[Any] | None]:
+    """Return the first name that is free or has a usable record, and the result that this names."""
+    for repeat in range(MOST_REPEATS):
+        name = key if repeat == 0 else f"{key}-r{repeat}"
+        path = records_root() / name
+        if not os.path.lexists(path) and not _fetch_record(name):
+            return name, None
+        ref = usable_result(path, key)
+        if ref is not None:
+            return name, ref
+    raise StoreError(f"{key}: {MOST_REPEATS} records are damaged; `dcap cache verify --repair` removes them")
+
+
+def usable_result(path: Path, key: str) -> Ref[Any] | None:
+    """Return the result that a record names; None if the record or the artifact is damaged."""
+    try:
+        ref = read_record(path)
+        assert ref.record is not None
+        sound = ref.record.key == key == key_of(ref.record.recipe)
+    except DAMAGED:
+        return None
+    return ref if sound and Store.default().has(ref) else None
+
+
+def read_record(path: Path) -> Ref[Any]:
+    """Return the result in a record's file; one of DAMAGED if it is no whole record of ours."""
+    tree = json.loads(path.read_bytes())
+    if tree["metadata"]["serializer"] != SERIALIZER or tree["metadata"]["expiration"] is not None:
+        raise ValueError("not written by us")
+    ref = json.loads(tree["result"], object_hook=decode_ref)
+    if not isinstance(ref, Ref):
+        raise TypeError("no reference")
+    return ref
+
+
+def write_record(name: str, ref: Ref[Any]) -> None:
+    """Write the record of a result as Prefect would; it appears whole."""
+    metadata = {
+        "storage_key": str(records_root() / name),
+        "expiration": None,
+        "serializer": SERIALIZER,
+        "prefect_version": installed_version("prefect"),
+        "storage_block_id": None,
+    }
+    draft = Store.default().root / DRAFTS / f"record-{uuid.uuid4().hex}"
+    for folder in (draft.parent, records_root()):
+        folder.mkdir(parents=True, exist_ok=True)
+    draft.write_bytes(json.dumps({"metadata": metadata, "result": json.dumps(ref, default=encode_ref)}).encode())
+    os.replace(draft, records_root() / name)
+
+
+def share_record(name: str) -> None:
+    """Write a record that lies here into the shared store, if there is one."""
+    shared = Store.default().shared
+    if shared is not None and (records_root() / name).is_file():
+        shared.push(f"{FOLDER}/{name}", records_root() / name)
+
+
+def _fetch_record(name: str) -> bool:
+    """Copy a record from the shared store; return whether there was one."""
+    shared = Store.default().shared
+    data = None if shared is None else shared.read(f"{FOLDER}/{name}")
+    if data is None:
+        return False
+    records_root().mkdir(parents=True, exist_ok=True)
+    draft = records_root() / f".{name}-{uuid.uuid4().hex}"
+    draft.write_bytes(data)
+    os.replace(draft, records_root() / name)
+    return True
+
+
+def encode_ref(ref: object) -> dict[str, Any]:
+    """Return a result as JSON, with a digest of all of it: nothing else binds the artifact to the key."""
+    if not isinstance(ref, Ref) or ref.record is None:
+        raise TypeError(f"a {type(ref).__name__} is no result of a stage")
+    record = ref.record
+    tree = {"ref": ref.to_json(), "key": record.key, "seconds": record.seconds, "size": record.size}
+    tree["recipe"] = dict(record.recipe)
+    return {"artifact": tree, "check": hashlib.sha256(canonical_json(tree)).hexdigest()}
+
+
+def decode_ref(tree: dict[str, Any]) -> object:
+    """Return the result that `encode_ref` wrote; ValueError if its digest is wrong. Other objects stay as they are."""
+    if tree.keys() != {"artifact", "check"}:
+        return tree
+    inner = tree["artifact"]
+    if hashlib.sha256(canonical_json(inner)).hexdigest() != tree["check"]:
+        raise ValueError("the record does not match its digest")
+    record = Record(inner["key"], inner["seconds"], inner["size"], inner["recipe"])
+    return Ref(inner["ref"]["kind"], inner["ref"]["sha256"], record)
+
+
+def every_record() -> Iterator[tuple[Path, Ref[Any] | None]]:
+    """Yield the file of every record, sorted, with its result; None for a damaged one."""
+    root = records_root()
+    for path in sorted(root.iterdir()) if root.is_dir() else ():
+        yield path, _read_once(path, path.stat().st_mtime_ns)
+
+
+def refs_in(recipe: Mapping[str, Any]) -> list[Ref[Any]]:
+    """Return the artifacts that a stage was given."""
+    return [Ref.from_json(one["ref"]) for one in recipe["inputs"].values() if "ref" in one]
+
+
+def records_behind(refs: Iterable[Ref[Any]]) -> Iterator[tuple[Path, Ref[Any]]]:
+    """Yield every known record that made one of these artifacts, or one of those that they were made from."""
+    makers: dict[Ref[Any], list[tuple[Path, Ref[Any]]]] = {}
+    for path, ref in every_record():
+        if ref is not None:
+            makers.setdefault(ref, []).append((path, ref))
+    seen, waiting = set[Ref[Any]](), list(refs)
+    while waiting:
+        one = waiting.pop()
+        if one not in seen:
+            seen.add(one)
+            for path, ref in makers.get(one, []):
+                assert ref.record is not None
+                yield path, ref
+                waiting += refs_in(ref.record.recipe)
+
+
+@cache
+def _read_once(path: Path, modified_ns: int) -> Ref[Any] | None:
+    try:
+        return read_record(path)
+    except DAMAGED:
+        return None

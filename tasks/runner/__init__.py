@@ -1,1 +1,0 @@
-"""How a stage runs: cached, recorded, locked, in a process of its own."""

@@ -1,0 +1,196 @@
+"""What the cache holds, what of it is damaged, and what nothing needs any more."""
+
+import shutil
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from dcap.scene.settings import cache_root
+from dcap.scene.writers.earlier_files import lost_notes
+from tasks.artifact import DRAFTS, OBJECTS, Ref, Source, Store, files_in
+from tasks.records import every_record, key_of, records_behind, refs_in
+
+SOURCES, UNRECORDED, RECORDS, LITTER = "source files", "without a record", "records", "litter"
+"""Rows beside those of stages."""
+LITTER_HOURS = 6.0
+"""Age at which what is half-made counts as left behind by a killed program: no stage takes that long [h]."""
+
+
+@dataclass(frozen=True, slots=True)
+class CacheUsage:
+    """What a stage has in the cache."""
+
+    stage: str
+    records: int = 0
+    artifacts: int = 0
+    """Those that no stage before it in the list made as well."""
+    size: int = 0
+    """Bytes of these artifacts."""
+    seconds: float = 0.0
+    """What computing them took [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Unneeded:
+    """What may be deleted."""
+
+    records: tuple[Path, ...]
+    artifacts: tuple[Ref[Any], ...]
+    litter: tuple[Path, ...]
+    usage: tuple[CacheUsage, ...]
+    """The same by stage."""
+
+    @property
+    def count(self) -> int:
+        """Number of things."""
+        return len(self.records) + len(self.artifacts) + len(self.litter)
+
+    @property
+    def size(self) -> int:
+        """Bytes that are freed."""
+        return sum(row.size for row in self.usage)
+
+
+@dataclass(frozen=True, slots=True)
+class Damage:
+    """A record or an artifact that does not count."""
+
+    path: Path
+    why: str
+    ref: Ref[Any] | None = None
+    """The damaged artifact; None for a record."""
+
+
+def usages() -> list[CacheUsage]:
+    """Return what each stage has in the cache, then what no stage made, the records and litter."""
+    store, found = Store.default(), [(path, ref) for path, ref in every_record() if ref is not None]
+    records = CacheUsage(RECORDS, len(found), 0, sum(size_of(path) for path, _ in found))
+    litter = CacheUsage(LITTER, 0, 0, sum(size_of(path) for path in litter_in(store, 0.0)))
+    return [*usage_by_stage([ref for _, ref in found], store.refs()), records, litter]
+
+
+def usage_by_stage(made: Iterable[Ref[Any]], refs: Iterable[Ref[Any]]) -> list[CacheUsage]:
+    """Return a row for each stage that made some of the artifacts `refs`; each artifact counts once."""
+    store, left, stages = Store.default(), set(refs), dict[str, list[Ref[Any]]]()
+    for ref in made:
+        assert ref.record is not None
+        stages.setdefault(ref.record.recipe["stage"], []).append(ref)
+    rows = []
+    for stage, results in sorted(stages.items()):
+        own = left & set(results)
+        left -= own
+        seconds = sum(one.record.seconds for one in results if one.record)
+        rows.append(CacheUsage(stage, len(results), len(own), sum(map(size_in(store), own)), seconds))
+    for name, some in (
+        (SOURCES, [ref for ref in left if ref.kind == Source.__name__]),
+        (UNRECORDED, [ref for ref in left if ref.kind != Source.__name__]),
+    ):
+        rows.append(CacheUsage(name, 0, len(some), sum(map(size_in(store), some))))
+    return rows
+
+
+def unneeded(needed: Iterable[Ref[Any]], older_than_s: float) -> Unneeded:
+    """Return everything that is neither behind a needed artifact nor younger than an age [s], nor behind that."""
+    store, known = Store.default(), list(every_record())
+    young = [ref for path, ref in known if ref is not None and age(path) < older_than_s]
+    kept_paths, kept_refs = set[Path](), {*needed, *young}
+    for path, ref in records_behind(list(kept_refs)):
+        assert ref.record is not None
+        kept_paths.add(path)
+        kept_refs |= {ref, *refs_in(ref.record.recipe)}
+    gone = [(path, ref) for path, ref in known if path not in kept_paths and age(path) >= older_than_s]
+    loose = [ref for ref in store.refs() if ref not in kept_refs and age(store.folder(ref)) >= older_than_s]
+    litter = [*litter_in(store, LITTER_HOURS * 3600.0), *idle_locks()]
+    rows = [
+        *usage_by_stage([ref for _, ref in gone if ref is not None], loose),
+        CacheUsage(RECORDS, len(gone), 0, sum(size_of(path) for path, _ in gone)),
+        CacheUsage(LITTER, 0, 0, sum(map(size_of, litter))),
+    ]
+    shown = tuple(row for row in rows if row.records or row.artifacts or row.size)
+    return Unneeded(tuple(path for path, _ in gone), tuple(loose), tuple(litter), shown)
+
+
+def delete(what: Unneeded) -> None:
+    """Delete it. Nobody else may use the cache meanwhile (`exclusive_use`)."""
+    for path in (*what.records, *what.litter):
+        remove(path)
+    for ref in what.artifacts:
+        Store.default().discard(ref)
+
+
+def damages() -> list[Damage]:
+    """Read every record and artifact, and return those that do not count."""
+    store = Store.default()
+    found = [
+        Damage(store.folder(ref), "it does not match its digest", ref) for ref in store.refs() if not store.is_here(ref)
+    ]
+    for path, ref in every_record():
+        if ref is None or ref.record is None:
+            found.append(Damage(path, "it is not whole, or of an earlier version"))
+        elif key_of(ref.record.recipe) != ref.record.key or not path.name.startswith(ref.record.key):
+            found.append(Damage(path, f"it is the record of {ref.record.key}"))
+        elif not store.has(ref):
+            found.append(Damage(path, "its artifact is missing or damaged"))
+    return found
+
+
+def repair(found: Sequence[Damage]) -> None:
+    """Delete damaged records and artifacts; they are computed again when needed.
+
+    The record behind a damaged one (KEY-r1) gets its name: nobody looks behind a free name.
+    """
+    for one in found:
+        if one.ref is None:
+            remove(one.path)
+        else:
+            Store.default().discard(one.ref)
+    for path, ref in list(every_record()):
+        if ref is not None and ref.record is not None and not (first := path.with_name(ref.record.key)).exists():
+            path.rename(first)
+    for path, ref in every_record():  # of those that were computed again: none is looked for behind a gap
+        if ref is not None and ref.record is not None and not path.with_name(ref.record.key).exists():
+            path.rename(path.with_name(ref.record.key))
+
+
+def litter_in(store: Store, older_than_s: float) -> list[Path]:
+    """Return what is half-made, or tells of files that have gone, of at least an age [s]."""
+    drafts = store.root / DRAFTS
+    left = [*(drafts.iterdir() if drafts.is_dir() else ()), *cache_root().glob(".writing-*"), *lost_notes()]
+    return sorted(path for path in left if age(path) >= older_than_s)
+
+
+def idle_locks() -> Iterator[Path]:
+    """Yield old lock files: empty, but they add up."""
+    folder = cache_root() / "locks"
+    yield from (path for path in folder.glob("*.lock") if age(path) >= LITTER_HOURS * 3600.0)
+
+
+def size_in(store: Store) -> Any:
+    """Return the function that tells the size of an artifact in a store [bytes]."""
+    return lambda ref: size_of(store.root / OBJECTS / ref.kind / ref.sha256[:2] / ref.sha256)
+
+
+def size_of(path: Path) -> int:
+    """Return the bytes of a file, or of all files below a folder; what vanishes has none."""
+    try:
+        return sum(one.stat().st_size for one in files_in(path)) if path.is_dir() else path.stat().st_size
+    except OSError:
+        return 0
+
+
+def age(path: Path) -> float:
+    """Return the time since something was written [s]; 0 of what is gone."""
+    try:
+        return max(time.time() - path.lstat().st_mtime, 0.0)
+    except OSError:
+        return 0.0
+
+
+def remove(path: Path) -> None:
+    """Delete a file, or a folder with all that is in it."""
+    if path.is_dir():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)

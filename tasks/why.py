@@ -1,0 +1,126 @@
+"""Why a stage would run: what differs between its recipe now and the closest recipe of an earlier result."""
+
+from collections.abc import Callable, Iterator, Mapping
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from dcap.scene.spelling import first_of
+from tasks.artifact import Record
+from tasks.code import files_behind
+from tasks.records import every_record, records_root
+
+ABSENT = "absent"
+SHOWN = 3
+"""Settings, files or libraries that a line names."""
+LONGEST = 60
+"""Characters of a value that a line shows."""
+KeyOf = Callable[[str, str], str]
+"""Returns the name of a setting for a person, from the stage and the stage's own name for it."""
+
+
+def why_not_cached(recipe: Mapping[str, Any], key_of_setting: KeyOf) -> str:
+    """Return which parts of a recipe differ from the closest earlier one: input, setting, code, data file, library."""
+    record = closest_record(recipe)
+    if record is None:
+        return "no earlier result"
+    old = record.recipe
+    parts = [
+        *changed_inputs(old, recipe),
+        *named("", changed_values(old["config"], recipe["config"]), lambda key: key_of_setting(recipe["stage"], key)),
+        *changed_code(old, recipe),
+        *named("library ", changed_values(old["libraries"], recipe["libraries"])),
+    ]
+    return "; ".join(parts) or "its result is missing or damaged"
+
+
+def closest_record(recipe: Mapping[str, Any]) -> Record | None:
+    """Return the record of the same stage with the most in common, the newest of several.
+
+    Plain inputs (the sentence, a seed, a mass) tell the sample, so they count first.
+    """
+
+    def likeness(record: Record) -> tuple[int, int, int]:
+        old = record.recipe
+        same = [name for name, value in recipe["inputs"].items() if old["inputs"].get(name) == value]
+        plain = sum("ref" not in recipe["inputs"][name] for name in same)
+        return plain, len(same), sum(old[part] == recipe[part] for part in ("config", "code", "libraries"))
+
+    records = _records_by_stage(records_root(), _modified_ns(records_root())).get(recipe["stage"], [])
+    return max(records, key=likeness, default=None)
+
+
+def changed_inputs(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str]:
+    """Yield what differs among the inputs: an artifact by its name, a value by both values."""
+    for name in new["inputs"].keys() | old["inputs"].keys():
+        before, now = old["inputs"].get(name, {}), new["inputs"].get(name, {})
+        if before == now:
+            continue
+        if "ref" in before or "ref" in now:
+            yield f"input {name} has changed"
+        else:
+            yield from named("input ", changed_values({name: before.get("value")}, {name: now.get("value")}))
+
+
+def changed_code(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the source and data files that differ."""
+    if old["code"] == new["code"]:
+        return
+    before, now = files_behind(old["code"]), files_behind(new["code"])
+    if before is None or now is None:
+        yield "code has changed"
+        return
+    files = sorted(name for name in before.keys() | now.keys() if before.get(name) != now.get(name))
+    for kind, suffixes in (("code", True), ("data file", False)):
+        some = [name for name in files if name.endswith(".py") is suffixes]
+        if some:
+            yield f"{kind} {first_of(some, SHOWN)}"
+
+
+def changed_values(old: Any, new: Any) -> dict[str, tuple[object, object]]:
+    """Return the values that differ between two trees, by dotted key."""
+    before, now = dict(flattened(old)), dict(flattened(new))
+    keys = dict.fromkeys((*now, *before))
+    pairs = {key: (before.get(key, ABSENT), now.get(key, ABSENT)) for key in keys}
+    return {key: pair for key, pair in pairs.items() if pair[0] != pair[1]}
+
+
+def named(
+    kind: str, changes: Mapping[str, tuple[object, object]], name_of: Callable[[str], str] = lambda key: key
+) -> Iterator[str]:
+    """Yield the first changes in words, and how many more there are."""
+    words = [f"{name_of(key)} {short(old)} -> {short(new)}" for key, (old, new) in changes.items()]
+    if words:
+        yield kind + first_of(words, SHOWN)
+
+
+def short(value: object) -> str:
+    """Return a value in few letters."""
+    text = str(value)
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"
+
+
+def flattened(tree: Any, prefix: str = "") -> Iterator[tuple[str, object]]:
+    """Yield the leaves of a tree by dotted key."""
+    if isinstance(tree, Mapping) and tree:
+        for key, value in tree.items():
+            yield from flattened(value, f"{prefix}.{key}" if prefix else str(key))
+    elif prefix:
+        yield prefix, tree
+
+
+@lru_cache(maxsize=1)
+def _records_by_stage(root: Path, modified_ns: int) -> dict[str, list[Record]]:
+    """Return all records by stage, newest last; read again when one has come or gone."""
+    found: dict[str, list[tuple[int, Record]]] = {}
+    for path, ref in every_record():
+        if ref is not None and ref.record is not None:
+            found.setdefault(ref.record.recipe["stage"], []).append((path.stat().st_mtime_ns, ref.record))
+    return {stage: [record for _, record in sorted(some, key=lambda one: -one[0])] for stage, some in found.items()}
+
+
+def _modified_ns(root: Path) -> int:
+    try:
+        return root.stat().st_mtime_ns
+    except OSError:
+        return 0

@@ -1,0 +1,160 @@
+"""A shared store gives every machine what another has computed, and nothing but that."""
+
+import socket
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from s3_server import S3, s3_server
+from small_stages import CHAIN, chain, computed, ends_of
+
+from dcap.scene.errors import MissingArtifactError, StoreError
+from dcap.scene.redaction import redacted_url, without_secrets
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.sample import SourceOptions
+from flows.cli.app import main
+from tasks.artifact import Ref, Store
+from tasks.cache import Event, Mode
+from tasks.shared_store import SharedStore
+
+VALUE = Mesh.of(np.random.default_rng(0).random((50, 3)), [[0, 1, 2]])
+OTHER = SourceOptions("y")
+
+
+@pytest.fixture(scope="module")
+def s3() -> Iterator[S3]:
+    """A server of the S3 protocol."""
+    with s3_server() as server:
+        yield server
+
+
+@pytest.fixture(params=["folder", "memory", "s3"])
+def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+    """An empty shared store of each kind."""
+    if request.param == "s3":
+        return str(request.getfixturevalue("s3").bucket())
+    return {"folder": str(tmp_path / "shared"), "memory": f"memory://{tmp_path.name}"}[request.param]
+
+
+def machine(folder: Path, url: str) -> Store:
+    """The store of one machine."""
+    return Store(folder / "store", SharedStore(url))
+
+
+def test_what_one_saves_another_loads(url: str, tmp_path: Path) -> None:
+    """The second machine gets the same bytes, keeps them, and mends what is damaged there; what nobody has is missing,
+    and leaves nothing behind."""
+    first, second = machine(tmp_path / "one", url), machine(tmp_path / "two", url)
+    ref = first.save(VALUE)
+    assert not second.is_here(ref)
+    assert second.has(ref)
+    loaded = Store(second.root).load(ref)
+    assert isinstance(loaded, Mesh)
+    assert loaded.vertices.tobytes() == VALUE.vertices.tobytes()
+    other = first.save(OTHER)
+    assert second.load(other) == OTHER
+    (second.folder(other) / "value.json").write_text("{}")
+    assert second.load(other) == OTHER
+    with pytest.raises(MissingArtifactError):
+        second.load(Ref("Mesh", "ab" * 32))
+    assert set(second.refs()) == {ref, other}
+    assert list((second.root / "building").iterdir()) == []
+
+
+def test_many_machines_save_the_same(url: str, tmp_path: Path) -> None:
+    """Workers that compute the same artifact at once leave one sound one."""
+    stores = [machine(tmp_path / str(number), url) for number in range(4)]
+    refs: list[Ref[Any]] = []
+    threads = [threading.Thread(target=lambda one=one: refs.append(one.save(VALUE))) for one in stores]
+    for one in threads:
+        one.start()
+    for one in threads:
+        one.join()
+    assert len(refs) == 4
+    assert machine(tmp_path / "reader", url).has(refs[0])
+
+
+def test_sources_stay_on_their_machine(url: str, tmp_path: Path) -> None:
+    """A foreign file is not handed on: it may be large, and not ours to give."""
+    (tmp_path / "mug.obj").write_text("v 0 0 0\n")
+    ref = machine(tmp_path / "one", url).add_source(tmp_path / "mug.obj")
+    assert not machine(tmp_path / "two", url).has(ref)
+
+
+def test_a_stage_runs_once_for_all_machines(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Computed by the first, cached for the second in a plan and for the third in a run; after the shared store was
+    damaged computed once more, with the same result for everybody."""
+    shared = tmp_path / "shared"
+    monkeypatch.setenv("DCAP_STORE", str(shared))
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path / "one"))
+    first = chain()
+    assert computed() == CHAIN
+    for name, mode in (("two", Mode.LOOKUP), ("three", Mode.DIRECT)):
+        monkeypatch.setenv("DCAP_DATA", str(tmp_path / name))
+        assert ends_of(chain, mode=mode) == (first, dict.fromkeys(CHAIN, Event.CACHED))
+    monkeypatch.delenv("DCAP_STORE")
+    assert ends_of(chain) == (first, dict.fromkeys(CHAIN, Event.CACHED))  # everything is here
+    monkeypatch.setenv("DCAP_STORE", str(shared))
+    damages: tuple[Callable[[Path], object], ...] = (
+        Path.unlink, lambda path: path.write_bytes(path.read_bytes()[:-9]), lambda path: path.write_bytes(b"x" * 700),
+    )  # fmt: skip
+    for number, damage in enumerate(damages):
+        for path in (path for path in shared.rglob("*") if path.is_file()):
+            damage(path)
+        monkeypatch.setenv("DCAP_DATA", str(tmp_path / f"damaged {number}"))
+        assert chain() == first
+        assert computed() == CHAIN, number
+        monkeypatch.setenv("DCAP_DATA", str(tmp_path / f"mended {number}"))
+        assert ends_of(chain) == (first, dict.fromkeys(CHAIN, Event.CACHED)), number
+
+
+def test_what_is_no_store(s3: S3, tmp_path: Path) -> None:
+    """An unknown protocol, no folder at all, one that cannot be written, no bucket: one line that names the variable."""
+    for url, words in (
+        ("nonsense://x/y", "cannot be opened"),
+        ("memory://", "names no bucket or folder"),
+        ("/proc/nothing/here", "cannot be written"),
+        ("s3://no-such-bucket/x", "there is no bucket no-such-bucket"),
+    ):
+        with pytest.raises(StoreError, match=words) as caught:
+            machine(tmp_path, url).save(OTHER)
+        assert f"DCAP_STORE={url}" in str(caught.value)
+        assert "\n" not in str(caught.value)
+
+
+def test_no_server(s3: S3, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An endpoint that nobody answers at is one line."""
+    import s3fs
+
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    monkeypatch.setenv("AWS_ENDPOINT_URL", f"http://127.0.0.1:{port}")
+    monkeypatch.setattr(s3fs.S3FileSystem, "retries", 1)
+    s3fs.S3FileSystem.clear_instance_cache()
+    with pytest.raises(StoreError, match=r"^DCAP_STORE=s3://b/x: cannot be opened: .*127\.0\.0\.1") as caught:
+        SharedStore("s3://b/x")
+    assert "\n" not in str(caught.value)
+    s3fs.S3FileSystem.clear_instance_cache()
+
+
+def test_a_store_that_cannot_be_opened_ends_the_command(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Once, with exit code 2, before anything runs."""
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path))
+    monkeypatch.setenv("DCAP_STORE", "nonsense://x/y")
+    assert main(["plan"]) == 2
+    assert capsys.readouterr().err.startswith("dcap: DCAP_STORE=nonsense://x/y: cannot be opened")
+
+
+def test_secrets_are_not_shown() -> None:
+    """Neither a URL nor a library's message about it tells a password, a token or a query."""
+    url = "s3://user:p%40ssword@host.example/bucket?token=abcdef"
+    assert redacted_url(url) == "s3://***@host.example/bucket?***"
+    assert redacted_url("s3://bucket/prefix") == "s3://bucket/prefix"
+    told = without_secrets(f"cannot open {url}: p@ssword is wrong for host.example", url)
+    assert told == "cannot open s3://***@host.example/bucket?***: *** is wrong for host.example"
