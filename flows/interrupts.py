@@ -39,10 +39,10 @@ def _interrupt(number: int, frame: FrameType | None) -> NoReturn:
     raise KeyboardInterrupt
 
 
-def leave() -> NoReturn:
-    """End the process at once with a line: threads that compute are not waited for."""
-    for stream, words in ((sys.stdout, ""), (sys.stderr, "dcap: interrupted\n")):
+def leave(code: int = INTERRUPTED, words: str = "dcap: interrupted\n") -> NoReturn:
+    """End the process at once: threads that compute are not waited for."""
+    for stream, text in ((sys.stdout, ""), (sys.stderr, words)):
         with suppress(OSError, AttributeError, ValueError):  # a pipe that nobody reads, closed, or none at all
-            stream.write(words)
+            stream.write(text)
             stream.flush()
-    os._exit(INTERRUPTED)
+    os._exit(code)

@@ -15,6 +15,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 import tomllib
 import urllib.request
@@ -45,6 +46,7 @@ START_SECONDS = 120.0
 """A first start creates the database, which takes 8 s on two idle cores."""
 STOP_SECONDS, POLL_SECONDS = 10.0, 0.5
 LOOK_SECONDS, MOST_MISSED = 5.0, 2
+_given_up = threading.Event()
 PR_SET_PDEATHSIG = 1
 
 
@@ -121,8 +123,15 @@ def wait_for_end(url: str) -> None:
 
 def give_up_server() -> None:
     """Let Prefect ask a lost server no more than once a time, until another one is used."""
-    os.environ[RETRIES] = "0"
-    apply_settings()
+    if not was_given_up():
+        _given_up.set()
+        os.environ[RETRIES] = "0"
+        apply_settings()
+
+
+def was_given_up() -> bool:
+    """Return whether the server was lost: what Prefect still has to tell it would keep the program from ending."""
+    return _given_up.is_set()
 
 
 def pages_of(url: str) -> str:
@@ -168,7 +177,8 @@ def _as_own_server(url: str) -> Iterator[str]:
     if own and SERVER_LOGIN in os.environ and LOGIN not in os.environ:
         own[LOGIN] = os.environ[SERVER_LOGIN]
     os.environ.update(own)
-    if os.environ.get(RETRIES) == "0":
+    if was_given_up():
+        _given_up.clear()
         del os.environ[RETRIES]
     logging.raiseExceptions = False  # what a lost server does not take of logs is dropped without a word
     try:

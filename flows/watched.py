@@ -186,6 +186,7 @@ def in_flow(shown: Callable[..., Any], tags: Sequence[str], work: Callable[[], t
         if not (ended and is_lost_server(error)):
             raise
         _server_lost.set()
+        give_up_server()
     finally:
         _work.reset(token)
     return _server_lost.is_set()
@@ -257,7 +258,7 @@ def show_there(show: Callable[[], object]) -> None:
     if not _server_lost.is_set():
         with suppress_lost_server() as lost:
             show()
-        if lost and not _server_lost.is_set():
+        if lost:
             _server_lost.set()
             give_up_server()
 

@@ -1,6 +1,8 @@
 """The command line of DCAP: `dcap ...`, or `python -m flows.cli ...`."""
 
-from flows.interrupts import end_on_signals, leave
+import sys
+
+from flows.interrupts import INTERRUPTED, end_on_signals, leave
 
 __all__ = ["main"]
 
@@ -8,15 +10,20 @@ __all__ = ["main"]
 def main(arguments: list[str] | None = None) -> int:
     """Run a command line, default that of the process, and return the contract's exit code.
 
-    A process whose own command was interrupted ends here, at once: it would wait for threads whose stages compute.
+    A process whose own command was interrupted ends here, at once: it would wait for threads whose stages compute. So
+    does one whose Prefect server is lost: Prefect would try for minutes to tell it the rest.
     """
     if arguments is None:
         end_on_signals()
     try:
         from flows.cli import app  # a second on a slow machine, in which a person may think better of it
 
-        return app.main(arguments)
+        code = app.main(arguments)
     except KeyboardInterrupt:
         if arguments is None:
             leave()
-        return app.INTERRUPTED
+        return INTERRUPTED
+    server = sys.modules.get("flows.server")
+    if arguments is None and server is not None and server.was_given_up():
+        leave(code, "")
+    return code
