@@ -28,21 +28,32 @@ def end_on_signals() -> None:
 
 def _interrupt(number: int, frame: FrameType | None) -> NoReturn:
     if _once.is_set():
-        leave()
+        end_now()
     _once.set()
     started = sys.modules.get("tasks.process")
     if started is not None:
         started.interrupt()
-    alarm = threading.Timer(LONGEST_SECONDS, leave)
+    alarm = threading.Timer(LONGEST_SECONDS, end_now)
     alarm.daemon = True
     alarm.start()
     raise KeyboardInterrupt
 
 
-def leave(code: int = INTERRUPTED, words: str = "dcap: interrupted\n") -> NoReturn:
-    """End the process at once: threads that compute are not waited for."""
-    for stream, text in ((sys.stdout, ""), (sys.stderr, words)):
-        with suppress(OSError, AttributeError, ValueError):  # a pipe that nobody reads, closed, or none at all
-            stream.write(text)
+def say_interrupted() -> None:
+    """Say that somebody has interrupted the program."""
+    with suppress(OSError, AttributeError, ValueError):  # a pipe that nobody reads, closed, or none at all
+        sys.stderr.write("dcap: interrupted\n")
+
+
+def end_now() -> NoReturn:
+    """End an interrupted process at once, with a line."""
+    say_interrupted()
+    leave(INTERRUPTED)
+
+
+def leave(code: int) -> NoReturn:
+    """End the process without waiting for threads."""
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, AttributeError, ValueError):
             stream.flush()
     os._exit(code)

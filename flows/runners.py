@@ -40,8 +40,9 @@ class SampleRunner:
     def task(self) -> "Task[..., Any]":
         """Return the task that places a sample."""
         if self.name is RunnerName.POOL:
-            from flows.pool import place_in_pool
+            from flows.pool import place_in_pool, register
 
+            register()  # its samples wait there for the first worker
             return place_in_pool
         from flows.watched import place_sample
 

@@ -1,55 +1,68 @@
-"""The documents beside the code name what is there."""
+"""Links of the documents lead somewhere, and their examples give what they show."""
 
+import doctest
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from flows.cli import main
+
 ROOT = Path(__file__).resolve().parent.parent
-DECISIONS = ROOT / "docs" / "decisions"
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
 LINK = re.compile(r"\]\((?!https?://|#)([^)#\s]+)(?:#[^)]*)?\)")
-NAMED = re.compile(r"`((?:dcap|tasks|solver|flows|tests|perf|data|prompts)/[\w./-]*[\w/])`")
-PLACEHOLDER = "NAME"
-GENERATED = ("data/cache", "data/runs", "data/replies", "data/rooms", "data/objects")
+FENCE = re.compile(r"^(?P<slow><!-- slow[^\n]*-->\n)?```python[^\n]*\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL)
+FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE | doctest.IGNORE_EXCEPTION_DETAIL
+DATASET = "- {id: bed-ball, room: bedroom_01, object: ball, prompt: put the ball at the center of the bed}\n"
 
 
-def test_every_decision_has_its_line_in_the_index() -> None:
-    """Each file is linked once, in the order of the numbers, and no number is taken twice."""
-    files = sorted(path.name for path in DECISIONS.glob("[0-9]*.md"))
-    linked = re.findall(r"^\| \[(\d{3})\]\((\d{3})([^)]*)\) \| \S", (DECISIONS / "README.md").read_text(), re.MULTILINE)
-    assert [number + rest for _, number, rest in linked] == files
-    assert all(shown == number for shown, number, _ in linked)
-    assert len({name[:3] for name in files}) == len(files)
-
-
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
-def test_links_lead_somewhere(page: Path) -> None:
+def test_links_lead_somewhere() -> None:
     """Every relative link of a document is a file or folder of the project."""
-    missing = [target for target in LINK.findall(page.read_text()) if not (page.parent / target).exists()]
-    assert missing == []
+    links = [(page, target) for page in PAGES for target in LINK.findall(page.read_text())]
+    assert len(links) > 100
+    assert [(page.name, target) for page, target in links if not (page.parent / target).exists()] == []
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if page.parent != DECISIONS and page.name != "CHANGELOG.md"],
-                         ids=lambda page: str(page.relative_to(ROOT)))  # fmt: skip
-def test_files_that_are_named_are_there(page: Path) -> None:
-    """Every file or folder that a document names in backticks exists, but for what runs generate and any NAME."""
-    named = [name for name in NAMED.findall(page.read_text()) if not name.startswith(GENERATED)]
-    assert [name for name in named if PLACEHOLDER not in name and not (ROOT / name).exists()] == []
+def examples(page: Path, *, slow: bool) -> Iterator[str]:
+    """The blocks of Python with examples, in the order in which they stand; the slow ones only if asked."""
+    for found in FENCE.finditer(page.read_text()):
+        if ">>>" in found["text"] and (slow or found["slow"] is None):
+            yield found["text"]
 
 
-def test_the_changelog_has_the_version_of_the_package() -> None:
-    """The newest release of the changelog is that of pyproject.toml and CITATION.cff; what follows stands above it."""
-    version = re.search(r'^version = "(.+)"$', (ROOT / "pyproject.toml").read_text(), re.MULTILINE)
-    assert version is not None
-    headings = re.findall(r"^## \[(.+?)\]", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)
-    assert headings[:2] == ["Unreleased", version[1]]
-    assert f"\nversion: {version[1]}\n" in (ROOT / "CITATION.cff").read_text()
+def run_examples(*, slow: bool) -> int:
+    """Run the examples of all pages, those of a page with each other's names; how many there were."""
+    count, told = 0, list[str]()
+    for page in PAGES:
+        names: dict[str, object] = {}
+        for text in examples(page, slow=slow):
+            test = doctest.DocTestParser().get_doctest(text, names, page.name, str(page), 0)
+            runner = doctest.DocTestRunner(optionflags=FLAGS)
+            runner.run(test, out=told.append, clear_globs=False)
+            names.update(test.globs)
+            count += runner.tries
+    assert told == [], "".join(told)
+    return count
 
 
-def test_sources_of_the_physics_are_cited_and_listed() -> None:
-    """Each [X00] in docs/physics.md is in its list of sources, and each of these is cited."""
-    text, _, sources = (ROOT / "docs" / "physics.md").read_text().partition("## Sources")
-    cited = set(re.findall(r"\[(d?[A-Z]{1,2}\d\d)[\],]", text))
-    assert cited == set(re.findall(r"^- \[(\w+)\] \S", sources, re.MULTILINE))
-    assert len(cited) > 10
+def test_fast_examples_give_what_they_show(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Examples that need no placement run and print what stands below them."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path / "data"))
+    assert run_examples(slow=False) > 0
+
+
+@pytest.mark.slow
+@pytest.mark.long
+@pytest.mark.timeout(900)
+def test_slow_examples_give_what_they_show(server: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """So do those that read a placement or a run, after the commands that the pages name."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path / "data"))
+    Path("mine.yaml").write_text(DATASET)
+    assert main(["dataset", "make", "--rooms", "bedroom_01"]) == 0
+    asked = ["data/rooms/bedroom_01", "data/objects/ball.glb", "put the ball at the center of the bed"]
+    assert main(["place", *asked, "--out", "results"]) == 0
+    assert main(["benchmark", "--dataset", "mine.yaml"]) == 0
+    assert run_examples(slow=True) > 10

@@ -2,7 +2,7 @@
 
 import sys
 
-from flows.interrupts import INTERRUPTED, end_on_signals, leave
+from flows.interrupts import INTERRUPTED, end_now, end_on_signals, leave
 
 __all__ = ["main"]
 
@@ -13,17 +13,18 @@ def main(arguments: list[str] | None = None) -> int:
     A process whose own command was interrupted ends here, at once: it would wait for threads whose stages compute. So
     does one whose Prefect server is lost: Prefect would try for minutes to tell it the rest.
     """
-    if arguments is None:
-        end_on_signals()
+    if arguments is not None:
+        from flows.cli import app
+
+        return app.main(arguments)
+    end_on_signals()
     try:
         from flows.cli import app  # a second on a slow machine, in which a person may think better of it
 
-        code = app.main(arguments)
+        code = app.main()
     except KeyboardInterrupt:
-        if arguments is None:
-            leave()
-        return INTERRUPTED
+        end_now()
     server = sys.modules.get("flows.server")
-    if arguments is None and server is not None and server.was_given_up():
-        leave(code, "")
+    if code == INTERRUPTED or (server is not None and server.was_given_up()):
+        leave(code)
     return code

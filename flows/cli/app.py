@@ -21,7 +21,7 @@ from flows.cli.data import cache_app, dataset_app
 from flows.cli.results import diff, export, judge, maps, provenance, view
 from flows.cli.study_command import study_app
 from flows.find_run import find_run
-from flows.interrupts import INTERRUPTED
+from flows.interrupts import INTERRUPTED, say_interrupted
 from flows.options import (
     BenchmarkOptions,
     DropOptions,
@@ -223,7 +223,8 @@ def main(arguments: list[str] | None = None) -> int:
             code = finished.exit_code
         end_output()
         return code
-    except typer.Abort:
-        raise KeyboardInterrupt from None
+    except (KeyboardInterrupt, typer.Abort):
+        say_interrupted()
+        return INTERRUPTED
     except Exception as error:
         return told(error)

@@ -5,9 +5,9 @@ from typing import Any
 
 import pytest
 
-from tasks.artifact import Store
 from dcap.scene.types.outcome import Infeasible, Reason
 from flows.repeats import COARSER, broke_down, coarsened
+from tasks.artifact import Store
 from tasks.particles.config import ParticlesConfig
 
 

@@ -196,7 +196,7 @@ def test_litter_of_killed_programs_is_collected(data: Path, capsys: pytest.Captu
     assert told_by(capsys, "gc", "--yes")["litter"] == 2
     assert [path.name for path in building.iterdir()] == ["fresh"]
     assert list((data / "cache" / "locks").iterdir()) == []
-    assert [path for path in records_root().iterdir()] == [record_of(mesh)]
+    assert list(records_root().iterdir()) == [record_of(mesh)]
     assert held() == {mesh}
 
 

@@ -12,14 +12,12 @@ from dcap.evaluation.run_summary import summary_of
 from dcap.scene.errors import InputError
 from dcap.scene.json_tree import JsonObject
 from dcap.scene.types.sample import Sample
-from flows.display import Display, print_plan, print_table
-from flows.sample_run import STAGE_NAMES, FailedSample, Plan
+from flows.display import Display, print_table
+from flows.plan import print_plan
+from flows.sample_run import FailedSample, Plan
 from tasks.cache import Event, StageEvent
 
-ONE, TWO, THREE = (Sample(name, "room", "ball", "put it") for name in ("one", "two", "three"))
-ALL = len(STAGE_NAMES)
-INTENT = STAGE_NAMES.index("rotation")
-"""Stages up to intent."""
+ONE, TWO = (Sample(name, "room", "ball", "put it") for name in ("one", "two"))
 
 
 def shown(display: Display) -> str:
@@ -31,54 +29,22 @@ def shown(display: Display) -> str:
 
 
 def test_every_sample_moves_the_bar_once() -> None:
-    """One sample fails in planning, one before its first stage, one gets through: two of two samples to place."""
-    display = Display([ONE, TWO, THREE])
-    display.planned(Plan(ONE, (), "", "", failed=FailedSample(ONE, InputError("no"))))
-    display.planned(Plan(TWO, (), "mesh", "new"))
-    display.planned(Plan(THREE, STAGE_NAMES[:-1], STAGE_NAMES[-1], "new"))
-    display.failed(ONE, "no")
-    display.serving("http://127.0.0.1:1/api")
-    assert "0/2" in shown(display)
-    display.failed(TWO, "the server is gone")
-    assert "1/2" in shown(display)
-    for stage in STAGE_NAMES:
-        display.listener(THREE)(StageEvent(stage, Event.CACHED))
-    assert f"{ALL} of {ALL} stages" in shown(display)
-    display.finished(THREE)
-    assert "2/2" in shown(display)
-
-
-def test_samples_placed_elsewhere_count_as_they_end() -> None:
-    """Nobody tells of their stages: half of the samples is half of the work."""
+    """Whether it fails or gets through; a stage at work has its line, and is counted when it has ended."""
     display = Display([ONE, TWO])
-    for sample in (ONE, TWO):
-        display.planned(Plan(sample, (), "mesh", "new"))
-    display.serving("http://127.0.0.1:1/api")
-    assert display.share() == 0.0
-    display.finished(ONE)
-    assert display.share() == 0.5
-    display.failed(TWO, "its worker was lost")
-    assert display.share() == 1.0
-
-
-def test_an_infeasible_sample_has_the_stages_it_got_to() -> None:
-    """A sample that ends in an overview counts its own stages, not those of a feasible one."""
-    plan = Plan(ONE, STAGE_NAMES[:INTENT], "overview", "new")
-    assert (plan.later, plan.stage_count) == ((), INTENT + 1)
-    display = Display([ONE])
-    display.planned(Plan(ONE, STAGE_NAMES[: STAGE_NAMES.index("segment")], "segment", "new"))
-    for stage in (*STAGE_NAMES[:INTENT], "overview"):
-        display.listener(ONE)(StageEvent(stage, Event.FINISHED))
-    assert f"{INTENT + 1} of {ALL} stages" in shown(display)
-    display.finished(ONE)
-    assert f"{INTENT + 1} of {INTENT + 1} stages" in shown(display)
-
-
-def test_a_plan_counts_the_stages_of_each_sample(capsys: pytest.CaptureFixture[str]) -> None:
-    """Of an infeasible sample that lacks its overview all but one stage are there."""
-    print_plan([Plan(ONE, STAGE_NAMES[:INTENT], "overview", "new"), Plan(TWO, STAGE_NAMES[:INTENT], "rotation", "new")])
-    assert f"{INTENT} of {INTENT + 1}" in (said := capsys.readouterr().out)
-    assert f"{INTENT} of {ALL}" in said
+    assert "0/2" in shown(display)
+    listener = display.listener(ONE)
+    listener(StageEvent("drop", Event.STARTED))
+    listener(StageEvent("drop", Event.PROGRESS, 0.5, "half way"))
+    assert "one" in shown(display)
+    assert "half way" in shown(display)
+    listener(StageEvent("drop", Event.FINISHED))
+    assert "1 stages done" in shown(display)
+    display.ended(ONE)
+    assert "half way" not in shown(display)
+    assert (display.share, display.counts) == (0.5, "1 of 2 samples")
+    display.ended(TWO, "its worker was lost")
+    assert (display.share, display.counts) == (1.0, "2 of 2 samples, 1 failed")
+    assert "2/2" in shown(display)
 
 
 def test_ids_are_shown_as_they_are(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
@@ -86,9 +52,8 @@ def test_ids_are_shown_as_they_are(capsys: pytest.CaptureFixture[str], tmp_path:
     odd = Sample("[/b] :smile: [red]", "room", "ball", "put it")
     failure = FailedSample(odd, InputError("no [/i] there"))
     with Display([odd]) as display:
-        display.serving("http://127.0.0.1:1/api")
-        display.failed(odd, failure.message)
-    print_plan([Plan(odd, (), "", "", failed=failure)])
+        display.ended(odd, failure.message)
+    print_plan([Plan(odd, (), failed=failure)])
     rows = [row_of(odd, None, failure.message, None)]
     print_table(rows, summary_of(rows, run="", wall_s=1.0), tmp_path / "[/b]")
     said = capsys.readouterr()
@@ -99,8 +64,8 @@ def test_ids_are_shown_as_they_are(capsys: pytest.CaptureFixture[str], tmp_path:
 
 def test_what_is_printed_where_nobody_looks_has_whole_lines(capsys: pytest.CaptureFixture[str]) -> None:
     """The last state of the progress ends as a line does."""
-    with Display([ONE]) as display:
-        display.serving("http://127.0.0.1:1/api")
+    with Display([ONE]):
+        pass
     assert capsys.readouterr().err.endswith("\n")
 
 

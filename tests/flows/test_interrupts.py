@@ -29,7 +29,8 @@ def started(folder: Path, seconds: float, kind: signal.Signals, *, ignored: bool
     (folder / "carefree.py").write_text(CAREFREE.format(seconds=seconds))
     disposition = "SIG_IGN" if ignored else "default_int_handler" if kind is signal.SIGINT else "SIG_DFL"
     code = (
-        f"import signal; signal.signal({int(kind)}, signal.{disposition})\nfrom flows.interrupts import end_on_signals\n"
+        f"import signal; signal.signal({int(kind)}, signal.{disposition})\n"
+        "from flows.interrupts import end_on_signals\n"
         f"end_on_signals()\nexec(open({str(folder / 'carefree.py')!r}).read())"
     )
     program = subprocess.Popen(

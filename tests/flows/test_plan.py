@@ -58,7 +58,7 @@ NAMES = ("read_one", "double", "read_other", "join")
 
 
 def test_nothing_is_there_and_all_is_there(planned: Callable[..., Plan]) -> None:
-    """Before a run the readers would run and the others may; after it nothing would, and nothing is told as a reason."""
+    """Before a run the readers would run and the others may; after it nothing would, and there is no reason to tell."""
     row = plan_row(planned())
     assert (row.cached, row.runs, row.may_run) == ((), "read_one", ("double", "read_other", "join"))
     assert [one.state for one in row.stages] == ["runs", "may_run", "runs", "may_run"]

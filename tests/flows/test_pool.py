@@ -2,7 +2,6 @@
 
 import json
 import subprocess
-from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -34,13 +33,13 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def at_home(dataset: Path, tmp_path_factory: pytest.TempPathFactory, shared_server: str) -> Iterator[dict[str, object]]:
+def at_home(dataset: Path, tmp_path_factory: pytest.TempPathFactory, shared_server: str) -> dict[str, object]:
     """What threads of this program give."""
     with data_folder(tmp_path_factory.mktemp("home")), pytest.MonkeyPatch.context() as patch:
         patch.setenv("PREFECT_API_URL", shared_server)
         found = placed_results(dataset)
     assert [found[name][0] for name in SAMPLES] == ["at_rest", "at_rest", "infeasible"]  # type: ignore[index]
-    yield found
+    return found
 
 
 def placed(pages: PrefectPages) -> list[Row]:

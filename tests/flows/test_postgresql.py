@@ -5,7 +5,6 @@ import shutil
 import signal
 import subprocess
 import tempfile
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -16,19 +15,17 @@ from urllib.request import Request, urlopen
 import pytest
 from desk_room import desk_dataset
 from patience import wait_until
+from ports import free_port
 
 from dcap.packages import module_command
 from flows.cli.app import main
-from flows.server import free_port, is_ready
+from flows.server import is_healthy
 
 PATIENCE = 240.0
 """For machines that are busy [s]."""
 DATABASE, OWNER = "prefect", "postgres"
 LOG_IN = "team:of-ours"
-AWAY_SECONDS = 40.0
 STATES = "select state_name, count(*) from flow_run group by 1 order by 1"
-AT_WORK = "select 1 from flow_run where state_type = 'RUNNING' and parent_task_run_id is not null"
-"""The samples that are being placed."""
 SAMPLES = {"mug": "put the mug on the desk", "lost": "put the mug on the piano"}
 
 
@@ -125,7 +122,7 @@ def server_over(database: Database, folder: Path) -> Iterator[str]:
     }
     url = f"http://127.0.0.1:{port}/api"
     with program_of_ours(("ui", "--port", str(port)), said, **own) as process:
-        wait_until(lambda: is_ready(url) or process.poll() is not None, PATIENCE)
+        wait_until(lambda: is_healthy(url) or process.poll() is not None, PATIENCE)
         assert process.poll() is None, said.read_text()
         yield url
 
@@ -147,28 +144,4 @@ def test_a_team_s_server_keeps_its_runs_in_postgresql(
                 urlopen(Request(f"{url}/flow_runs/filter", b"{}", headers), timeout=30)
             assert refused.value.code == status
     assert not list(tmp_path.rglob("prefect.db"))
-    assert database.ask(STATES) == ["Completed|2", "Infeasible|1"]
-
-
-@pytest.mark.slow
-@pytest.mark.long
-@pytest.mark.timeout(900)
-def test_a_database_that_is_gone_for_a_while_is_waited_for(
-    database: Database, dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """By the benchmark and its worker, though the server itself is there and answers; each sample is placed once."""
-    with server_over(database, tmp_path) as url:
-        monkeypatch.setenv("PREFECT_API_URL", url)
-        monkeypatch.setenv("PREFECT_API_AUTH_STRING", LOG_IN)
-        command = ("benchmark", "--dataset", str(dataset), "--runner", "pool")
-        with (
-            program_of_ours(("worker",), tmp_path / "worker.txt"),
-            program_of_ours(command, tmp_path / "said.txt") as benchmark,
-        ):
-            wait_until(lambda: database.ask(AT_WORK), PATIENCE)
-            database.stop()
-            time.sleep(AWAY_SECONDS)
-            assert not is_ready(url)
-            database.start()
-            assert benchmark.wait(PATIENCE) == 0, (tmp_path / "said.txt").read_text()
     assert database.ask(STATES) == ["Completed|2", "Infeasible|1"]

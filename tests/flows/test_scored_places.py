@@ -12,9 +12,9 @@ import pytest
 from dcap.evaluation.outcome_table import AS_POSED, AT_REST, ExpectedOutcome, SampleOutcome
 from dcap.evaluation.region import TOLERANCE_M
 from dcap.scene.json_tree import JsonObject
-from tasks.artifact import Store
 from dcap.scene.types.sample import Sample
 from flows.scoring import meant_regions, scored_row
+from tasks.artifact import Store
 
 SAMPLE = Sample("no_drop/a", "room", "ball", "put the ball at the center of the bed", method="no_drop")
 TRUTH = ExpectedOutcome(base="bed", part="body", region="center", feasible=True, reason="", base_id="bed")

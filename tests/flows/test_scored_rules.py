@@ -10,10 +10,10 @@ import pytest
 
 from dcap.evaluation.outcome_table import ExpectedOutcome, SampleOutcome
 from dcap.scene.json_tree import JsonObject
-from tasks.artifact import Store
 from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
 from dcap.scene.types.sample import Sample
 from flows.scoring import scored_row
+from tasks.artifact import Store
 
 SAMPLE = Sample("a", "room", "ball", "put the ball on the bed near the lamp, facing the wall_back")
 BALL = [[-0.1, -0.1, 0.47], [0.1, 0.1, 0.67]]

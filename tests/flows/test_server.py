@@ -1,4 +1,4 @@
-"""Programs that run at the same time share one server, and the last one stops it; a named one is used and left alone."""
+"""Programs that run at the same time share one server, which the last one stops; a named one is used and left alone."""
 
 import base64
 import json

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from tasks.artifact import Store
 from dcap.scene.types.sample import Sample
 from flows.sample_run import in_users_words
+from tasks.artifact import Store
 
 
 @pytest.mark.parametrize("where", ["", "things"])

@@ -67,8 +67,8 @@ def dataset(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_a_benchmark_as_its_pages_show_it(
     dataset: Path, pages: PrefectPages, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """One run, with a task for each sample and in it one for each stage: names, tags, states, what each was made of, and
-    a table. The second time all stages are cached."""
+    """One run, with a task for each sample and in it one for each stage: names, tags, states, what each was made of,
+    and a table. The second time all stages are cached."""
     assert main(["benchmark", "--dataset", str(dataset), "--json"]) == 4
     folder = Path(json.loads(capsys.readouterr().out)["run"])
     in_time(lambda: check_pages(pages, folder, dataset))
@@ -226,5 +226,7 @@ def test_an_interrupted_benchmark_ends_at_once(tmp_path: Path, busy: Path) -> No
     assert took < AT_ONCE_SECONDS
     assert err.endswith("dcap: interrupted\n")
     assert "Traceback" not in err
-    wait_until(lambda: not any(one.is_running() and one.status() != psutil.STATUS_ZOMBIE for one in family), seconds=30.0)
+    wait_until(
+        lambda: not any(one.is_running() and one.status() != psutil.STATUS_ZOMBIE for one in family), seconds=30.0
+    )
     assert not list((tmp_path / "data" / "runs").rglob("error.txt"))

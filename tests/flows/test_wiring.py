@@ -27,7 +27,10 @@ from tasks.posed.stage import posed
 FLOWS = PROJECT_ROOT / "flows"
 MISTAKES = {
     "swapped": ("rotation, sample.prompt, config=config.anchor", "anchor, sample.prompt, config=config.anchor"),
-    "another_kind": ("scene, item, intent, anchor, materials, sample.seed", "scene, item, anchor, intent, materials, sample.seed"),
+    "another_kind": (
+        "scene, item, intent, anchor, materials, sample.seed",
+        "scene, item, anchor, intent, materials, sample.seed",
+    ),
     "left_out": (
         "materials_task(scene, item, intent, anchor, sample.prompt",
         "materials_task(scene, item, intent, anchor",

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from tasks.artifact import Store
 from dcap.scene.writers.ply import mesh_from_ply
 from flows.cli.app import main
 from flows.place import STAGES
+from tasks.artifact import Store
 
 TOP_M = 0.75
 SIDE_M = 0.06

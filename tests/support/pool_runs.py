@@ -17,7 +17,7 @@ from dcap.scene.settings import data_root
 from flows.cli.app import main
 from flows.sample_records import RECORDS
 
-PATIENCE = 300.0
+PATIENCE = 60.0
 """For machines that are busy [s]."""
 wait_until = partial(patience.wait_until, seconds=PATIENCE, every=0.1)
 

@@ -69,7 +69,7 @@ def slow(seed: int) -> Mesh:
 
 def apart(mesh: Mesh) -> Mesh:
     note("apart")
-    print("noise on standard output")
+    sys.stdout.write("noise on standard output\n")
     logging.getLogger("dcap.geometry.apart").info("half way", extra={"progress": 0.5})
     return mesh
 
@@ -81,7 +81,8 @@ def fail(mesh: Mesh) -> Mesh:
 
 def die(mesh: Mesh, times: int) -> Mesh:
     if note("die") <= times:
-        print("last words", file=sys.stderr, flush=True)
+        sys.stderr.write("last words\n")
+        sys.stderr.flush()
         os.abort()
     return mesh
 

@@ -8,7 +8,7 @@ import sys
 import threading
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import pytest
 import small_stages
@@ -56,7 +56,7 @@ def test_a_second_run_computes_nothing() -> None:
 
 
 def test_what_decides_is_in_the_key(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Inputs, settings, code and versions of libraries are; the number of threads and how a default was given are not."""
+    """Inputs, settings, code and versions of libraries; not the number of threads, nor how a default was given."""
     make, code = small_stages.make_task, small_stages.make_task.code
 
     def key(seed: int = 0, **settings: Any) -> str:
@@ -92,7 +92,7 @@ def test_a_change_runs_what_depends_on_it(monkeypatch: pytest.MonkeyPatch) -> No
 def test_an_infeasible_passes_through() -> None:
     """A stage that is given one returns that same reference and runs nothing; one that returns one is cached."""
     ref = Store.default().save(Infeasible(Reason.NO_SUPPORT_HIT, "the ray met nothing", None))
-    assert small_stages.double_task(ref) == ref
+    assert small_stages.double_task(cast("Ref[Mesh]", ref)) == ref
     assert computed() == []
     for _ in range(2):
         assert small_stages.refuse_task(a_mesh()).infeasible
@@ -137,7 +137,7 @@ def as_pickle(path: Path) -> None:
 
 def of_another(path: Path) -> None:
     """The record of another key."""
-    other = record_of(small_stages.make_task(1))
+    other = record_of(small_stages.make_task(1, MakeConfig()))
     path.write_bytes(other.read_bytes())
 
 
@@ -162,7 +162,7 @@ DAMAGES: dict[str, Callable[[Path], object]] = {
 
 def test_a_damaged_record_is_passed_over(data: Path) -> None:
     """The stage runs again, under the next name, and is cached there; a pickle is never read."""
-    first = small_stages.make_task(0)
+    first = small_stages.make_task(0, MakeConfig())
     path = record_of(first)
     whole = path.read_bytes()
     for name, damage in DAMAGES.items():
@@ -170,8 +170,8 @@ def test_a_damaged_record_is_passed_over(data: Path) -> None:
         computed()
         damaged = path.read_bytes()
         assert find_record(path.name)[0] == f"{path.name}-r1", name
-        assert small_stages.make_task(0) == first, name
-        assert small_stages.make_task(0) == first, name
+        assert small_stages.make_task(0, MakeConfig()) == first, name
+        assert small_stages.make_task(0, MakeConfig()) == first, name
         assert computed() == ["make"], name
         assert path.read_bytes() == damaged, name  # nothing is deleted on the way
         path.with_name(f"{path.name}-r1").unlink()

@@ -59,8 +59,8 @@ from dcap.scene.types.sample import GivenPlace, KnownHeight, Sample, SourceOptio
 from dcap.scene.types.scan import LabelBox, Room, Scan
 from dcap.scene.types.segmentation import Instance, Part, Segmentation
 from dcap.scene.types.settled import LeanCheck, Settled, SettledBody
-from solver.certificate import BondRow, CertificateRow, NotDone, RollingRow
 from flows.place import STAGES
+from solver.certificate import BondRow, CertificateRow, NotDone, RollingRow
 from tasks.artifact import Store
 from tasks.cache import kinds_of
 from tasks.codec import decode, encode, stored_types

@@ -112,7 +112,7 @@ def test_a_stage_runs_once_for_all_machines(tmp_path: Path, monkeypatch: pytest.
 
 
 def test_what_is_no_store(s3: S3, tmp_path: Path) -> None:
-    """An unknown protocol, no folder at all, one that cannot be written, no bucket: one line that names the variable."""
+    """An unknown protocol, no folder at all, one that cannot be written, no bucket: a line that names the variable."""
     for url, words in (
         ("nonsense://x/y", "cannot be opened"),
         ("memory://", "names no bucket or folder"),

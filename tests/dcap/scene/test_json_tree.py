@@ -10,8 +10,8 @@ from pydantic import BaseModel
 from rest_records import explicit_certificate, implicit_certificate
 
 from dcap.scene.json_tree import object_to_json, sorted_keys, to_json
-from tasks.codec import decode, encode
 from solver.certificate import Certificate
+from tasks.codec import decode, encode
 
 
 class Colour(StrEnum):

@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from ports import free_port
 from headless_page import WITHOUT_GPU, chromium
 from many_methods_run import many_methods_run
 from PIL import Image
 from playwright.sync_api import Browser, Page, expect, sync_playwright
+from ports import free_port
 
 from dcap.evaluation.statistics.comparisons import JudgedAxis
 from dcap.evaluation.study.journal import read_votes

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
-from ports import free_port
 import uvicorn
 from many_methods_run import SAMPLES, change_row, many_methods_run
+from ports import free_port
 from study_server import ServedStudy
 
 from dcap.evaluation.run_folder import sample_folder

@@ -10,10 +10,10 @@ from dcap.geometry.distance import MeshDistance
 from dcap.geometry.splatting.config import SurfaceConfig
 from dcap.geometry.splatting.on_mesh import splats_on_mesh
 from dcap.scene.errors import InputError
-from tasks.artifact import Source, Store
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.writers.gaussians import write_splats
+from tasks.artifact import Source, Store
 from tasks.mesh.stage import MeshConfig, mesh_scene, needs_process
 
 SQUARE = "v 0 0 0 1 0 0\nv 1 0 0 1 0 0\nv 1 1 0 1 0 0\nv 0 1 0 1 0 0\n"

@@ -11,7 +11,6 @@ import trimesh
 
 from dcap.geometry.distance import sampler
 from dcap.scene.errors import GeometryError
-from tasks.codec import encode
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.gravity import GRAVITY
@@ -23,6 +22,7 @@ from dcap.scene.types.segmentation import Instance, Part, Segmentation, Segmente
 from dcap.scene.types.settled import Settled, SettledBody
 from tasks.bodies.contact_surface import PER_CELL
 from tasks.bodies.plan_contact import share_within
+from tasks.codec import encode
 from tasks.particles.config import ParticlesConfig
 from tasks.particles.drop_setup import drop_setup
 from tasks.particles.stage import particles

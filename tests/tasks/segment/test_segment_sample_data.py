@@ -10,8 +10,8 @@ from dcap.geometry.distance import MeshDistance
 from dcap.language.offline.client import OfflineClient
 from dcap.scene.errors import InputError
 from dcap.scene.readers.splats.splats import read_splats
-from tasks.artifact import Source
 from dcap.scene.types.sample import SourceOptions
+from tasks.artifact import Source
 from tasks.mesh.stage import MeshConfig, mesh_object, mesh_scene
 from tasks.segment.stage import SegmentConfig, segment, segment_object
 from tests.tasks.segment.test_segment import check_cover

@@ -12,9 +12,9 @@ from dcap.scene.readers.companions import companions
 from dcap.scene.readers.files.references import absence, beside
 from dcap.scene.readers.frame.frame import Role
 from dcap.scene.readers.source import read_scan
-from tasks.artifact import Source, Store
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.scan import Scan
+from tasks.artifact import Source, Store
 
 RED = (255, 0, 0)
 SQUARE = (

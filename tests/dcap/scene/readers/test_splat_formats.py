@@ -21,10 +21,10 @@ from dcap.scene.readers.scenes.sugar import has_only_splats
 from dcap.scene.readers.source import read_scan
 from dcap.scene.readers.splats.formats import is_splats, read_gaussians
 from dcap.scene.readers.splats.splats import read_splats
-from tasks.artifact import Store
 from dcap.scene.types.gaussians import COEFFICIENTS, DC, Gaussians
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.sample import SourceOptions
+from tasks.artifact import Store
 
 SAMPLE_DATA = Path(os.environ.get("DCAP_SAMPLE_DATA", "absent"))
 Encoder = Callable[[Gaussians], bytes]

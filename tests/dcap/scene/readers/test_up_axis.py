@@ -13,12 +13,12 @@ from dcap.scene.readers.frame.frame import WORLD_FROM_FILE, Role
 from dcap.scene.readers.frame.up_axis import up_of_scene
 from dcap.scene.readers.mesh.raw import RawMesh
 from dcap.scene.readers.source import read_scan
-from dcap.scene.writers.ply import mesh_to_ply
 from dcap.scene.types.gaussians import Gaussians
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.scan import Scan
 from dcap.scene.writers.gaussians import write_splats
+from dcap.scene.writers.ply import mesh_to_ply
 from dcap.synthetic.recipes import room_names
 from dcap.synthetic.rooms import build_room
 
