@@ -23,7 +23,6 @@ from dcap.geometry.camera import Camera, looking_at
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.rendering.picture import picture
 from dcap.scene.settings import data_root, runs_root
-from tasks.artifact import Store
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.paint import PaintedMesh
 from dcap.scene.types.particles import SoftSimulationBody
@@ -35,6 +34,7 @@ from flows.placement_json import Values
 from flows.run_files import finished_placement
 from tasks.anchor.base_picture import base_from_above
 from tasks.anchor.request import neighbours
+from tasks.artifact import Store
 from tasks.render.config import RenderConfig
 from tasks.render.maps import conditioning_maps, placed
 from tasks.render.settled_meshes import settled_item, settled_scene, shown

@@ -1,11 +1,11 @@
 """The work pool of a Prefect server: samples that are run as deployments by workers, on any machine. Imports Prefect.
 
-A worker that is lost with its machine tells nobody: a sample whose process is gone, or that waits while no worker has
+A worker that is lost with its machine tells nobody: a sample whose process is gone, or on whose machine no worker has
 answered for long, is given up and runs again.
 """
 
 import os
-import socket
+import platform
 import time
 from dataclasses import asdict, replace
 from typing import Any
@@ -48,8 +48,9 @@ POOL, SAMPLE = "dcap", "place/sample"
 """The pool, and the deployment that places one sample."""
 LOOK_SECONDS = 1.0
 LOST_SECONDS = 120.0
-"""After so long without any worker a sample that runs is given up: a worker sends a heartbeat every 10 s."""
-CACHED = "Cached"
+"""After so long without a worker on its machine a sample is given up: a worker sends a heartbeat every 10 s."""
+CACHED, PROCESS = "Cached", "process:"
+"""Name of the state of a sample of which nothing was computed; beginning of the tag that names its process."""
 
 
 class LostWorkerError(DcapError):
@@ -114,26 +115,34 @@ def _final_state(run_id: UUID) -> State[Any]:
             run = client.read_flow_run(run_id)
             if run.state is not None and run.state.is_final():
                 return run.state
-            if _has_worker(client):
+            host, pid = _process_of(run)
+            if _has_worker(client, host):
                 alone_since = time.monotonic()
-            at_work = run.state is not None and run.state.is_running()
-            if at_work and (_process_is_gone(run) or time.monotonic() - alone_since > LOST_SECONDS):
+            begun = host != ""
+            if begun and (_is_gone(host, pid) or time.monotonic() - alone_since > LOST_SECONDS):
                 client.set_flow_run_state(run_id, Crashed(message="its worker was lost"), force=True)
                 raise LostWorkerError("its worker was lost")
 
 
-def _has_worker(client: SyncPrefectClient) -> bool:
+def _has_worker(client: SyncPrefectClient, host: str) -> bool:
+    """Return whether a machine, or any if none is named, has a worker that answers; `dcap worker` names it so."""
     workers = client.read_workers_for_work_pool(POOL)
-    return any(one.status is WorkerStatus.ONLINE for one in workers)
+    return any(one.status is WorkerStatus.ONLINE and one.name.startswith(host) for one in workers)
 
 
-def _process_is_gone(run: FlowRun) -> bool:
-    """Return whether the process of a flow run on this machine has ended; of another machine nobody can tell."""
-    host, _, pid = (run.infrastructure_pid or "").partition(":")
-    if host != socket.gethostname() or not pid.isdigit():
+def _process_of(run: FlowRun) -> tuple[str, int]:
+    """Return the machine and the process that a flow run has told of itself; an empty name before it has begun."""
+    told = next((tag.removeprefix(PROCESS) for tag in run.tags if tag.startswith(PROCESS)), ":0")
+    host, _, pid = told.rpartition(":")
+    return host, int(pid)
+
+
+def _is_gone(host: str, pid: int) -> bool:
+    """Return whether a process of this machine has ended; of another machine nobody can tell."""
+    if host != platform.node():
         return False
     try:
-        os.kill(int(pid), 0)
+        os.kill(pid, 0)
     except ProcessLookupError:
         return True
     except PermissionError:
@@ -148,7 +157,9 @@ def place_for_pool(job: dict[str, Any]) -> State[Any]:
     mine = job_from_json(job)
     if not mine.config.drop.threads:
         mine = replace(mine, config=with_threads(mine.config, available_cores()))
-    assert flow_run.id
+    with suppress_lost_server(), get_client(sync_client=True) as client:
+        tags = [*sample_tags(mine.sample, mine.run), f"{PROCESS}{platform.node()}:{os.getpid()}"]
+        client.update_flow_run(UUID(flow_run.id), tags=tags)
     try:
         finished = run_job(mine)
     except Exception as error:

@@ -310,8 +310,10 @@ def claimed_run() -> Iterator[Path]:
     with suppress_lost_server():
         end_dead_runs(folder)
     path = folder / str(flow_run.id)
-    lock = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+    draft = path.with_suffix(".draft")  # locked before anybody sees it
+    lock = os.open(draft, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
     fcntl.flock(lock, fcntl.LOCK_EX)
+    draft.rename(path)
     try:
         yield path
     finally:
@@ -321,8 +323,8 @@ def claimed_run() -> Iterator[Path]:
 def end_dead_runs(folder: Path) -> None:
     """Set the flow runs whose programs were killed on this machine to Crashed, with the task runs at work in them and
     the samples that wait in the pool for them."""
-    for path in folder.iterdir():
-        with path.open() as file:
+    for path in (one for one in folder.iterdir() if not one.suffix):
+        with suppress(FileNotFoundError), path.open() as file:
             try:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:  # it lives

@@ -1,7 +1,6 @@
 """Samples placed by workers or clusters come to the same as those placed here, whatever is killed meanwhile."""
 
 import json
-import subprocess
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -10,12 +9,11 @@ import pytest
 from desk_room import desk_dataset
 from foreign_names import LIBRARIES, OURS, foreign_folder, marks
 from kept_records import kept_records
-from pool_runs import PATIENCE, a_worker, benchmark, data_folder, kept_results, placed_results, wait_until
+from pool_runs import PATIENCE, a_program, a_worker, benchmark, data_folder, kept_results, placed_results, wait_until
 from prefect_pages import PrefectPages, Row
 
 from dcap.cores import SHARE, available_cores
 from dcap.language.protocol.session import Session
-from dcap.packages import module_command
 from dcap.scene.errors import InputError
 from dcap.scene.types.sample import Sample
 from flows.cli.app import main
@@ -89,8 +87,7 @@ def test_samples_of_a_killed_worker_begin_again(dataset: Path, at_home: object, 
     results are those of a run that nobody has disturbed."""
     with data_folder(tmp_path):
         pages = PrefectPages(server)
-        command = module_command("flows.cli", *benchmark(dataset, "--runner", "pool"))
-        with a_worker() as first, subprocess.Popen(command, stdout=subprocess.DEVNULL) as run:
+        with a_worker() as first, a_program(*benchmark(dataset, "--runner", "pool")) as run:
             wait_until(lambda: any(name.startswith("mesh_scene") for name in kept_records(tmp_path)))
             assert any(row["state_type"] == "RUNNING" for row in placed(pages))
             family = psutil.Process(first.pid).children(recursive=True)

@@ -17,7 +17,7 @@ from dcap.scene.settings import data_root
 from flows.cli.app import main
 from flows.sample_records import RECORDS
 
-PATIENCE = 60.0
+PATIENCE = 300.0
 """For machines that are busy [s]."""
 wait_until = partial(patience.wait_until, seconds=PATIENCE, every=0.1)
 
@@ -47,6 +47,16 @@ def a_worker(limit: int = 2, environment: Mapping[str, str] = {}) -> Iterator["s
         except subprocess.TimeoutExpired:
             os.killpg(process.pid, signal.SIGKILL)
             process.wait()
+
+
+@contextmanager
+def a_program(*words: str) -> Iterator["subprocess.Popen[bytes]"]:
+    """`dcap WORDS`, which is killed where a test does not wait for it."""
+    with subprocess.Popen(module_command("flows.cli", *words), stdout=subprocess.DEVNULL) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
 
 
 def benchmark(dataset: Path, *options: str) -> list[str]:
