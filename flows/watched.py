@@ -63,8 +63,8 @@ SHOWN = ("settled", "closeup", "before_after", "asked", "clean", "candidates", "
 STEERING = re.compile(r"[\\`*_\[\]()#+!|~]")
 """Characters that steer a page of Markdown."""
 FAILED = "Failed"
-NO_SERVER = "Failed to reach API"
-"""Beginning of Prefect's RuntimeError where its server is gone."""
+NO_SERVER = "Failed to reach API", "Retry handling ended"
+"""Beginnings of Prefect's plain errors where its server is gone, or was given up while it was asked."""
 _work: ContextVar[Callable[[], object]] = ContextVar("work of the flow")
 """What the flow that is called next does: a flow itself may be sent to other machines, and its work cannot."""
 _server_lost = threading.Event()
@@ -94,7 +94,7 @@ class PlacedSample:
 
 def is_lost_server(error: BaseException) -> bool:
     """Return whether an error only says that the server does not answer, or refuses."""
-    return isinstance(error, httpx.HTTPError | PrefectException) or NO_SERVER in str(error)
+    return isinstance(error, httpx.HTTPError | PrefectException) or str(error).startswith(NO_SERVER)
 
 
 def sample_run_name() -> str:

@@ -45,12 +45,12 @@ TYPED = """
 import dcap
 
 result: dcap.Result = dcap.drop("case.yaml", resolution=0.01)
-dcap.drop("case.yaml", resolutoin=1)
+dcap.drap("case.yaml")
 
 def settled(model: dcap.Model) -> dcap.SettledModel:
     return dcap.settle(modle=model, config=dcap.SolverConfig())
 """
-MISTAKES = {5: '"resolutoin"', 8: '"modle"'}
+MISTAKES = {5: '"drap"', 8: '"modle"'}
 """What is wrong in it, by line."""
 
 

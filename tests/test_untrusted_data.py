@@ -68,8 +68,10 @@ def imported(node: ast.AST) -> list[str]:
 
 
 def test_no_pickle_is_read() -> None:
-    """No module that unpickles is imported, and numpy is told each time not to."""
-    assert [(where, name) for where, node in nodes() for name in imported(node) if name in PICKLES] == []
+    """No module that unpickles is imported but for the pipes to our own processes, and numpy is told each time not
+    to."""
+    found = [(where, name) for where, node in nodes() for name in imported(node) if name in PICKLES]
+    assert [one for one in found if not (one[0].startswith("tasks/process.py") and one[1] == "multiprocessing")] == []
     loads = [(where, call) for where, call in calls("load") if ast.unparse(call.func) in READERS]
     assert len(loads) >= 2
     assert [where for where, call in loads if keyword(call, "allow_pickle") is not False] == []

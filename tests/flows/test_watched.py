@@ -203,7 +203,7 @@ def test_samples_go_on_without_their_server(tmp_path: Path, busy: Path) -> None:
     counts = json.loads(out)
     assert (counts["samples"], counts["at_rest"], counts["infeasible"], counts["failed"]) == (3, 2, 1, 0)
     assert (Path(counts["run"]) / "report.html").is_file()
-    assert sum("server was lost" in line for line in err.splitlines()) == 1
+    assert sum("server was lost" in line for line in err.splitlines()) == 1, err
     assert "Traceback" not in err
 
 
