@@ -64,7 +64,7 @@ COLORS = (np.array(plt.get_cmap("tab20").colors) * 255).astype(np.uint8)  # type
 def placement_of(name: str, room: str, thing: Path, prompt: str, **options: object) -> Values:
     """The values of a placement's stages; it is made, or found in the cache."""
     out = runs_root() / "docs" / name
-    dcap.place(data_root() / "rooms" / room, thing, prompt, out=out, **options)  # type: ignore[arg-type]
+    dcap.place(data_root() / "rooms" / room, thing, prompt, out=out, **options)
     return finished_placement(str(out), None).values
 
 

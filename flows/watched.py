@@ -182,6 +182,8 @@ def in_flow(shown: Callable[..., Any], tags: Sequence[str], work: Callable[[], t
             claim.unlink(missing_ok=True)
         if not ended:
             state.result()  # raises what the work has raised
+        elif state.name != ended[0]:  # another's server has the port by now, and knows nothing of this run
+            _server_lost.set()
     except Exception as error:
         if not (ended and is_lost_server(error)):
             raise
