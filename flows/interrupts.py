@@ -26,6 +26,11 @@ def end_on_signals() -> None:
             signal.signal(number, _interrupt)
 
 
+def was_interrupted() -> bool:
+    """Return whether somebody has interrupted the program; libraries may turn that into an error of their own."""
+    return _once.is_set()
+
+
 def _interrupt(number: int, frame: FrameType | None) -> NoReturn:
     if _once.is_set():
         end_now()

@@ -2,7 +2,7 @@
 
 import sys
 
-from flows.interrupts import INTERRUPTED, end_now, end_on_signals, leave
+from flows.interrupts import INTERRUPTED, end_now, end_on_signals, leave, was_interrupted
 
 __all__ = ["main"]
 
@@ -22,9 +22,13 @@ def main(arguments: list[str] | None = None) -> int:
         from flows.cli import app  # a second on a slow machine, in which a person may think better of it
 
         code = app.main()
-    except KeyboardInterrupt:
+    except BaseException:
+        if not was_interrupted():
+            raise
         end_now()
     server = sys.modules.get("flows.server")
-    if code == INTERRUPTED or (server is not None and server.was_given_up()):
+    if was_interrupted():
+        leave(INTERRUPTED)
+    if server is not None and server.was_given_up():
         leave(code)
     return code
