@@ -121,6 +121,12 @@ def wait_for_end(url: str) -> None:
         missed = 0 if is_healthy(url) else missed + 1
 
 
+def own_server_has_ended() -> bool:
+    """Return whether the server that this project has started for the run is gone; another's may have its port."""
+    url = os.environ.get(OWN_URL, "")
+    return url != "" and running_url() != url
+
+
 def give_up_server() -> None:
     """Let Prefect ask a lost server no more than once a time, until another one is used."""
     if not was_given_up():

@@ -47,7 +47,7 @@ from dcap.scene.types.sample import Sample
 from flows.place import PlaceConfig
 from flows.run_names import sample_tags
 from flows.sample_run import FinishedSample, error_line, run_sample
-from flows.server import give_up_server
+from flows.server import give_up_server, own_server_has_ended
 from tasks.artifact import Store
 from tasks.cache import INFEASIBLE, Mode, OnEvent, RunContext, current_context, reason_line, use_context
 from tasks.codec import picture_from_png
@@ -182,13 +182,12 @@ def in_flow(shown: Callable[..., Any], tags: Sequence[str], work: Callable[[], t
             claim.unlink(missing_ok=True)
         if not ended:
             state.result()  # raises what the work has raised
-        elif state.name != ended[0]:  # another's server has the port by now, and knows nothing of this run
-            _server_lost.set()
+        if own_server_has_ended():
+            lose_server()
     except Exception as error:
         if not (ended and is_lost_server(error)):
             raise
-        _server_lost.set()
-        give_up_server()
+        lose_server()
     finally:
         _work.reset(token)
     return _server_lost.is_set()
@@ -260,9 +259,14 @@ def show_there(show: Callable[[], object]) -> None:
     if not _server_lost.is_set():
         with suppress_lost_server() as lost:
             show()
-        if lost:
-            _server_lost.set()
-            give_up_server()
+        if lost or own_server_has_ended():
+            lose_server()
+
+
+def lose_server() -> None:
+    """Show nothing any more, and ask a server that does not answer no more than once a time."""
+    _server_lost.set()
+    give_up_server()
 
 
 @contextmanager
