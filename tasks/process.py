@@ -39,7 +39,7 @@ SAFE_PATH = "PYTHONSAFEPATH"
 CONTEXT: Any = multiprocessing.get_context("forkserver" if sys.platform == "linux" else "spawn")
 _starting = threading.Lock()
 _running: set[BaseProcess] = set()
-_interrupted = threading.Event()
+_interrupted, _preloaded = threading.Event(), threading.Event()
 
 
 class StageProcessError(RuntimeError):
@@ -47,16 +47,21 @@ class StageProcessError(RuntimeError):
 
 
 def preload() -> None:
-    """Start the fork server if it does not run: it loads for three seconds, while the program does other things."""
+    """Start the fork server if it was not started: it loads for three seconds, while the program does other things."""
     from multiprocessing import forkserver
 
-    if sys.platform == "linux":
+    with _starting:
+        if _preloaded.is_set() or sys.platform != "linux":
+            return
+        _preloaded.set()
         CONTEXT.set_forkserver_preload(["dcap", "tasks.preload"])  # dcap: it finds our packages before others
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # a Ctrl-C is meant for this program
         safe = os.environ.get(SAFE_PATH)
         os.environ[SAFE_PATH] = "1"  # it imports nothing from the working directory
         forkserver.ensure_running()
-        os.environ.pop(SAFE_PATH) if safe is None else os.environ.update({SAFE_PATH: safe})
+        os.environ.pop(SAFE_PATH)
+        if safe is not None:
+            os.environ[SAFE_PATH] = safe
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
