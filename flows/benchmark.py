@@ -44,7 +44,7 @@ from flows.place import PlaceConfig
 from flows.place_one import stage_lines
 from flows.run_files import asked_of_run, kept, located, read_result, sample_from_json, undamaged
 from flows.run_names import benchmark_tags
-from flows.runners import SampleRunner
+from flows.runners import RunnerName, SampleRunner
 from flows.sample_run import OVERVIEW, STAGE_NAMES, FailedSample, FinishedSample, plan_sample
 from flows.samples import EMBEDDED, SPLAT_ROOMS, TRUTH, load_samples, load_yaml
 from flows.scene_lists import of_scenes
@@ -64,8 +64,8 @@ MESH, BOTH_MESHES = "mesh", {mesh_scene_task.name, mesh_object_task.name}
 SPLATS = 500_000
 """Gaussians per room of the embedded dataset of splats; a scene of InteriorGS has as many."""
 
-IN_A_BATCH = 32
-"""Samples whose questions gather for one batch; each waits in a thread of its own."""
+MOST_WAITING = 32
+"""Samples whose questions gather for one batch, or that workers of the pool may take; each waits in a thread."""
 LIBRARIES = (
     "numpy", "scipy", "taichi", "open3d", "libigl", "manifold3d", "shapely", "trimesh", "scikit-image", "pyarrow",
     "prefect", "anthropic", "openai",
@@ -128,7 +128,8 @@ def run_benchmark(
             return ("Failed" if runs[0].failed else "Completed"), line
 
         print_lines([f"Prefect: {pages_of(url)}"])
-        at_a_time = max(workers, IN_A_BATCH) if session.batch else workers
+        waits = session.batch or runner.name is RunnerName.POOL
+        at_a_time = max(workers, MOST_WAITING) if waits else workers
         shown = benchmark.with_options(flow_run_name=lambda: folder.name, task_runner=runner.task_runner(at_a_time))
         parameters = (str(path), list(methods), workers, runner.name)
         if in_flow(partial(shown, *parameters), benchmark_tags(folder.name, methods), work):
