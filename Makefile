@@ -59,7 +59,7 @@ clusters: $(READY) ## the tests with clusters of Dask and Ray, which it installs
 	test -x $(CLUSTERS)/python || $(BIN)/python -m venv build/clusters
 	echo "import site; site.addsitedir('$$($(BIN)/python -c "$(PACKAGES)")')" > "$$($(CLUSTERS)/python -c "$(PACKAGES)")/dcap.pth"
 	$(CLUSTERS)/python -m pip install --quiet prefect-dask prefect-ray
-	$(CLUSTERS)/python -m pytest tests/flows/test_runners.py -k test_a_cluster
+	$(CLUSTERS)/python -m pytest tests/flows/test_pool.py -k test_a_cluster
 
 sweep: $(READY) ## the long physics tests: whole ranges of mass, stiffness and resolution; hours
 	$(BIN)/pytest -m sweep

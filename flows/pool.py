@@ -32,7 +32,6 @@ from flows.place import PlaceConfig
 from flows.run_files import located, sample_from_json
 from flows.run_names import sample_tags
 from flows.sample_run import FinishedSample, StageResult, error_line, plan_sample
-from flows.server import die_with_parent
 from flows.watched import (
     PlacedSample,
     SampleJob,
@@ -43,6 +42,7 @@ from flows.watched import (
     suppress_lost_server,
     tag_task_run,
 )
+from tasks.process import die_with_parent
 
 POOL, SAMPLE = "dcap", "place/sample"
 """The pool, and the deployment that places one sample."""

@@ -6,7 +6,6 @@ database in the cache. Each program that uses it holds a shared lock until it en
 left alone.
 """
 
-import ctypes
 import fcntl
 import json
 import logging
@@ -20,7 +19,7 @@ import time
 import tomllib
 import urllib.request
 from collections.abc import Iterator
-from contextlib import chdir, contextmanager, suppress
+from contextlib import chdir, contextmanager
 from functools import cache
 from http.client import HTTPException
 from importlib.util import find_spec
@@ -33,6 +32,7 @@ from dcap.scene.settings import resource, server_folder
 from dcap.scene.team_server import API_URL, LOGIN, OWN_URL
 from dcap.scene.whole_files import write_whole
 from flows.own_requests import LOOPBACK, is_loopback, url_host
+from tasks.process import die_with_parent
 
 HOST, SERVER_LOGIN = "PREFECT_SERVER_API_HOST", "PREFECT_SERVER_API_AUTH_STRING"
 """Prefect's settings of a server: the address that it listens on, and `NAME:PASSWORD` of who may ask."""
@@ -47,7 +47,6 @@ START_SECONDS = 120.0
 STOP_SECONDS, POLL_SECONDS = 10.0, 0.5
 LOOK_SECONDS, MOST_MISSED = 5.0, 2
 _given_up = threading.Event()
-PR_SET_PDEATHSIG = 1
 
 
 @contextmanager
@@ -298,12 +297,6 @@ def main() -> None:
         except subprocess.TimeoutExpired:
             server.kill()
             server.wait()
-
-
-def die_with_parent() -> None:
-    """Let the kernel kill this process when the one that started it dies; runs in the child before the program."""
-    with suppress(AttributeError, OSError):  # not Linux
-        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
 if __name__ == "__main__":

@@ -16,7 +16,8 @@ from dcap.cores import SHARE, available_cores
 from dcap.scene.errors import DcapError
 from dcap.scene.settings import data_root, shared_store_url
 from flows.given_settings import FILE_VARIABLE, settings_file
-from flows.server import die_with_parent, pages_of, prefect_server
+from flows.server import pages_of, prefect_server
+from tasks.process import die_with_parent
 
 HEARTBEAT_SECONDS = 10
 STOP_SECONDS = 10.0

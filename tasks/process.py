@@ -153,11 +153,7 @@ def _work(
 ) -> None:
     """Do a job in the process that was started for it."""
     os.setsid()
-    if sys.platform == "linux":
-        parent = os.getppid()
-        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
-        if os.getppid() != parent:
-            os._exit(1)
+    die_with_parent()
     threading.Thread(target=_end_with_program, daemon=True).start()
     with open(output, "w") as file:
         os.dup2(file.fileno(), 1)
@@ -181,6 +177,15 @@ def _work(
     used = f"{usage.ru_utime + usage.ru_stime:.2f} s of processor time, {usage.ru_maxrss / 1024:.0f} MiB"
     sender.send(("progress", 1.0, used))
     sender.send(("done", result))
+
+
+def die_with_parent() -> None:
+    """Let the kernel kill this process when the one that started it dies."""
+    if sys.platform == "linux":
+        parent = os.getppid()
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+        if os.getppid() != parent:
+            os._exit(1)
 
 
 def _end_with_program() -> None:
