@@ -6,13 +6,15 @@ inside.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from dcap.scene.types.mesh import Mesh
+
+if TYPE_CHECKING:
+    import trimesh
 
 FloatArray = NDArray[np.float64]
 
@@ -88,6 +90,8 @@ class Box:
                 vertices.append(points)
                 faces.append((quads if sign > 0 else quads[:, ::-1]) + offset)
                 offset += len(points)
+        import trimesh  # a quarter of a second, for which nobody waits whose results are cached
+
         merged = trimesh.Trimesh(np.concatenate(vertices), np.concatenate(faces), process=True)
         return Mesh.of(merged.vertices, merged.faces)
 
@@ -178,8 +182,10 @@ class Cylinder:
         return _lathe(np.array(radii), np.array(heights), half, count)
 
 
-def octahedral_sphere(rounds: int) -> trimesh.Trimesh:
+def octahedral_sphere(rounds: int) -> "trimesh.Trimesh":
     """Unit sphere from an octahedron: always has the six axis points as vertices."""
+    import trimesh  # a quarter of a second, for which nobody waits whose results are cached
+
     ball = trimesh.Trimesh(
         [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]],
         [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]],
@@ -191,7 +197,7 @@ def octahedral_sphere(rounds: int) -> trimesh.Trimesh:
     return ball
 
 
-def _stretched(ball: trimesh.Trimesh, points: FloatArray, length: float, edge: float) -> Mesh:
+def _stretched(ball: "trimesh.Trimesh", points: FloatArray, length: float, edge: float) -> Mesh:
     """Cut a ball at its equator and insert the straight part."""
     levels = max(1, int(np.ceil(length / edge)))
     upper = points[:, 2] >= -1e-9
@@ -210,6 +216,8 @@ def _stretched(ball: trimesh.Trimesh, points: FloatArray, length: float, edge: f
         side += [np.stack([a, b, b + count], 1), np.stack([a, b + count, a + count], 1)]
     pieces = [(points + lift, top), (points - lift, bottom), (np.concatenate(rings), np.concatenate(side))]
     joined = Mesh.concatenate([Mesh.of(v, f) for v, f in pieces])
+    import trimesh  # a quarter of a second, for which nobody waits whose results are cached
+
     merged = trimesh.Trimesh(joined.vertices, joined.faces, process=True)  # welds the rings, drops unused vertices
     return Mesh.of(merged.vertices, merged.faces)
 

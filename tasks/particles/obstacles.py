@@ -1,7 +1,6 @@
 """What stands around the soft part of the base: its rigid parts and other things in reach, as fixed rigid bodies."""
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from dcap.geometry.distance import MeshDistance
@@ -78,6 +77,8 @@ def wall_slab(setup: DropSetup, wall: Instance, faces: NDArray[np.int64]) -> Mes
     face = side * float(out[order][np.searchsorted(area, TOWARDS * area[-1])])
     half = box.half_extents.copy()
     half[thin] = 0.5 * SLAB
+    import trimesh  # a quarter of a second, for which nobody waits whose results are cached
+
     solid = trimesh.creation.box(2.0 * half)
     return Mesh.of(solid.vertices @ box.axes.T + box.center + (face - side * half[thin]) * axis, solid.faces)
 

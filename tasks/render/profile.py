@@ -4,7 +4,6 @@ In: scene before and after, the object at rest, a point and a direction. Out: a 
 """
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from dcap.scene.types.mesh import Mesh
@@ -72,6 +71,8 @@ def section(mesh: Mesh, middle: Array, level: Array, normal: Array, reach: float
     near = np.flatnonzero(np.bitwise_and.reduce(sides[mesh.faces], axis=1) == 0)
     if not len(near):
         return np.zeros((0, 2, 2))
+    import trimesh  # a quarter of a second, for which nobody waits whose results are cached
+
     part = trimesh.Trimesh(mesh.corners(near).reshape(-1, 3), np.arange(3 * len(near)).reshape(-1, 3), process=False)
     found = trimesh.intersections.mesh_plane(part, normal, middle)  # type: ignore[no-untyped-call]
     lines = np.asarray(found).reshape(-1, 2, 3) - middle

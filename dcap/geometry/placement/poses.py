@@ -13,7 +13,6 @@ count for the face where the tipping ends [G94].
 from dataclasses import dataclass
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, cKDTree
 
@@ -70,6 +69,8 @@ def center_of_mass(mesh: Mesh) -> Array:
     corner = mesh.triangles - origin
     box = float(np.prod(np.ptp(mesh.bounds, axis=0)))
     if is_closed(mesh) and signed_volume(mesh.vertices, mesh.faces) > LEAST_FILLED * box:
+        import trimesh  # a quarter of a second, for which nobody waits whose results are cached
+
         return np.asarray(origin + trimesh.triangles.mass_properties(corner, skip_inertia=True).center_mass)
     area = mesh.face_areas
     if area.sum() == 0.0:

@@ -8,7 +8,6 @@ triangles.
 from dataclasses import replace
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from dcap.geometry.boundary import WELD, boundary_edges, hole_loops, is_closed, welded
@@ -191,6 +190,8 @@ def mass_properties(mesh: Mesh, density: float) -> tuple[float, FloatArray, Floa
     if abs(enclosed) <= LEAST_FILLED * float(np.prod(np.ptp(mesh.bounds, axis=0))):
         raise GeometryError(f"a closed mesh of {len(mesh.faces)} faces encloses no volume: a sheet, not a solid")
     middle = mesh.bounds.mean(axis=0)  # about the origin digits would cancel
+    import trimesh  # a quarter of a second, for which nobody waits whose results are cached
+
     found = trimesh.triangles.mass_properties(mesh.triangles - middle, density=density)
     sign = 1.0 if enclosed > 0.0 else -1.0  # wound inside out it is the same solid
     return sign * found.mass, middle + np.asarray(found.center_mass), sign * np.asarray(found.inertia)

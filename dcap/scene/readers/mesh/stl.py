@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from trimesh.exchange.stl import load_stl_ascii, load_stl_binary
 
 from dcap.scene.errors import FormatError
 from dcap.scene.problems import Report
@@ -52,6 +51,8 @@ def _binary(path: Path, data: bytes) -> NDArray[np.float64]:
         raise FormatError(
             f"{path}: the header promises {count} facets ({size} bytes), the file has {len(data)}: truncated"
         )
+    from trimesh.exchange.stl import load_stl_binary  # trimesh takes a quarter of a second to load
+
     found = load_stl_binary(BytesIO(data[:size]))
     return np.asarray(found.get("vertices", np.zeros((0, 3))), dtype=np.float64)
 
@@ -61,6 +62,8 @@ def _ascii(path: Path, data: bytes) -> NDArray[np.float64]:
     text = data.decode("latin-1").replace("\r", "\n")  # left to trimesh, a broken letter costs seconds of guessing
     if "endsolid" not in text[-1000:].lower():
         raise FormatError(f"{path}: no endsolid: the file is truncated")
+    from trimesh.exchange.stl import load_stl_ascii
+
     try:
         found = load_stl_ascii(StringIO(text))
     except ValueError as broken:
