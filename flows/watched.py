@@ -66,7 +66,7 @@ FAILED = "Failed"
 NO_SERVER = "Failed to reach API", "Retry handling ended"
 """Beginnings of Prefect's plain errors where its server is gone, or was given up while it was asked."""
 _work: ContextVar[Callable[[], object]] = ContextVar("work of the flow")
-"""What the flow that is called next does: a flow itself may be sent to other machines, and its work cannot."""
+"""What the flow that is called next does: a flow itself is sent to clusters, and its work cannot."""
 _server_lost = threading.Event()
 
 
@@ -144,16 +144,21 @@ def ending_of(finished: FinishedSample) -> tuple[str, str]:
     return INFEASIBLE, reason_line(found)
 
 
+def do_work() -> object:
+    """Do what `in_flow` was given. A function of the module: clusters are sent its name, not the variable."""
+    return _work.get()()
+
+
 @flow(name="place", persist_result=False, validate_parameters=False)
 def place(scene: str, object: str, prompt: str) -> object:  # noqa: A002
     """Run the work of `in_flow`; the parameters are for those who watch."""
-    return _work.get()()
+    return do_work()
 
 
 @flow(name="benchmark", persist_result=False, validate_parameters=False)
 def benchmark(dataset: str, methods: list[str], workers: int, runner: str) -> object:
     """Run the work of `in_flow`; the parameters are for those who watch."""
-    return _work.get()()
+    return do_work()
 
 
 def in_flow(shown: Callable[..., Any], tags: Sequence[str], work: Callable[[], tuple[str, str]]) -> bool:
