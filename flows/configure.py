@@ -28,7 +28,6 @@ def configured(options: StageOptions, *, language: LanguageConfig | None = None,
             "arch": arch,
             "method": options.solver,
             "stability": options.stability,
-            "mls_cell": options.resolution if options.solver == "mls" else None,
         },
     )
     stages = {

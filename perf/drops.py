@@ -14,11 +14,12 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 
+from dcap.geometry.primitives import Box
 from dcap.packages import module_command
 from perf.peers.reference import DEPTH
-from solver.kernels import mls_transfers as transfers
-from solver.kernels.mls_moments import SUMS
-from solver.mls.grid import Grid, ParticleArrays
+from solver.mls.body import SoftParticles
+from solver.model import soft as soft_system
+from solver.model.bodies import Interior, Model, SignedDistance, SoftBody
 from solver.runtime import start
 from tasks.case.run import run_case
 
@@ -104,35 +105,29 @@ def mls_speed() -> float:
     """Particle-steps per second of mls's two transfers on a block of a million particles, strained by 2 %: the best of
     a few runs."""
     start()
-    cell = 0.01
-    axes = [(np.arange(count) + 0.5) * cell / 2 for count in (MPM_SIDE, MPM_SIDE, MPM_SIDE // 3)]
-    x = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3).copy()
-    count, random, volume = len(x), np.random.default_rng(0), (cell / 2) ** 3
-    strained = np.tile(np.eye(3).ravel(), (count, 1)) + 0.02 * random.normal(size=(count, 9))
-    constant = np.tile([200.0 * volume, 1e4 * volume, 1.5e4 * volume, 1.0], (count, 1))
-    p = ParticleArrays(
-        x, 0.01 * random.normal(size=x.shape), np.zeros((count, 9)), strained, constant, np.zeros(count, np.int32),
-        np.zeros((count, 5)), np.arange(count),
+    cell, random = 0.01, np.random.default_rng(0)
+    across, deep = (cell * np.arange(count // 2 + 1, dtype=np.float64) for count in (MPM_SIDE, MPM_SIDE // 3))
+    planes = across, across, deep
+    points = [0.5 * cell * (np.arange(2 * (len(p) - 1)) + 0.5) for p in planes]
+    x = np.stack(np.meshgrid(*points, indexing="ij"), axis=-1).reshape(-1, 3)
+    one = np.ones(len(x))
+    interior = Interior(
+        x, one * (0.5 * cell) ** 3, 200.0 * one, 2.6e4 * one, 0.3 * one, planes,
+        np.zeros(tuple(len(p) for p in planes), np.int8), loaded=False,
     )  # fmt: skip
-    grid = Grid(cell, np.zeros(3))
-    grid.lay_out(p)
-    held, sums = np.zeros(len(grid.node), np.uint8), np.zeros((len(grid.block), SUMS))
-    side, gravity = np.zeros((1, 4)), np.array([0.0, 0.0, -9.81])
-    C, F = p.C.reshape(-1, 3, 3), p.F.reshape(-1, 3, 3)
-    h, low_x, low_y, low_z, nodes_y, nodes_z = grid.box
+    box = Box(np.array([p[-1] for p in planes])).surface(0.1)
+    distance = SignedDistance(np.zeros(3), 0.1, np.ones((3, 3, 3), np.float32))
+    mass = float(interior.volume @ interior.density)
+    body = SoftBody("block", False, box.vertices - box.bounds[0], box.faces, distance, mass, x.mean(axis=0), 0.5, 0.4,
+                    0.0, interior)  # fmt: skip
+    gravity = np.array([0.0, 0.0, -9.81])
+    system = soft_system.build(Model((body,), gravity))
+    block = SoftParticles(0, body, system, system.bodies[0], 1e-9)
+    block.F += 0.02 * random.normal(size=block.F.shape)
+    count = len(x)
 
     def step() -> None:
-        transfers.clear(grid.node)
-        for pencils in grid.colours:
-            transfers.particles_to_grid(
-                False, p.side, side, 1e-6, *grid.box, pencils, grid.pencil_start, p.x, p.v, C, F, p.constant, gravity,
-                grid.node,
-            )  # fmt: skip
-        transfers.momentum_to_velocity(1e-9, held, grid.node)
-        transfers.grid_to_particles(
-            False, p.side, side, p.group, np.zeros((1, 9)), np.zeros((1, 1, 2)), np.zeros((1, 6)), 1e-6, h, low_x,
-            low_y, low_z, int(grid.shape[0]), nodes_y, nodes_z, grid.node, grid.block, p.x, p.v, C, F, p.constant, sums,
-        )  # fmt: skip
+        block.step(1e-6, gravity)
 
     step()
     steps, times = 5, []

@@ -210,6 +210,40 @@ class ContactRow:
     """tl only."""
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class PointForces:
+    """Every force of a contact or a bond in a state, point by point, k in all; bodies by their index in the model."""
+
+    a: NDArray[np.int64]
+    """The body that it acts on, shape (k,)."""
+    b: NDArray[np.int64]
+    """The body that it comes from, shape (k,)."""
+    position: NDArray[np.float64]
+    """[m], shape (k, 3)."""
+    force: NDArray[np.float64]
+    """On a [N], shape (k, 3)."""
+    bonded: NDArray[np.bool_]
+    """Of a bond, shape (k,)."""
+
+
+@dataclass(frozen=True, slots=True)
+class ContactProof:
+    """What the final surfaces say of the forces that hold the bodies, measured without the solver."""
+
+    points: int
+    """Contact points that carry force."""
+    gap_m: CertificateRow
+    """Largest distance of such a point from the surface of one of its two bodies; those that carry the last hundredth
+    of the force between two bodies do not count."""
+    imbalance: CertificateRow
+    """Largest part of what a free body weighs or carries that is not held by forces at such points [-]."""
+
+    @property
+    def holds(self) -> bool:
+        """Whether every body rests on what it touches."""
+        return self.gap_m.holds and self.imbalance.holds
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Certificate:
     """Everything that a verdict rests on."""
@@ -248,6 +282,8 @@ class Certificate:
     """Explicit steps; mls only."""
     interval_s: float | None = None
     """How often motion was judged; mls only."""
+    proof: ContactProof | None = None
+    """None before somebody has measured the final surfaces."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -16,7 +16,7 @@ class SolverConfig(BaseModel, frozen=True, extra="forbid"):
     """Where the kernels run; decides the last digits of a result, so what `auto` stands for is settled before a
     configuration is made (runtime.available_arch)."""
     method: Literal["tl", "mls"] = "tl"
-    """tl: implicit, total-Lagrangian, the default; mls: the paper's explicit MLS-MPM on a uniform grid."""
+    """tl: implicit, total-Lagrangian, the default; mls: explicit MLS-MPM, as the paper's."""
 
     start_overlap: PositiveFloat = 5e-3
     """Bodies that start deeper inside each other than this [m] are refused: no rest state can be reached from
@@ -117,15 +117,9 @@ class SolverConfig(BaseModel, frozen=True, extra="forbid"):
     push_angle: PositiveFloat = 0.0872665
     """How far turned [rad]: five degrees."""
 
-    mls_cell: PositiveFloat | None = None
-    """Cell of mls's uniform grid [m]; None: the smallest cell of the soft bodies' own grids, coarsened, with a warning,
-    until mls_particles suffice."""
-    mls_particles: PositiveInt = 60_000
-    """Most particles where mls chooses its cell itself: a thousand steps then take about a quarter of a minute."""
-    mls_cfl: PositiveFloat = 0.4
+    mls_step_seconds: PositiveFloat = 2.5e-4
+    """Explicit step of mls [s]. Inertia against strain is scaled up until waves are slow enough for it."""
+    mls_cfl: PositiveFloat = 0.2
     """Share of a cell that waves and particles may cross in one explicit step of mls [-]."""
-    cpic: bool = True
-    """mls: where a rigid body is thinner than two cells, material on one side of it does not feel what lies on the
-    other (compatible particle-in-cell); off only to compare."""
     mls_interval_seconds: PositiveFloat = 8e-3
     """mls judges its motion this often [s]: step_limit and rest_steps count these intervals."""

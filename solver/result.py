@@ -6,7 +6,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.certificate import Certificate, ContactRow, History, KickCheck, NotDone, SignalRows, Verdict
+from solver.certificate import (
+    Certificate,
+    ContactRow,
+    History,
+    KickCheck,
+    NotDone,
+    PointForces,
+    SignalRows,
+    Verdict,
+)
 from solver.config import SolverConfig
 from solver.model.bodies import Model
 from solver.motion import DropFrames, MaterialState
@@ -38,6 +47,7 @@ class FinalState:
     contacts: tuple[ContactRow, ...]
     contact_points: dict[str, NDArray[np.float64]]
     """Per free body the positions of its active contact points [m], shape (k, 3)."""
+    forces: PointForces
     friction_margin: float
     """Smallest share of the static friction cone that is left [-]."""
     free_weight: float
@@ -57,6 +67,8 @@ class SettledModel:
     """One per touching pair."""
     contact_points: dict[str, NDArray[np.float64]]
     """Per free body the positions of its active contact points [m], shape (k, 3)."""
+    forces: PointForces
+    """What holds the bodies."""
     certificate: Certificate
     history: History
     frames: DropFrames
@@ -97,6 +109,7 @@ def build_result(
         bodies=final.bodies,
         contacts=final.contacts,
         contact_points=final.contact_points,
+        forces=final.forces,
         certificate=certificate,
         history=history_of(monitor.signals),
         frames=frames,

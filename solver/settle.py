@@ -12,6 +12,7 @@ from solver.config import SolverConfig
 from solver.contact.active import Contacts
 from solver.contact.bonds import bond_table
 from solver.contact.rolling import RollingLaw, law_compliant, law_stiff
+from solver.contact.table import contact_table, friction_margin, point_forces
 from solver.errors import ModelError
 from solver.frames import FrameRecorder
 from solver.mls import drop as mls
@@ -24,7 +25,7 @@ from solver.runtime import start
 from solver.tl.accuracy import depth_error
 from solver.tl.disturbance import kick
 from solver.tl.material import material_states
-from solver.tl.measure import contact_table, friction_margin, rolling_table
+from solver.tl.measure import rolling_table
 from solver.tl.simulation import Simulation, StepControl
 from solver.tl.stability import grade
 from solver.tl.step import StepReport
@@ -190,6 +191,7 @@ class ImplicitDrop(Simulation):
             bodies=self._bodies(state),
             contacts=contact_table(self.model, contacts, lambda index: self.query.surface(state, index)),
             contact_points={self.model.bodies[i].name: points_of(contacts, i) for i in self.free},
+            forces=point_forces(contacts),
             friction_margin=friction_margin(contacts),
             free_weight=self.weight,
             inverted=report.inverted,

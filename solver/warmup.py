@@ -25,7 +25,7 @@ def warm_up(model: Model, config: SolverConfig) -> None:
     with suppress(UnstableStep):
         settle(
             Model((floor, middle, lid), np.array([0.0, 0.0, -9.81])),
-            config.model_copy(update={"step_limit": 2, "rest_steps": 2, "mls_cell": 0.5 * SIDE}),
+            config.model_copy(update={"step_limit": 2, "rest_steps": 2}),
         )
 
 

@@ -19,7 +19,6 @@ ELSEWHERE = {
     "threads": "run.threads",
     "solver.seed": "the sample's seed",
     "drop.solver.arch": "run.arch",
-    "drop.solver.mls_cell": "particles.cell",
 }
 """Ends of keys that are set elsewhere, and where."""
 LANGUAGE = "language"

@@ -30,6 +30,32 @@ def column(f: mat3, k: ti.template()) -> vec3:
     return vec3(f[0, k], f[1, k], f[2, k])
 
 
+@ti.func
+def layer_law(F: mat3, T: mat3, added: ti.template(), p: ti.i32):
+    """First Piola-Kirchhoff stress of the layers with frame T and constants added[p], and twice its energy density."""
+    f = F @ T
+    f1, f2, f3 = column(f, 0), column(f, 1), column(f, 2)
+    m = f1.cross(f2)
+    A = ti.max(m.norm(), LEAST_AREA)
+    m /= A
+    H = f3.dot(m)
+    s = f3 - H * m
+    b1, b2 = f2.cross(m), m.cross(f1)  # dA = b1 . df1 + b2 . df2
+    stretch = ti.max((f1 - m.cross(f2)).norm(), LEAST_STRETCH)
+    a, w = stretch - 2.0, H - 1.0
+    d2 = ti.max(f1.norm_sqr() + f2.norm_sqr() - 2.0 * A, 0.0)
+    on_a = (added[p, 0] * a + added[p, 1] * w) / stretch
+    on_w = added[p, 1] * a + added[p, 2] * w
+    kd, ks = added[p, 3], added[p, 4]
+    tilt = (on_w - ks * H) / A  # weight of f3 . dm A = df1 . (f2 x s) + df2 . (s x f1)
+    p1 = (on_a + kd) * f1 + (on_a - kd) * b1 + tilt * f2.cross(s)
+    p2 = (on_a + kd) * f2 + (on_a - kd) * b2 + tilt * s.cross(f1)
+    p3 = on_w * m + ks * s
+    P = mat3([[p1[0], p2[0], p3[0]], [p1[1], p2[1], p3[1]], [p1[2], p2[2], p3[2]]]) @ T.transpose()
+    plane = added[p, 0] * a**2 + 2.0 * added[p, 1] * a * w + added[p, 2] * w**2
+    return P, plane + kd * d2 + ks * s.norm_sqr()
+
+
 @ti.kernel
 def add_layer_forces(
     cells: ti.types.ndarray(),
@@ -50,28 +76,8 @@ def add_layer_forces(
         h = vec3(cell_size[c, 0], cell_size[c, 1], cell_size[c, 2])
         total = ti.Matrix.zero(ti.f64, 8, 3)
         for p in range(cell_start[c], cell_start[c + 1]):
-            T = load3(frame, p)
-            f = load3(F_in, p) @ T
-            f1, f2, f3 = column(f, 0), column(f, 1), column(f, 2)
-            m = f1.cross(f2)
-            A = ti.max(m.norm(), LEAST_AREA)
-            m /= A
-            H = f3.dot(m)
-            s = f3 - H * m
-            b1, b2 = f2.cross(m), m.cross(f1)  # dA = b1 . df1 + b2 . df2
-            stretch = ti.max((f1 - m.cross(f2)).norm(), LEAST_STRETCH)
-            a, w = stretch - 2.0, H - 1.0
-            d2 = ti.max(f1.norm_sqr() + f2.norm_sqr() - 2.0 * A, 0.0)
-            on_a = (added[p, 0] * a + added[p, 1] * w) / stretch
-            on_w = added[p, 1] * a + added[p, 2] * w
-            kd, ks = added[p, 3], added[p, 4]
-            tilt = (on_w - ks * H) / A  # weight of f3 . dm A = df1 . (f2 x s) + df2 . (s x f1)
-            p1 = (on_a + kd) * f1 + (on_a - kd) * b1 + tilt * f2.cross(s)
-            p2 = (on_a + kd) * f2 + (on_a - kd) * b2 + tilt * s.cross(f1)
-            p3 = on_w * m + ks * s
-            P = mat3([[p1[0], p2[0], p3[0]], [p1[1], p2[1], p3[1]], [p1[2], p2[2], p3[2]]]) @ T.transpose()
-            plane = added[p, 0] * a**2 + 2.0 * added[p, 1] * a * w + added[p, 2] * w**2
-            psi[p] += 0.5 * V[p] * (plane + kd * d2 + ks * s.norm_sqr())
+            P, energy = layer_law(load3(F_in, p), load3(frame, p), added, p)
+            psi[p] += 0.5 * V[p] * energy
             total += shape_gradients(vec3(xi[p, 0], xi[p, 1], xi[p, 2]), h) @ (V[p] * P).transpose()
         for n in ti.static(range(8)):
             for i in ti.static(range(3)):

@@ -44,8 +44,6 @@ class RigidBodies:
         self.state: State = start_state(model, no_soft)
         self.state.memory = self.query.fresh_memory()
         self.contacts: Contacts | None = None
-        self.impulses: dict[tuple[int, int], Array] = {}
-        """Impulse on the first body of each touching pair and its normal part since last handed over [N s], (2, 3)."""
         self.radius = {
             i: float(np.linalg.norm(b.vertices - b.center_of_mass, axis=1).max()) for i, b in model.rigid_bodies
         }
@@ -137,26 +135,9 @@ class RigidBodies:
                 speed[at] += np.einsum("kij,j->ki", G, end[row[i] : row[i] + 6])
         self.state.memory = _end_anchors(contacts, dt * (slip[1] - slip[0]))
         moved = dt * (slip[1] - slip[0]) + self.damping * slip[1]
-        self._add_impulses(contacts, dt * (contacts.force - np.einsum("kij,kj->ki", contacts.tangent, moved)))
+        self.contacts = acted(contacts, contacts.force - np.einsum("kij,kj->ki", contacts.tangent, moved))
         for i in self.free:
             self.set_velocity(i, after[row[i] : row[i] + 6])
-
-    def _add_impulses(self, contacts: Contacts, impulse: Array) -> None:
-        """Add points' impulses on a (k, 3) [N s] to their pairs: total, and normal part."""
-        normal = np.concatenate([t.normal for t in contacts.active])
-        along = (impulse * normal).sum(axis=1, keepdims=True) * normal
-        for t in contacts.active:
-            a, b = t.pair.a, t.pair.b
-            mine = (contacts.a == a) & (contacts.b == b)
-            sign = 1.0 if a < b else -1.0
-            both = sign * np.stack([impulse[mine].sum(axis=0), along[mine].sum(axis=0)])
-            key = (min(a, b), max(a, b))
-            self.impulses[key] = self.impulses.get(key, np.zeros((2, 3))) + both
-
-    def hand_over_impulses(self) -> dict[tuple[int, int], Array]:
-        """What was summed up since this was last asked for; sums begin anew."""
-        impulses, self.impulses = self.impulses, {}
-        return impulses
 
     def move(self, dt: float) -> None:
         """Positions and rotations after the step; the angular momentum of a free turn is kept."""
@@ -174,6 +155,14 @@ class RigidBodies:
     def surface(self, index: int) -> Array:
         """World positions of a body's surface points [m], shape (n, 3)."""
         return self.query.surface(self.state, index)
+
+
+def acted(contacts: Contacts, force: Array) -> Contacts:
+    """The contacts with the forces (k, 3) [N] that an implicit step came to."""
+    ends = np.cumsum([len(t.point) for t in contacts.active])
+    parts = np.split(force, ends[:-1])
+    active = tuple(replace(t, force=part) for t, part in zip(contacts.active, parts, strict=True))
+    return replace(contacts, active=active, force=force)
 
 
 def _end_anchors(contacts: Contacts, ahead: Array) -> ContactMemory:

@@ -161,7 +161,7 @@ class _LocalGrid:
         cell_id = np.full(len(active), -1, dtype=np.int32)
         cell_id[cells] = np.arange(len(cells), dtype=np.int32)
         node_grid, node_id = _nodes(cells, shape)
-        mu, lam, added, frame = _constants(soft)
+        mu, lam, added, frame = constants(soft)
         ghost_cell, ghost_local, ghost_volume = _fictitious(soft, cells, shape, flat, local)
         reference = int(np.argmin(soft.youngs_modulus))
         count = len(ghost_cell)
@@ -180,7 +180,7 @@ class _LocalGrid:
         )  # fmt: skip
 
 
-def _constants(
+def constants(
     soft: Interior,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """mu, lambda [Pa] (p,), what layers add [Pa] (p, 5) and their frames (p, 9) of the material points."""

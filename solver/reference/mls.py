@@ -1,13 +1,17 @@
 """Transfers of the moving-least-squares material point method, as plain sums over particles and nodes.
 
-Quadratic B-splines N, D = h^2 / 4:
+Quadratic B-splines N in the number of the node planes, along each axis; of a particle's weights the middle is
+Xm = sum_i N_i X_i and the spread D = sum_i N_i (X_i - Xm)^2:
 
-    m_i v_i = sum_p N_i(x_p) [m_p v_p + (m_p C_p - dt / D V_p P_p F_p^T)(x_i - x_p)]                [H18]
-    v_p = sum_i N_i v_i,  C_p = 1 / D sum_i N_i v_i (x_i - x_p)^T,  x_p += dt v_p,  F_p += dt C_p F_p
+    m_i v_i = sum_p N_i [m_p u_p + (m_p C_p - dt V_p P_p F_p^T D^-1)(x_i - xm_p)]                    [H18]
+    u_p = sum_i N_i v_i,  C_p = sum_i N_i v_i (x_i - xm_p)^T D^-1
+    x_p += dt (u_p + C_p (x_p - xm_p)),  F_p += dt C_p F_p
 
 [H18] Hu et al.: A moving least squares material point method ... SIGGRAPH 2018.
 """
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -18,6 +22,20 @@ from solver.reference.elastic import stress
 Array = NDArray[np.float64]
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class GridFrame:
+    """Node planes along three axes of a frame that stands in the world: X = R^T (x - c) + c0."""
+
+    planes: Sequence[Array]
+    rotation: Array
+    center: Array
+    start_center: Array
+
+    def world(self, place: Array) -> Array:
+        """World position of a place in the frame."""
+        return np.asarray(self.rotation @ (place - self.start_center) + self.center)
+
+
 def spline(distance: float) -> float:
     """Quadratic B-spline at a distance in cells."""
     d = abs(distance)
@@ -26,45 +44,51 @@ def spline(distance: float) -> float:
     return 0.5 * (1.5 - d) ** 2 if d < 1.5 else 0.0
 
 
-def near(x: Array, h: float, low: Array, shape: tuple[int, int, int]) -> list[tuple[int, float, Array]]:
-    """Node number, weight and arm x_i - x_p of every node within reach of a particle."""
-    middle = np.round((x - low) / h).astype(int)
-    out = []
-    for offset in product((-1, 0, 1), repeat=3):
-        index = middle + offset
-        arm = low + h * index - x
-        weight = float(np.prod([spline(a / h) for a in arm]))
-        out.append((int(np.ravel_multi_index(tuple(index), shape)), weight, arm))
+def near(x: Array, grid: GridFrame) -> tuple[list[tuple[int, float, Array]], Array, Array]:
+    """Number, weight and position of every node within reach of a particle; middle of the weights; D^-1, all in the
+    world."""
+    here = grid.rotation.T @ (x - grid.center) + grid.start_center
+    number = [float(np.interp(a, p, np.arange(len(p)))) for a, p in zip(here, grid.planes, strict=True)]
+    chosen = [range(int(np.floor(q - 0.5)), int(np.floor(q - 0.5)) + 3) for q in number]
+    weight = [[spline(i - q) for i in some] for some, q in zip(chosen, number, strict=True)]
+    place = [p[list(some)] for p, some in zip(grid.planes, chosen, strict=True)]
+    middle = np.array([np.dot(w, a) for w, a in zip(weight, place, strict=True)])
+    spread = np.array([np.dot(w, (a - m) ** 2) for w, a, m in zip(weight, place, middle, strict=True)])
+    shape = tuple(len(p) for p in grid.planes)
+    nodes = [
+        (
+            int(np.ravel_multi_index(tuple(some[k] for some, k in zip(chosen, offset, strict=True)), shape)),
+            float(np.prod([w[k] for w, k in zip(weight, offset, strict=True)])),
+            grid.world(np.array([a[k] for a, k in zip(place, offset, strict=True)])),
+        )
+        for offset in product(range(3), repeat=3)
+    ]
+    return nodes, grid.world(middle), grid.rotation @ np.diag(1.0 / spread) @ grid.rotation.T
+
+
+def particles_to_grid(particles: dict[str, Array], dt: float, grid: GridFrame, gravity: Array) -> Array:
+    """Momentum and mass per node, shape (n, 4); constant holds m, V mu, V lambda, the share of gravity and V."""
+    out = np.zeros((int(np.prod([len(p) for p in grid.planes])), 4))
+    for p, x in enumerate(particles["x"]):
+        m, mu, lam, share, _ = particles["constant"][p]
+        F, (nodes, middle, inverse) = particles["F"][p], near(x, grid)
+        A = m * particles["C"][p] - dt * stress(F, mu, lam) @ F.T @ inverse
+        momentum = m * (particles["u"][p] + dt * share * gravity)
+        for node, weight, place in nodes:
+            out[node, :3] += weight * (momentum + A @ (place - middle))
+            out[node, 3] += weight * m
     return out
 
 
-def particles_to_grid(
-    particles: dict[str, Array], dt: float, h: float, low: Array, shape: tuple[int, int, int], gravity: Array
-) -> Array:
-    """Momentum and mass per node, shape (n, 4); constant holds m, V mu, V lambda and the share of gravity."""
-    grid = np.zeros((int(np.prod(shape)), 4))
+def grid_to_particles(particles: dict[str, Array], velocity: Array, dt: float, grid: GridFrame) -> dict[str, Array]:
+    """New x, u, C and F of the particles from node velocities (n, 3)."""
+    out = {name: np.zeros_like(particles[name]) for name in ("x", "u", "C", "F")}
     for p, x in enumerate(particles["x"]):
-        m, mu, lam, share = particles["constant"][p]
-        F = particles["F"][p].reshape(3, 3)
-        A = m * particles["C"][p].reshape(3, 3) - dt * 4.0 / h**2 * stress(F, mu, lam) @ F.T
-        momentum = m * (particles["v"][p] + dt * share * gravity)
-        for node, weight, arm in near(x, h, low, shape):
-            grid[node, :3] += weight * (momentum + A @ arm)
-            grid[node, 3] += weight * m
-    return grid
-
-
-def grid_to_particles(
-    particles: dict[str, Array], velocity: Array, dt: float, h: float, low: Array, shape: tuple[int, int, int]
-) -> dict[str, Array]:
-    """New x, v, C and F of the particles from node velocities (n, 3)."""
-    out = {name: np.zeros_like(particles[name]) for name in ("x", "v", "C", "F")}
-    for p, x in enumerate(particles["x"]):
-        v, C = np.zeros(3), np.zeros((3, 3))
-        for node, weight, arm in near(x, h, low, shape):
-            v += weight * velocity[node]
-            C += 4.0 / h**2 * weight * np.outer(velocity[node], arm)
-        F = particles["F"][p].reshape(3, 3)
-        out["x"][p], out["v"][p] = x + dt * v, v
-        out["C"][p], out["F"][p] = C.ravel(), (F + dt * C @ F).ravel()
+        nodes, middle, inverse = near(x, grid)
+        u = np.sum([weight * velocity[node] for node, weight, _ in nodes], axis=0)
+        C = np.sum([weight * np.outer(velocity[node], place - middle) for node, weight, place in nodes], axis=0)
+        C = C @ inverse
+        F = particles["F"][p]
+        out["x"][p], out["u"][p] = x + dt * (u + C @ (x - middle)), u
+        out["C"][p], out["F"][p] = C, F + dt * C @ F
     return out

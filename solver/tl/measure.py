@@ -1,22 +1,18 @@
-"""What is measured after every implicit step, and the tables of contacts at the end."""
-
-from collections.abc import Callable
+"""What is measured after every implicit step, and the table of rolling resistance at the end."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from solver.box import bounds
-from solver.certificate import ContactRow, RollingRow
-from solver.contact.active import ActiveContacts, Contacts
+from solver.certificate import RollingRow
+from solver.contact.active import Contacts
 from solver.contact.query import ContactQuery
 from solver.kernels.query import largest_particle_speed
-from solver.model.bodies import Body, Model, free_motions
+from solver.model.bodies import Model, free_motions
 from solver.model.soft import SoftSystem
 from solver.model.state import State
 from solver.rest import Signals
 from solver.tl.step import StepReport, carried_weights
-
-LOADED_SHARE = 0.01  # gap and penetration are judged over points that carry more than this share of the peak pressure
 
 
 def measure(
@@ -89,62 +85,6 @@ def total_wrench(
     for r in contacts.rolling:
         torque += r.torque if r.a == index else (-r.torque if r.b == index else 0.0)
     return force, torque
-
-
-def contact_table(
-    model: Model, contacts: Contacts, surface: Callable[[int], NDArray[np.float64]]
-) -> tuple[ContactRow, ...]:
-    """One row per touching pair of bodies, both point sets together; forces on the first named body. `surface` gives
-    the deformed surface points of a body [m], shape (n, 3)."""
-    rows = []
-    keys = sorted({(min(t.pair.a, t.pair.b), max(t.pair.a, t.pair.b)) for t in contacts.active})
-    for a, b in keys:
-        sides = [t for t in contacts.active if {t.pair.a, t.pair.b} == {a, b}]
-        total = sum((s.force.sum(axis=0) * (1.0 if s.pair.a == a else -1.0) for s in sides), np.zeros(3))
-        normal = sum((_normal_sum(s) * (1.0 if s.pair.a == a else -1.0) for s in sides), np.zeros(3))
-        loaded = [s.normal_force > LOADED_SHARE * s.normal_force.max() for s in sides]
-        rows.append(
-            ContactRow(
-                a=model.bodies[a].name,
-                b=model.bodies[b].name,
-                area_m2=max(facing_area(model.bodies[s.pair.a], surface(s.pair.a), s) for s in sides),
-                normal_force_n=float(np.linalg.norm(normal)),
-                tangential_force_n=float(np.linalg.norm(total - normal)),
-                max_penetration_m=float(max(-s.gap[m].min() for s, m in zip(sides, loaded, strict=True))),
-                max_gap_m=float(max(0.0, *(s.gap[m].max() for s, m in zip(sides, loaded, strict=True)))),
-                points=int(sum(len(s.point) for s in sides)),
-                sliding_points=int(sum(s.sliding.sum() for s in sides)),
-            )
-        )
-    return tuple(rows)
-
-
-def facing_area(body: Body, points: NDArray[np.float64], side: ActiveContacts) -> float:
-    """Area of a surface that its contact points stand for, seen along their normals [m^2]: a third of the adjacent
-    faces' area vectors each. Points at an edge stand for the faces that look at the other body, not for those beside
-    them."""
-    corner = points[body.faces]
-    vector = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]) / 6.0
-    total = np.stack(
-        [np.bincount(body.faces.ravel(), np.repeat(one, 3), minlength=len(points)) for one in vector.T], axis=1
-    )
-    return float(np.abs(np.einsum("ki,ki->k", total[side.point], side.normal)).sum())
-
-
-def _normal_sum(side: ActiveContacts) -> NDArray[np.float64]:
-    return np.asarray((side.normal_force[:, None] * side.normal).sum(axis=0))
-
-
-def friction_margin(contacts: Contacts) -> float:
-    """Smallest share of the static friction cone that is left over the touching pairs [-]; 0: at the cone."""
-    margins = [1.0]
-    for t in contacts.active:
-        normal = t.normal_force
-        tangential = np.linalg.norm(t.force - normal[:, None] * t.normal, axis=1)
-        limit = float(normal @ t.friction[:, 0])
-        if limit > 0.0:
-            margins.append(1.0 - float(tangential.sum()) / limit)
-    return min(margins)
 
 
 def rolling_table(model: Model, contacts: Contacts) -> tuple[RollingRow, ...]:

@@ -10,17 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.config import SolverConfig
-from solver.contact.active import Contacts, Pair, vertex_areas
+from solver.contact.active import Contacts
 from solver.contact.bonds import build_bonds
-from solver.contact.flatness import flat_regions
-from solver.contact.pair_friction import PairFriction
+from solver.contact.pairs import contact_pairs
 from solver.contact.predict import contact_stiffness
 from solver.contact.query import ContactQuery
 from solver.contact.rolling import RollingLaw, law_stiff
 from solver.errors import ModelError, UnstableStep
 from solver.model import soft as soft_system
-from solver.model.bodies import Body, Model, RigidBody, SoftBody, free_motions
-from solver.model.soft import SoftSystem
+from solver.model.bodies import Model, free_motions
 from solver.model.state import State, best_rigid_motion, start_state
 from solver.rest import RestMonitor, Signals
 from solver.tl.measure import measure
@@ -30,8 +28,6 @@ from solver.tl.step import Stepper, StepReport
 Load = Callable[[float], NDArray[np.float64]]
 """The time at which a step ends [s] -> the acceleration of each body besides gravity [m/s^2], shape (b, 3)."""
 
-CELL_STIFFNESS = 4.0  # first guess of the contact stiffness per area, in E / cell size; adapted to the target near rest
-SAFE_DEPTH = 0.125  # of half of the largest thickness that is pushed into; past a half the way out is the other side
 SHORTER = 0.1  # of a step that resolves elastic waves: what it may be shortened to in an impact
 STEP_GROWTH = 1.25  # growth of the step when Newton converges easily
 
@@ -225,35 +221,6 @@ class Simulation:
             return float(np.linalg.norm(state.v[one.nodes], axis=1).max())
         half_size = 0.5 * self.model.bodies[index].size
         return float(np.linalg.norm(state.velocity[index]) + half_size * np.linalg.norm(state.angular_velocity[index]))
-
-
-def contact_pairs(model: Model, soft: SoftSystem, config: SolverConfig, gravity: float) -> list[Pair]:
-    """Every ordered pair of bodies that can push each other, with its first contact stiffness per point."""
-    pairs = []
-    for a, one in enumerate(model.bodies):
-        for b, two in enumerate(model.bodies):
-            if a == b or (one.fixed and two.fixed) or model.bonded(one, two):
-                continue
-            area = vertex_areas(one)
-            # what three points need to carry the load at the penetration that is aimed at: more only makes impacts hard
-            load = max(body.mass for body in (one, two) if not body.fixed) * max(gravity, 1.0)
-            stiffness = np.full(len(area), load / (3.0 * config.penetration_target))
-            safe_depth, flat = np.inf, None
-            if isinstance(one, SoftBody) or isinstance(two, SoftBody):
-                cell, modulus = softest(one, two)
-                stiffness = np.minimum(stiffness, CELL_STIFFNESS * modulus / cell * np.minimum(area, cell**2))
-                safe_depth = -SAFE_DEPTH * float(two.distance.values.min())
-                if isinstance(one, RigidBody):
-                    flat = flat_regions(one, two, cell)
-            pairs.append(Pair(a, b, PairFriction.of(model, one, two), stiffness, area, safe_depth, flat))
-    return pairs
-
-
-def softest(one: Body, two: Body) -> tuple[float, float]:
-    """Cell under the contact [m] and smallest Young's modulus [Pa] of a pair of which at least one is soft."""
-    parts = [b.interior for b in (one, two) if isinstance(b, SoftBody)]
-    cell = min(max(float(np.diff(p).min()) for p in s.planes) for s in parts)
-    return cell, min(float(s.youngs_modulus.min()) for s in parts)
 
 
 def crossing_seconds(model: Model) -> float:

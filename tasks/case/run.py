@@ -26,6 +26,7 @@ from solver.rest import Signals
 from solver.result import SettledModel
 from solver.settle import settle
 from solver.warmup import warm_up
+from tasks.bodies.proof import proven
 from tasks.bodies.solver_model import solver_model
 from tasks.case.again import dropped_again, elsewhere
 from tasks.case.bodies import case_particles
@@ -69,13 +70,13 @@ def run_case(
             {
                 **(settings or {}),
                 "threads": threads, "seed": case.seed, "arch": arch, "method": solver, "inertia": case.inertia,
-                "stability": stability, "mls_cell": chosen if solver == "mls" else None,
+                "stability": stability,
             }
         )  # fmt: skip
         warm_up(model, config)  # compilation is not part of wall_s
         built = time.perf_counter()
         result = settle(model, config, None if quiet else _progress)
-        if chosen is None and solver != "mls" and elsewhere(case, path.parent, result):
+        if chosen is None and elsewhere(case, path.parent, result):
             again, told = dropped_again(
                 case, path.parent, result, lambda one: settle(one, config, None if quiet else _progress)
             )
@@ -83,6 +84,7 @@ def run_case(
             if again is not None:
                 particles, model, result = again
                 bodies = model.bodies
+        result = proven(model, result)
         cell = result.certificate.cell_m or particles.resolution
     except (ModelError, ArchError) as error:
         raise InputError(f"{path}: {error}") from error

@@ -25,6 +25,7 @@ from solver.errors import ArchError, ModelError, UnstableStep
 from solver.model.bodies import Model
 from solver.rest import Signals
 from tasks.bodies.plan_contact import share_within
+from tasks.bodies.proof import proven, refutation
 from tasks.bodies.solver_model import solver_model
 from tasks.cache import stage
 from tasks.drop.poses import pose_checks, pose_warnings
@@ -66,7 +67,7 @@ def drop(particles: Particles, anchor: Anchor, intent: Intent, seed: int, config
     model = solver_model(particles, (0.0, 0.0, -GRAVITY))
     solver, told = able(model, config.solver.model_copy(update={"threads": config.threads, "seed": seed}))
     try:
-        result = settle(model, solver, _progress)
+        result = proven(model, settle(model, solver, _progress))
     except ArchError as error:  # a run from a machine with a graphics card, repeated on one without
         raise InputError(f"arch {error}") from error
     except UnstableStep as error:
@@ -84,12 +85,10 @@ def drop(particles: Particles, anchor: Anchor, intent: Intent, seed: int, config
 
 
 def able(model: Model, config: SolverConfig) -> tuple[SolverConfig, tuple[str, ...]]:
-    """The configuration, with tl where mls has no means, and what to tell of that: it simulates material, and knows no
-    bonds between parts."""
-    if config.method != "mls" or (model.soft_bodies and not model.bonds):
+    """The configuration, with tl where mls has no material to simulate, and what to tell of that."""
+    if config.method != "mls" or model.soft_bodies:
         return config, ()
-    why = "parts are bonded" if model.soft_bodies else "everything is rigid"
-    return config.model_copy(update={"method": "tl"}), (f"solver mls: {why}, so that tl settled it",)
+    return config.model_copy(update={"method": "tl"}), ("solver mls: everything is rigid, so that tl settled it",)
 
 
 def _progress(step: int, seconds: float, signals: Signals) -> None:
@@ -276,7 +275,9 @@ def _story(settled: Settled, particles: Particles) -> str:
         return f"{left_by(settled, particles)} left its support after {settled.simulated_seconds:.2f} s"
     assert settled.certificate is not None  # it was dropped
     rows = settled.certificate.signals.exceeded.items()
-    why = ", ".join(f"{name} {row.value:.2g} > {row.threshold:.2g}" for name, row in rows) or "the kick moved it"
+    moves = ", ".join(f"{name} {row.value:.2g} > {row.threshold:.2g}" for name, row in rows)
+    proof = settled.certificate.proof
+    why = moves or (refutation(proof) if proof else "") or "the kick moved it"
     return f"no equilibrium after {settled.steps} steps ({settled.simulated_seconds:.2f} s): {why}"
 
 

@@ -275,7 +275,7 @@ def test_the_share_of_the_contact_that_was_foreseen() -> None:
 
 @pytest.mark.parametrize(
     ("soft", "bonds", "method", "told"),
-    [((), (), "tl", "everything is rigid"), (("bed",), ("j",), "tl", "parts are bonded"), (("bed",), (), "mls", "")],
+    [((), (), "tl", "everything is rigid"), (("bed",), ("j",), "mls", "")],
 )
 def test_mls_leaves_to_tl_what_it_cannot_do(soft, bonds, method, told):
     """And says so; tl needs no other."""
@@ -298,4 +298,4 @@ def test_bodies_that_the_solver_cannot_take_are_told_in_a_line(monkeypatch: pyte
 
 
 def broken_model(*_: object) -> None:
-    raise ModelError("body 'bed': no particle fits at a spacing of 16.4 mm; lower mls_cell")
+    raise ModelError("body 'bed': soft but without particles")

@@ -1,0 +1,636 @@
+"""Contact of soft bodies with each other and with rigid ones, at their true surfaces; and bonds.
+
+Points of one surface feel the signed distance of the other body, as in the implicit method and by the same law
+(solver/contact): a normal spring and Coulomb friction. A soft body is touched where its particles carry the nodes of
+its background grid, and its particles take the forces in the same shares. Springs are as stiff as explicit steps allow,
+which is stiffer than the cells behind them.
+
+Two more exchanges act between the rigid motions of the two bodies of a touching pair: a dashpot along the contact's
+normals, which damps the bounce of one on the other critically, and rolling resistance, a torque of at most b N. Both
+vanish at rest.
+
+Which points are near another body is looked up once bodies have moved by SLACK.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from solver.box import bounds
+from solver.certificate import ContactRow, PointForces
+from solver.config import SolverConfig
+from solver.contact.active import Pair
+from solver.contact.bonds import BondedPair, build_bonds
+from solver.contact.friction import point_forces
+from solver.contact.pairs import contact_pairs, most_stiffness
+from solver.contact.predict import contact_stiffness
+from solver.contact.query import ContactQuery
+from solver.contact.table import LOADED_SHARE, facing_area
+from solver.kernels import query
+from solver.mls.body import RigidMotion, SoftParticles
+from solver.mls.rigid import RigidBodies
+from solver.model.bodies import Body, Model, SoftBody
+from solver.model.soft import SoftSystem
+from solver.model.state import PointMemory, State, cross_matrix, start_state
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+STABLE = 0.5  # stiffness of contact times the squared step and the mobility of what it acts on [-]; 4 is the limit
+SLACK = 0.5  # smallest cells that bodies may move before near points are looked up again
+AROUND = 4.0  # cells around near points whose nodes are carried along
+STICK_SPEED = 1e-4  # a point at its friction limit that moves slower than this [m/s] has stopped: mu_s holds again
+
+
+@dataclass(eq=False, slots=True)
+class PairTouch:
+    """One ordered pair of bodies: points of the first that are near the second, and what they have felt."""
+
+    pair: Pair
+    memory: PointMemory
+    near: Index
+    """Points that may touch, shape (k,)."""
+    counts: NDArray[np.bool_]
+    """Points that count as contact at all, shape (n,)."""
+    impulse: Array
+    """On each point since last handed over [N s], shape (n, 3)."""
+    load: Array
+    """Normal part of it [N s], shape (n,)."""
+    normal: Array
+    """Last contact normal of each point, shape (n, 3)."""
+    gap: Array
+    """Last gap of each point [m], shape (n,)."""
+    friction: Array
+    """Last coefficients of each point, shape (n, 3)."""
+    position: Array
+    """Last position of each point [m], shape (n, 3)."""
+    touched: NDArray[np.bool_]
+    """Points that touched in the last step, shape (n,)."""
+
+    @classmethod
+    def of(cls, pair: Pair) -> "PairTouch":
+        """Nothing near yet."""
+        count = len(pair.area)
+        none = np.zeros(0, dtype=np.int64)
+        return cls(
+            pair, pair.fresh_memory(), none, np.ones(count, bool), np.zeros((count, 3)), np.zeros(count),
+            np.zeros((count, 3)), np.zeros(count), np.zeros((count, 3)), np.zeros((count, 3)), np.zeros(count, bool),
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Acting:
+    """What a pair of bodies, touching or bonded, does to each other in this step."""
+
+    a: int
+    b: int
+    position: Array
+    """[m], shape (k, 3)."""
+    force: Array
+    """On a [N], shape (k, 3)."""
+    direction: Array
+    """In which motion is damped: G^T n n^T G is summed over these unit vectors (k, j, 3) of each point."""
+    load: Array
+    """Weights of the points [N], shape (k,)."""
+    rolling: float = 0.0
+    """Length of the resisting torque [m]."""
+
+
+@dataclass(eq=False, slots=True)
+class BondTouch:
+    """A bond and what it has transmitted."""
+
+    bond: BondedPair
+    damping: float
+    """[N s/m]."""
+    impulse: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    """On the first body, point by point since last handed over [N s], shape (k, 3)."""
+
+
+class SurfaceContacts:
+    """All pairs of bodies of which one is soft."""
+
+    def __init__(
+        self, model: Model, system: SoftSystem, soft: Mapping[int, SoftParticles], rigid: RigidBodies,
+        config: SolverConfig,
+    ) -> None:  # fmt: skip
+        self.model, self.system, self.soft, self.rigid = model, system, soft, rigid
+        pairs = [
+            replace(p, stiffness=self._stiffness(p, config))
+            for p in contact_pairs(model, system, config, model.gravity_strength)
+            if p.a in soft or p.b in soft
+        ]
+        self.query = ContactQuery(model, system, pairs)
+        self.touches = [PairTouch.of(pair) for pair in pairs]
+        self.bonds = [
+            BondTouch(self._explicit(bond, config), bond_damping(bond, model, config))
+            for bond in build_bonds(model, system, config.penetration_target)
+        ]
+        self.dashpot = {
+            (a, b): dashpot_coefficient(model, a, b, config) for a, b in {(min(p.key), max(p.key)) for p in pairs}
+        }
+        self.slack = SLACK * min(one.cell for one in soft.values())
+        self.state: State = start_state(model, system)
+        self.state.rotation, self.state.center = rigid.state.rotation, rigid.state.center
+        self.before = self.state.x.copy()
+        self.start = {i: (rigid.state.rotation[i].copy(), rigid.state.center[i].copy()) for i in rigid.index}
+        self.carried: dict[int, NDArray[np.int32]] = {}
+        self.smoothed: dict[int, NDArray[np.int32]] = {}
+        self.moved = np.inf
+        self.acting: list[Acting] = []
+
+    def _stiffness(self, pair: Pair, config: SolverConfig) -> Array:
+        """Normal stiffness of each point of a pair [N/m] that steps of this length can take, shape (n,)."""
+        one, two = self.model.bodies[pair.a], self.model.bodies[pair.b]
+        most = most_stiffness(one, two, config, self.model.gravity_strength)
+        own = self.soft[pair.a].crowded_mobility if pair.a in self.soft else np.zeros(len(pair.area))
+        return np.minimum(most, STABLE / config.mls_step_seconds**2 / (own + self._crowded(pair.b, one.vertices)))
+
+    def _crowded(self, index: int, points: Array) -> Array:
+        """Velocity of a body's surface [m/s] by an impulse of 1 N s at each of those points (n, 3) that lie within a
+        cell, shape (n,)."""
+        if index not in self.soft:
+            return np.full(len(points), 1e-12)
+        one = self.soft[index]
+        crowd = cKDTree(points).query_ball_point(points, one.cell / np.sqrt(np.pi), return_length=True)
+        return np.asarray(crowd * one.mobility.max())
+
+    def _explicit(self, bond: BondedPair, config: SolverConfig) -> BondedPair:
+        """A bond whose points are no stiffer than steps can take."""
+        mobility = sum(self._crowded(side.body, bond.a.rest) for side in (bond.a, bond.b))
+        return replace(bond, stiffness=np.minimum(bond.stiffness, STABLE / config.mls_step_seconds**2 / mobility))
+
+    def act(self, dt: float) -> None:
+        """Find what touches and give the impulses of dt [s] to the bodies."""
+        self._carry(dt)
+        self.acting = [*self._touching(dt), *self._bonded(dt)]
+        for one in self.acting:
+            for index, sign in ((one.a, 1.0), (one.b, -1.0)):
+                if index in self.rigid.index:
+                    self._push_rigid(index, one.position, sign * dt * one.force)
+        self.before[:] = self.state.x
+        for i in self.rigid.index:
+            self.start[i] = (self.rigid.state.rotation[i].copy(), self.rigid.state.center[i].copy())
+
+    def damp(self, dt: float) -> None:
+        """Dashpots and rolling resistance of what acted in this step."""
+        by_pair: dict[tuple[int, int], list[Acting]] = {}
+        for one in self.acting:
+            by_pair.setdefault((min(one.a, one.b), max(one.a, one.b)), []).append(one)
+        for (a, b), some in by_pair.items():
+            self._damp(a, b, some, dt)
+
+    def deepest(self) -> tuple[tuple[int, int], float]:
+        """The pair of bodies with the smallest gap, and that gap [m], among points that are near another body."""
+        self._look_up()
+        found = [(t.pair.key, float(t.gap[t.near].min())) for t in self.touches if len(t.near)]
+        return min(found, key=lambda one: one[1], default=((0, 0), np.inf))
+
+    def surface(self, index: int) -> Array:
+        """Deformed surface points of a body [m], shape (n, 3)."""
+        if index in self.soft:
+            self._carry_all(index)
+        return self.query.surface(self.state, index)
+
+    def speed(self) -> float:
+        """Bound of the speed at which any two bodies approach each other [m/s]."""
+        speeds = [one.fastest for one in self.soft.values()]
+        speeds += [
+            float(np.linalg.norm(self.rigid.state.velocity[i]))
+            + self.rigid.radius[i] * float(np.linalg.norm(self.rigid.state.angular_velocity[i]))
+            for i in self.rigid.free
+        ]
+        return 2.0 * max(speeds, default=0.0)
+
+    # where bodies are
+
+    def _carry(self, dt: float) -> None:
+        """Renew where the nodes near contacts are, and at times which points are near."""
+        self.moved += dt * self.speed()
+        if self.moved > self.slack:
+            self._look_up()
+            self.moved = 0.0
+        for index, one in self.soft.items():
+            if index in self.carried:
+                one.carry(self.carried[index], self.state.x[self.query.soft_of[index].nodes])
+        for nodes in self.smoothed.values():
+            self._smooth(nodes)
+
+    def _carry_all(self, index: int) -> None:
+        nodes = self.query.soft_of[index].nodes
+        every = np.arange(nodes.stop - nodes.start, dtype=np.int32)
+        self.soft[index].carry(every, self.state.x[nodes])
+
+    def _smooth(self, nodes: NDArray[np.int32]) -> None:
+        s = self.system
+        query.average_deformation(nodes, self.state.x, s.cell_node, s.cell_size, s.node_cell, self.query.smooth)
+
+    def _look_up(self) -> None:
+        """Find the points that are near another body, and the nodes around them."""
+        stale = np.ones(len(self.before), dtype=bool)
+        for index, known in self.carried.items():
+            stale[self.query.soft_of[index].nodes.start + known] = False
+        for index in self.soft:
+            self._carry_all(index)
+            self._smooth(self.query.soft_of[index].near_surface)
+        self.before[stale] = self.state.x[stale]  # where nothing touched, nothing slides
+        surfaces = {i: self.query.surface(self.state, i) for i in {t.pair.a for t in self.touches}}
+        places: dict[int, list[Array]] = {index: [] for index in self.soft}
+        chosen: dict[int, list[NDArray[np.integer]]] = {index: [] for index in self.soft}
+        for touch in self.touches:
+            points = surfaces[touch.pair.a]
+            low, high = self._box(touch.pair.b)
+            inside = ((points > low - self.slack) & (points < high + self.slack)).all(axis=1)
+            candidates = np.flatnonzero(inside)
+            gap = self._gaps(touch, points[candidates], candidates)
+            touch.near = candidates[gap < self.slack]
+            touch.gap[candidates] = gap
+            if touch.pair.flat is not None:
+                state = replace_memory(self.state, touch)
+                hidden = self.query._superfluous(touch.pair, touch.pair.flat, state, points)
+                touch.memory = replace(touch.memory, superfluous=hidden)
+                touch.counts = ~hidden
+            for index in touch.pair.key:
+                if index in self.soft:
+                    places[index].append(points[touch.near])
+            if touch.pair.a in self.soft:
+                chosen[touch.pair.a].append(self.query.soft_of[touch.pair.a].surface_node[touch.near].ravel())
+        for one in self.bonds:
+            for side in (one.bond.a, one.bond.b):
+                if side.body in self.soft:
+                    chosen[side.body].append(side.node.ravel())
+        self.carried, self.smoothed = {}, {}
+        for index in self.soft:
+            self._choose_nodes(index, np.concatenate([np.zeros((0, 3)), *places[index]]), chosen[index])
+
+    def _choose_nodes(self, index: int, places: Array, chosen: list[NDArray[np.integer]]) -> None:
+        """The nodes of a body that are carried along in every step: around some places, and others."""
+        grid = self.query.soft_of[index]
+        first = grid.nodes.start
+        every = [np.asarray(one, dtype=np.int64) - first for one in chosen]
+        if len(places):
+            x = self.state.x[grid.nodes]
+            cell = self._cell_at(index, places)
+            low, high = bounds(places)
+            for reach, keep in ((AROUND, every), (0.5 * AROUND, None)):
+                near = np.flatnonzero(((x > low - reach * cell) & (x < high + reach * cell)).all(axis=1))
+                if keep is not None:
+                    keep.append(near)
+                else:
+                    surface = np.intersect1d(near + first, grid.near_surface)
+                    self.smoothed[index] = surface.astype(np.int32)
+        if every:
+            self.carried[index] = np.unique(np.concatenate(every)).astype(np.int32)
+
+    def _cell_at(self, index: int, places: Array) -> float:
+        """Largest side of a cell at some places [m], by the start pose."""
+        here = self.query._undeformed(index, self.state, places)
+        sides = [
+            np.diff(p)[np.clip(np.searchsorted(p, here[:, a], side="right") - 1, 0, len(p) - 2)].max()
+            for a, p in enumerate(self.query.soft_of[index].planes)
+        ]
+        return float(max(sides))
+
+    def _box(self, index: int) -> tuple[Array, Array]:
+        return self.query._solid_box(self.state, index)
+
+    def _gaps(self, touch: PairTouch, points: Array, index: Index) -> Array:
+        """Gap of some points, in front of a rigid body 0 where its samples end."""
+        if not len(points):
+            return np.zeros(0)
+        gap, *_ = self._locate(touch, points, index)
+        far = gap >= query.FAR
+        return np.where(far, np.inf if touch.pair.b in self.soft else 0.0, gap)
+
+    def _locate(self, touch: PairTouch, points: Array, index: Index) -> tuple[Array, Array, Array, Index, Array]:
+        """Gap, normal and material point of points (k, 3) in body b, and the nodes and weights of what they push."""
+        b, count = touch.pair.b, len(points)
+        body, state, grid = self.model.bodies[b], self.state, self.model.bodies[b].distance
+        every = np.arange(count, dtype=np.int32)
+        gap, normal, material = np.full(count, query.FAR), np.zeros((count, 3)), np.zeros((count, 3))
+        node, weight = np.zeros((count, 8), dtype=np.int64), np.zeros((count, 8))
+        if b not in self.soft:
+            query.query_rigid(
+                points, every, state.rotation[b], state.center[b], body.center_of_mass, grid.origin, grid.spacing,
+                grid.values, material, gap, normal,
+            )  # fmt: skip
+            return gap, normal, material, node, weight
+        one = self.query.soft_of[b]
+        material = touch.memory.material_point[index]
+        cell = np.full(count, -1, dtype=np.int32)
+        query.query_soft(
+            points, every, state.x, *one.planes, one.cell_id, self.system.cell_node, self.query.smooth, grid.origin,
+            grid.spacing, grid.values, self._undeformed(b, points), material, gap, normal, cell, weight,
+        )  # fmt: skip
+        found = cell >= 0
+        node[found] = self.system.cell_node[cell[found]]
+        weight[~found] = 0.0
+        touch.memory.material_point[index] = np.where(found[:, None], material, np.nan)
+        return gap, normal, material, node, weight
+
+    def _undeformed(self, index: int, points: Array) -> Array:
+        """Where points would be in a soft body's start pose, had it only moved rigidly [m]."""
+        one = self.soft[index]
+        return points if one.body.fixed else (points - one.center) @ one.rotation + one.start_center
+
+    # what they do to each other
+
+    def _touching(self, dt: float) -> Iterator[Acting]:
+        for touch in self.touches:
+            if len(touch.near):
+                found = self._touch(touch, dt)
+                if found is not None:
+                    yield found
+
+    def _points(self, index: int, chosen: Index, x: Array, pose: tuple[Array, Array] | None) -> Array:
+        """Surface points of a body by their numbers [m], shape (k, 3)."""
+        if index in self.soft:
+            grid = self.query.soft_of[index]
+            return np.asarray(np.einsum("ka,kai->ki", grid.surface_weight[chosen], x[grid.surface_node[chosen]]))
+        body, (rotation, center) = self.model.bodies[index], pose or (np.eye(3), np.zeros(3))
+        return np.asarray((body.vertices[chosen] - body.center_of_mass) @ rotation.T + center)
+
+    def _pose(self, index: int) -> tuple[Array, Array] | None:
+        return None if index in self.soft else (self.state.rotation[index], self.state.center[index])
+
+    def _touch(self, touch: PairTouch, dt: float) -> Acting | None:
+        a, b = touch.pair.key
+        points = self._points(a, touch.near, self.state.x, self._pose(a))
+        gap, normal, material, node, weight = self._locate(touch, points, touch.near)
+        slip = points - self._points(a, touch.near, self.before, self.start.get(a))
+        slip -= self._moved(b, material, node, weight)
+        self._keep_sides(touch, gap, normal, slip)
+        on = np.flatnonzero((gap < 0.0) & touch.counts[touch.near])
+        touched = np.zeros(len(touch.counts), dtype=bool)
+        touched[touch.near[on]] = True
+        touch.memory.anchor[~touched] = 0.0
+        touch.memory.sliding[~touched] = False
+        touch.touched = touched
+        if not len(on):
+            return None
+        index, points, gap, normal, slip = touch.near[on], points[on], gap[on], normal[on], slip[on]
+        node, weight, material = node[on], weight[on], material[on]
+        friction = touch.pair.friction.at(index, material)
+        force, _, anchor, sliding = point_forces(friction, touch.memory, index, gap, normal, slip)
+        touch.memory.anchor[index] = anchor
+        touch.memory.sliding[index] = sliding & (np.linalg.norm(slip, axis=1) > STICK_SPEED * dt)
+        load = np.einsum("ki,ki->k", force, normal)
+        touch.impulse[index] += dt * force
+        touch.load[index] += dt * load
+        touch.normal[index], touch.gap[index], touch.friction[index], touch.position[index] = (
+            normal, gap, friction, points
+        )  # fmt: skip
+        if a in self.soft:
+            grid = self.query.soft_of[a]
+            self._push_soft(a, grid.surface_node[index], grid.surface_weight[index], dt * force)
+        if b in self.soft:
+            self._push_soft(b, node, weight, -dt * force)
+        rolling = float(load @ friction[:, 2] / max(load.sum(), 1e-300))
+        return Acting(a, b, points, force, normal[:, None], load, rolling)
+
+    def _keep_sides(self, touch: PairTouch, gap: Array, normal: Array, slip: Array) -> None:
+        """Let points that have passed the middle of something thin since the last step count as on the side where they
+        came in; `gap` (k,) and `normal` (k, 3) of the near points are changed in place."""
+        before = touch.normal[touch.near]
+        passed = touch.touched[touch.near] & (np.einsum("ki,ki->k", normal, before) < 0.0)
+        gap[passed] = (touch.gap[touch.near] + np.einsum("ki,ki->k", slip, before))[passed]
+        normal[passed] = before[passed]
+
+    def _moved(self, index: int, material: Array, node: Index, weight: Array) -> Array:
+        """Displacement of material points of a body since the last step [m], shape (k, 3)."""
+        if index in self.soft:
+            return np.asarray(np.einsum("ka,kai->ki", weight, self.state.x[node] - self.before[node]))
+        arm = material - self.model.bodies[index].center_of_mass
+        rotation, center = self.start[index]
+        now = arm @ self.state.rotation[index].T + self.state.center[index]
+        return np.asarray(now - arm @ rotation.T - center)
+
+    def _push_soft(self, index: int, node: NDArray[np.integer], weight: Array, impulse: Array) -> None:
+        """Give impulses (k, 3) at points to the nodes (k, 8) that move them, in the shares `weight` (k, 8)."""
+        nodes = self.query.soft_of[index].nodes
+        chosen, at = np.unique(node, return_inverse=True)
+        given = (weight[:, :, None] * impulse[:, None, :]).reshape(-1, 3)
+        total = np.stack([np.bincount(at.ravel(), given[:, k], len(chosen)) for k in range(3)], axis=1)
+        chosen = chosen.astype(np.int32)
+        self.soft[index].push(chosen - np.int32(nodes.start), np.asarray(total, np.float64), self.state.x[chosen])
+
+    def _push_rigid(self, index: int, position: Array, impulse: Array) -> None:
+        if self.model.bodies[index].fixed:
+            return
+        arm = position - self.rigid.state.center[index]
+        total = np.concatenate([impulse.sum(axis=0), np.cross(arm, impulse).sum(axis=0)])
+        change = np.linalg.solve(self.rigid.mass_matrix(index), total)
+        self.rigid.set_velocity(index, self.rigid.velocity(index) + change)
+
+    def _bonded(self, dt: float) -> Iterator[Acting]:
+        for one in self.bonds:
+            bond = one.bond
+            position, force = bond.a.position(self.model, self.state), bond.force(self.model, self.state)
+            one.impulse = one.impulse + dt * force if len(one.impulse) else dt * force
+            for side, sign in ((bond.a, 1.0), (bond.b, -1.0)):
+                if side.body in self.soft:
+                    self._push_soft(side.body, side.node, side.weight, sign * dt * force)
+            every = np.tile(np.eye(3), (len(force), 1, 1))
+            yield Acting(bond.a.body, bond.b.body, position, force, every, np.ones(len(force)))
+
+    # what takes energy
+
+    def _motion(self, index: int) -> tuple[Array, Array, Array]:
+        """Centre [m], velocity (V, w) and inverse mass (6, 6) of the rigid motion of a body; a fixed one has none."""
+        if self.model.bodies[index].fixed:
+            return np.zeros(3), np.zeros(6), np.zeros((6, 6))
+        if index in self.rigid.index:
+            inverse = np.asarray(np.linalg.inv(self.rigid.mass_matrix(index)), dtype=np.float64)
+            return self.rigid.state.center[index], self.rigid.velocity(index), inverse
+        motion: RigidMotion = self.soft[index].motion()
+        inverse = np.zeros((6, 6))
+        inverse[:3, :3] = np.eye(3) / motion.mass
+        inverse[3:, 3:] = np.linalg.inv(motion.inertia)
+        return motion.center, np.concatenate([motion.velocity, motion.spin]), inverse
+
+    def _damp(self, a: int, b: int, acting: list[Acting], dt: float) -> None:
+        """Dashpot and rolling resistance between the rigid motions of a pair, both taken implicitly."""
+        if self.model.bodies[a].fixed and self.model.bodies[b].fixed:
+            return
+        position = np.concatenate([one.position for one in acting])
+        middle = position.mean(axis=0)
+        drag = np.zeros((6, 6))
+        load = rolling = 0.0
+        for one in acting:
+            G = np.concatenate(
+                [np.tile(np.eye(3), (len(one.position), 1, 1)), -cross_matrix(one.position - middle)], axis=2
+            )
+            Gn = np.einsum("kjd,kde->kje", one.direction, G)
+            drag += np.einsum("k,kja,kjb->ab", one.load, Gn, Gn)
+            load += float(one.load.sum())
+            rolling += float(one.load.sum()) * one.rolling
+        if load <= 0.0:
+            return
+        bonded = next((one for one in self.bonds if {one.bond.a.body, one.bond.b.body} == {a, b}), None)
+        drag *= dt * (self.dashpot[a, b] if bonded is None else bonded.damping) / load
+        mobility, before, moves = np.zeros((6, 6)), np.zeros(6), []
+        for index, sign in ((a, 1.0), (b, -1.0)):
+            center, velocity, inverse = self._motion(index)
+            shift = np.eye(6)  # motion at the middle from that at the centre
+            shift[:3, 3:] = -cross_matrix((middle - center)[None])[0]
+            mobility += shift @ inverse @ shift.T
+            before += sign * shift @ velocity
+            moves.append((index, sign * inverse @ shift.T))
+        after = np.linalg.solve(np.eye(6) + mobility @ drag, before)
+        impulse = -drag @ after
+        length = rolling / load
+        spin = float(np.linalg.norm(after[3:]))
+        if length > 0.0 and spin > 0.0:
+            axis = after[3:] / spin
+            stopping = spin / float(axis @ mobility[3:, 3:] @ axis)
+            impulse[3:] -= min(dt * rolling, stopping) * axis
+        for index, response in moves:
+            if self.model.bodies[index].fixed:
+                continue
+            change = response @ impulse
+            if index in self.rigid.index:
+                self.rigid.set_velocity(index, self.rigid.velocity(index) + change)
+            else:
+                self.soft[index].add_rigid_motion(change)
+
+    # what is told
+
+    def hand_over(self, seconds: float) -> "ContactReport":
+        """What has acted over some time, as mean forces; sums begin anew."""
+        report = ContactReport(self.model, seconds, [], [])
+        for touch in self.touches:
+            on = np.flatnonzero(touch.load > 0.0)
+            if len(on):
+                report.touching.append(
+                    TouchingPoints(
+                        touch.pair, on, touch.position[on], touch.impulse[on] / seconds, touch.load[on] / seconds,
+                        touch.normal[on], touch.gap[on], touch.friction[on], touch.memory.sliding[on],
+                    )
+                )  # fmt: skip
+            touch.impulse[:], touch.load[:] = 0.0, 0.0
+        for one in self.bonds:
+            if len(one.impulse):
+                position = one.bond.a.position(self.model, self.state)
+                report.bonded.append((one.bond, position, one.impulse / seconds))
+            one.impulse = np.zeros((0, 3))
+        return report
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class TouchingPoints:
+    """Points of body a that body b has pushed, with mean forces over an interval."""
+
+    pair: Pair
+    point: Index
+    position: Array
+    force: Array
+    """On a [N], shape (k, 3)."""
+    load: Array
+    """Normal part [N], shape (k,)."""
+    normal: Array
+    gap: Array
+    friction: Array
+    sliding: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ContactReport:
+    """What acted over an interval."""
+
+    model: Model
+    seconds: float
+    touching: list[TouchingPoints]
+    bonded: list[tuple[BondedPair, Array, Array]]
+    """Bond, positions (k, 3) and mean forces (k, 3) on its first body."""
+
+    def pairs(self) -> set[tuple[int, int]]:
+        """Bodies that hold each other, lower index first."""
+        found = [one.pair.key for one in self.touching] + [(bond.a.body, bond.b.body) for bond, *_ in self.bonded]
+        return {(min(key), max(key)) for key in found}
+
+    def rows(self, surface: Mapping[int, Array]) -> list[ContactRow]:
+        """One row per touching pair; forces on the first named body. `surface` has the points of each body."""
+        rows = []
+        for a, b in sorted({(min(t.pair.key), max(t.pair.key)) for t in self.touching}):
+            sides = [t for t in self.touching if set(t.pair.key) == {a, b}]
+            signs = [1.0 if t.pair.a == a else -1.0 for t in sides]
+            total = sum((s * t.force.sum(axis=0) for s, t in zip(signs, sides, strict=True)), np.zeros(3))
+            normal = sum((s * (t.load @ t.normal) for s, t in zip(signs, sides, strict=True)), np.zeros(3))
+            loaded = [t.load > LOADED_SHARE * t.load.max() for t in sides]
+            rows.append(
+                ContactRow(
+                    a=self.model.bodies[a].name,
+                    b=self.model.bodies[b].name,
+                    area_m2=max(
+                        facing_area(self.model.bodies[t.pair.a], surface[t.pair.a], t.point, t.normal) for t in sides
+                    ),
+                    normal_force_n=float(np.linalg.norm(normal)),
+                    tangential_force_n=float(np.linalg.norm(total - normal)),
+                    max_penetration_m=float(max(-t.gap[m].min() for t, m in zip(sides, loaded, strict=True))),
+                    max_gap_m=0.0,
+                    points=int(sum(len(t.point) for t in sides)),
+                    sliding_points=int(sum(t.sliding.sum() for t in sides)),
+                )
+            )
+        return rows
+
+    def friction_margin(self) -> float:
+        """Smallest share of the static friction cone that is left over the touching pairs [-]; 0: at the cone."""
+        margins = [1.0]
+        for t in self.touching:
+            tangential = np.linalg.norm(t.force - t.load[:, None] * t.normal, axis=1).sum()
+            limit = float(t.load @ t.friction[:, 0])
+            if limit > 0.0:
+                margins.append(1.0 - float(tangential) / limit)
+        return min(margins)
+
+    def forces(self) -> PointForces:
+        """Every force of a contact or bond, point by point."""
+        some = [(*t.pair.key, t.position, t.force, False) for t in self.touching]
+        some += [(bond.a.body, bond.b.body, position, force, True) for bond, position, force in self.bonded]
+        count = [len(one[3]) for one in some]
+        a, b, bonded = (np.repeat(np.array([one[k] for one in some], dtype=kind), count)
+                        for k, kind in ((0, np.int64), (1, np.int64), (4, np.bool_)))  # fmt: skip
+        position, force = (np.concatenate([np.zeros((0, 3)), *(one[k] for one in some)]) for k in (2, 3))
+        return PointForces(a, b, position, force, bonded)
+
+
+def replace_memory(state: State, touch: PairTouch) -> State:
+    """A state in which a pair remembers what it does."""
+    state.memory = replace(state.memory, points={**state.memory.points, touch.pair.key: touch.memory})
+    return state
+
+
+def bond_damping(bond: BondedPair, model: Model, config: SolverConfig) -> float:
+    """Critical damping [N s/m] of the lighter free body on the bond's springs."""
+    free = [model.bodies[side.body].mass for side in (bond.a, bond.b) if not model.bodies[side.body].fixed]
+    return 2.0 * config.damping_ratio * float(np.sqrt(bond.stiffness.sum() * min(free)))
+
+
+def dashpot_coefficient(model: Model, first: int, second: int, config: SolverConfig) -> float:
+    """Critical damping [N s/m] of a pair's bounce: 2 zeta sqrt(k m), k the Hertz stiffness of the lighter moving body
+    on the softer of the two."""
+    pair = model.bodies[first], model.bodies[second]
+    free = [b for b in pair if not b.fixed]
+    if not free:
+        return 0.0
+    mass = 1.0 / sum(1.0 / b.mass for b in free)
+    lighter = min(free, key=lambda b: b.mass)
+    young, poisson = min(softness(b) for b in pair if isinstance(b, SoftBody))
+    stiffness = contact_stiffness(lighter.mass * model.gravity_strength, footprint_radius(lighter), young, poisson)
+    return 2.0 * config.damping_ratio * float(np.sqrt(stiffness * mass))
+
+
+def footprint_radius(body: Body) -> float:
+    """A quarter of the sum of the horizontal sides [m]: the radius of a ball."""
+    extent = np.ptp(body.vertices, axis=0)
+    return 0.25 * float(extent[0] + extent[1])
+
+
+def softness(body: SoftBody) -> tuple[float, float]:
+    """Smallest Young's modulus [Pa] of a soft body and the Poisson ratio there."""
+    at = int(np.argmin(body.interior.youngs_modulus))
+    return float(body.interior.youngs_modulus[at]), float(min(body.interior.poisson_ratio[at], 0.49))
