@@ -45,6 +45,8 @@ EXAMPLES: dict[Hashable, Examples] = {}
 NO_DROP, RIGID_DROP = "no_drop", "rigid_drop"
 OTHER_MATERIALS = frozenset({RIGID_DROP, "blended_materials", "paper"})
 """Ablations whose drop has other materials, or none that gives way."""
+PAPER_STEP_SECONDS = 2e-3 / 18
+"""The paper's step of 2 ms in 18 substeps [s]."""
 PICTURE = 512
 """Side of the pictures of other methods than DCAP [pixels]; judges compare the views, which are alike for all."""
 
@@ -69,8 +71,8 @@ def changed(**stages: Mapping[str, object]) -> Callable[[PlaceConfig], PlaceConf
 
 
 def as_in_the_paper(config: PlaceConfig) -> PlaceConfig:
-    """Explicit MLS-MPM, the paper's clamps, and its signals of rest alone."""
-    solver = config.drop.solver.model_copy(update={"method": "mls"})
+    """Explicit MLS-MPM with the paper's steps and clamps, and its signals of rest alone (docs/methods.md)."""
+    solver = config.drop.solver.model_copy(update={"method": "mls", "mls_step_seconds": PAPER_STEP_SECONDS})
     drop = config.drop.model_copy(update={"solver": solver})
     return changed(materials={"paper_limits": True})(config).model_copy(update={"drop": drop})
 

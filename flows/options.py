@@ -167,6 +167,8 @@ class PlaceOptions(StageOptions):
 
     out: Path | None = None
     """Folder for the results; default: data/runs/place, or in Python a new folder below data/runs/python."""
+    method: Phrase = "dcap"
+    """How it is placed: dcap, a baseline or an ablation by name, or paper (docs/methods.md)."""
     max_cost: MaxCost = None
     """Spend at most this on a model [USD]."""
     label: Phrase = ""

@@ -34,7 +34,7 @@ from dcap.scene.writers.earlier_files import copy_earlier, note_files
 from dcap.scene.writers.glb import Node, glb_bytes, labelled_nodes
 from dcap.scene.writers.ply import mesh_to_ply
 from flows.next_scene import next_scene_files
-from flows.placement_json import AT_REST, Values, placement_json
+from flows.placement_json import AS_POSED, AT_REST, Values, placement_json
 from flows.placement_schema import placement_schema
 from flows.sample_records import RECORDS, records_json
 from flows.sample_run import FinishedSample
@@ -208,4 +208,6 @@ def result_line(tree: Mapping[str, JsonValue]) -> str:
     where = f" on {base['label']}{part}" if isinstance(base, Mapping) else ""
     if tree["verdict"] == AT_REST:
         return f"at rest{where}"
+    if tree["verdict"] == AS_POSED:
+        return f"as posed{where}"
     return f"infeasible: {tree['reason']}{where}; {tree['message'] or ''}".rstrip("; ")

@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.status import Status
 from rich.text import Text
 
+from dcap.evaluation.methods import method_named
 from dcap.language.model.ledger import in_words, spending_of
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import InputError
@@ -100,6 +101,7 @@ def sample_of(scene: str, thing: str, prompt: str, options: PlaceOptions) -> Sam
         labels=options.labels,
         place=place_of(options.at, options.support),
         known_height=height_of(options.height_of, options.unit),
+        method=method_named(options.method),
     )
 
 

@@ -42,6 +42,13 @@ def methods_of(text: str) -> tuple[str, ...]:
     return tuple(name for name in METHODS if name in asked)
 
 
+def method_named(name: str) -> str:
+    """The name of one method; InputError for any other."""
+    if name not in METHODS:
+        raise InputError(f"--method {name!r} {not_one_of(name, METHODS)}")
+    return name
+
+
 def shown_name(method: str, *, offline: bool) -> str:
     """A method's name in tables; one that is not known as it is."""
     return METHODS.get(method, method) + (OFFLINE if offline and method in BASELINES else "")

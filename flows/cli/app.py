@@ -102,7 +102,7 @@ def place(
     for warning in warnings:
         print(f"note: {warning}", file=sys.stderr)
     print(json.dumps(tree, indent=2, ensure_ascii=False) if as_json else f"{result_line(tree)}\nresults: {folder}")
-    return 0 if tree["verdict"] == "at_rest" else INFEASIBLE
+    return 0 if tree["verdict"] in ("at_rest", "as_posed") else INFEASIBLE
 
 
 @app.command()

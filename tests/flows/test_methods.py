@@ -5,7 +5,7 @@ import pytest
 
 from dcap.evaluation.methods import ABLATIONS, BASELINES, DCAP, METHODS
 from dcap.scene.types.sample import Sample
-from flows.methods import CHANGES, NO_DROP, OTHER_MATERIALS, PICTURE, RIGID_DROP, config_of
+from flows.methods import CHANGES, NO_DROP, OTHER_MATERIALS, PAPER_STEP_SECONDS, PICTURE, RIGID_DROP, config_of
 from flows.place import PlaceConfig
 from tasks.materials.stage import MaterialsConfig
 
@@ -20,7 +20,11 @@ TABLE: dict[str, dict[str, object]] = {
     "views_12": {"rotation.views": 12},
     "blended_materials": {"materials.blended": True},
     "uniform_fill": {"particles.uniform": True},
-    "paper": {"materials.paper_limits": True, "drop.solver.method": "mls"},
+    "paper": {
+        "materials.paper_limits": True,
+        "drop.solver.method": "mls",
+        "drop.solver.mls_step_seconds": PAPER_STEP_SECONDS,
+    },
 }
 """All that is not as in the whole program, by ablation; the pose before the drop needs no setting."""
 

@@ -24,7 +24,7 @@ OTHER: dict[str, Any] = {
     "load_aware": True, "language": "anthropic", "model": "m", "record": "r", "replay": "p", "max_cost": 1.5,
     "label": "sofa", "up": "y", "unit": "cm", "object_label": "mug", "object_up": "-z", "object_unit": "in",
     "mass": 2.5, "seed": 7, "paper_limits": True, "height_of": "table=0.75", "labels": "labels.json", "at": "1,2.5,-3",
-    "support": "0,0,0,1,1,1", "ambiguous": "best", "maps": True, "animate": True, "surface": "iso",
+    "support": "0,0,0,1,1,1", "ambiguous": "best", "method": "paper", "maps": True, "animate": True, "surface": "iso",
 }  # fmt: skip
 """A value of every option that is not its default."""
 ASKED = {"language", "model", "record", "replay", "max_cost"}
