@@ -233,10 +233,11 @@ class ContactProof:
     points: int
     """Contact points that carry force."""
     gap_m: CertificateRow
-    """Largest distance of such a point from the surface of one of its two bodies; those that carry the last hundredth
-    of the force between two bodies do not count."""
+    """Largest distance of such a point from the surface of one of its two bodies; those that carry the last tenth of
+    the force between two bodies do not count."""
     imbalance: CertificateRow
-    """Largest part of what a free body weighs or carries that is not held by forces at such points [-]."""
+    """Largest part of what a free body weighs or carries that is not held by forces within a millimetre of the surfaces
+    [-]."""
 
     @property
     def holds(self) -> bool:

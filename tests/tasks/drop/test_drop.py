@@ -293,7 +293,7 @@ def test_bodies_that_the_solver_cannot_take_are_told_in_a_line(monkeypatch: pyte
     monkeypatch.setattr("tasks.drop.stage.able", lambda model, config: (config, ()))
     monkeypatch.setattr("solver.settle.settle", broken_model)
     nothing: Any = SimpleNamespace()
-    with pytest.raises(GeometryError, match="no particle fits"):
+    with pytest.raises(GeometryError, match="without particles"):
         drop(nothing, nothing, nothing, 0, DropConfig())
 
 
