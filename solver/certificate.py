@@ -278,7 +278,7 @@ class Certificate:
     stability: StabilityGrade | NotDone | None = None
     """None where nobody asked."""
     cell_m: float | None = None
-    """Of the uniform grid; mls only."""
+    """Smallest of the soft bodies' grids; mls only."""
     substeps: int | None = None
     """Explicit steps; mls only."""
     interval_s: float | None = None

@@ -1,1 +1,1 @@
-"""The paper's method: explicit MLS-MPM on a uniform grid, with rigid bodies coupled at its nodes."""
+"""The explicit method: MLS-MPM with a graded grid for each soft body, which meet at their surfaces."""

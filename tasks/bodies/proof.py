@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from dcap.geometry.raycast import tensor
 from dcap.scene.types.mesh import Mesh
 from solver.certificate import CertificateRow, ContactProof, PointForces, Verdict
-from solver.model.bodies import Body, Model, free_motions
+from solver.model.bodies import Body, Model, SoftBody, free_motions
 from solver.result import SettledModel
 
 Array = NDArray[np.float64]
@@ -27,6 +27,9 @@ LARGEST_IMBALANCE = 0.01
 COUNTED = 0.9
 """Share of the force between two bodies whose points are force-carrying [-]: where a rim bends a surface, its triangles
 are chords, some tenths of a millimetre beside it."""
+EDGE_SHARE = 0.03
+"""How far the triangles of a soft body's surface may lie beside the curved surface that contact sees, over their sides
+[-]."""
 FARTHEST_M = 1e-3
 """A force that acts farther from a surface than this holds nothing [m]."""
 
@@ -64,11 +67,18 @@ def contact_proof(model: Model, surfaces: Sequence[Mesh], forces: PointForces, l
         for index in np.unique(which[touching]).tolist():
             mine = np.flatnonzero(touching & (which == index))
             gap[mine] = np.maximum(gap[mine], distances(surfaces[index], forces.position[mine]))
-    counted = touching & force_carrying(forces, size, gap)
-    proven_points = forces.bonded | (touching & (gap <= FARTHEST_M))
-    worst = CertificateRow.at_most(float(gap[counted].max(initial=0.0)), largest_gap)
-    rest = max(imbalances(model, forces, proven_points), default=0.0)
-    return ContactProof(int(touching.sum()), worst, CertificateRow.at_most(rest, LARGEST_IMBALANCE))
+    rows = [CertificateRow.at_most(0.0, largest_gap)]
+    pair = np.sort(np.column_stack([forces.a, forces.b]), axis=1)
+    for one in np.unique(pair[touching], axis=0).tolist():
+        mine = np.flatnonzero(touching & (pair == one).all(axis=1))
+        worst = float(gap[mine[force_carrying(size[mine], gap[mine])]].max())
+        edges = [median_edge(surfaces[k]) for k in one if isinstance(model.bodies[k], SoftBody)]
+        allowed = max(largest_gap, min(EDGE_SHARE * max(edges, default=0.0), FARTHEST_M))
+        rows.append(CertificateRow.at_most(worst, allowed))
+    rest = max(imbalances(model, forces, forces.bonded | (touching & (gap <= FARTHEST_M))), default=0.0)
+    return ContactProof(
+        int(touching.sum()), min(rows, key=lambda row: row.margin), CertificateRow.at_most(rest, LARGEST_IMBALANCE)
+    )
 
 
 def distances(mesh: Mesh, points: Array) -> Array:
@@ -82,16 +92,17 @@ def distances(mesh: Mesh, points: Array) -> Array:
     return np.asarray(found.numpy(), dtype=np.float64)
 
 
-def force_carrying(forces: PointForces, size: Array, gap: Array) -> NDArray[np.bool_]:
-    """The points that carry COUNTED of the force between their two bodies, those with the smallest gaps, shape (k,)."""
-    counted = np.zeros(len(size), dtype=bool)
-    pair = np.sort(np.column_stack([forces.a, forces.b]), axis=1)
-    for one in np.unique(pair, axis=0):
-        mine = np.flatnonzero((pair == one).all(axis=1) & ~forces.bonded)
-        order = mine[np.argsort(gap[mine], kind="stable")]
-        before = np.cumsum(size[order]) - size[order]
-        counted[order[before < COUNTED * size[order].sum()]] = True
-    return counted
+def force_carrying(size: Array, gap: Array) -> NDArray[np.int64]:
+    """The points that carry COUNTED of all force, those with the smallest gaps."""
+    order = np.argsort(gap, kind="stable")
+    before = np.cumsum(size[order]) - size[order]
+    return np.asarray(order[before < COUNTED * size.sum()])
+
+
+def median_edge(mesh: Mesh) -> float:
+    """Median length of a side of a triangle [m]."""
+    corner = mesh.vertices[mesh.faces]
+    return float(np.median(np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=2)))
 
 
 def imbalances(model: Model, forces: PointForces, valid: NDArray[np.bool_]) -> Iterator[float]:

@@ -107,7 +107,8 @@ def with_checks(settled: Settled, particles: Particles, anchor: Anchor, intent: 
         turn = CertificateRow.at_most(turn_of(turned), config.turn_angle)
     lean = lean_of(settled, particles, anchor, config)
     foreseen = None
-    if particles.foreseen is not None and anchor.lean is None and lies_on(settled, anchor.base_id):
+    touches = len(settled.contact_points) > 0
+    if particles.foreseen is not None and touches and anchor.lean is None and lies_on(settled, anchor.base_id):
         within = share_within(settled.contact_points, particles.foreseen)
         foreseen = CertificateRow.at_least(within, config.foreseen_share)
     bounds = config.topple_angle, config.turn_angle
