@@ -27,7 +27,7 @@ LARGEST_IMBALANCE = 0.01
 COUNTED = 0.9
 """Share of the force between two bodies whose points are force-carrying [-]: where a rim bends a surface, its triangles
 are chords, some tenths of a millimetre beside it."""
-EDGE_SHARE = 0.03
+SIDE_SHARE = 0.03
 """How far the triangles of a soft body's surface may lie beside the curved surface that contact sees, over their sides
 [-]."""
 FARTHEST_M = 1e-3
@@ -61,48 +61,41 @@ def refutation(proof: ContactProof) -> str:
 def contact_proof(model: Model, surfaces: Sequence[Mesh], forces: PointForces, largest_gap: float) -> ContactProof:
     """Measure on the final surfaces, one for each body, where forces act and what they hold."""
     size = np.linalg.norm(forces.force, axis=1)
-    gap = np.zeros(len(size))
+    gap, allowed = np.zeros(len(size)), np.full(len(size), largest_gap)
     touching = ~forces.bonded & (size > 0.0)
     for which in (forces.a, forces.b):
         for index in np.unique(which[touching]).tolist():
             mine = np.flatnonzero(touching & (which == index))
-            gap[mine] = np.maximum(gap[mine], distances(surfaces[index], forces.position[mine]))
+            away, side = distances(surfaces[index], forces.position[mine])
+            gap[mine] = np.maximum(gap[mine], away)
+            if isinstance(model.bodies[index], SoftBody):
+                allowed[mine] = np.maximum(allowed[mine], np.minimum(SIDE_SHARE * side, FARTHEST_M))
     rows = [CertificateRow.at_most(0.0, largest_gap)]
     pair = np.sort(np.column_stack([forces.a, forces.b]), axis=1)
-    for one in np.unique(pair[touching], axis=0).tolist():
+    for one in np.unique(pair[touching], axis=0):
         mine = np.flatnonzero(touching & (pair == one).all(axis=1))
-        worst = float(gap[mine[force_carrying(size[mine], gap[mine])]].max())
-        edges = [median_edge(surfaces[k]) for k in one if isinstance(model.bodies[k], SoftBody)]
-        allowed = max(largest_gap, min(EDGE_SHARE * max(edges, default=0.0), FARTHEST_M))
-        rows.append(CertificateRow.at_most(worst, allowed))
+        order = mine[np.argsort(gap[mine] / allowed[mine], kind="stable")]
+        before = np.cumsum(size[order]) - size[order]
+        last = order[before < COUNTED * size[order].sum()][-1]
+        rows.append(CertificateRow.at_most(float(gap[last]), float(allowed[last])))
     rest = max(imbalances(model, forces, forces.bonded | (touching & (gap <= FARTHEST_M))), default=0.0)
     return ContactProof(
         int(touching.sum()), min(rows, key=lambda row: row.margin), CertificateRow.at_most(rest, LARGEST_IMBALANCE)
     )
 
 
-def distances(mesh: Mesh, points: Array) -> Array:
-    """Distance of points (k, 3) from a surface [m], shape (k,)."""
+def distances(mesh: Mesh, points: Array) -> tuple[Array, Array]:
+    """Distance of points (k, 3) from a surface, and the longest side of the triangle that each is nearest to [m]."""
     import open3d
 
     middle = points.mean(axis=0)  # single precision is finest around the origin
     scene = open3d.t.geometry.RaycastingScene()
     scene.add_triangles(tensor(mesh.vertices - middle, np.float32), tensor(mesh.faces, np.uint32))
-    found = scene.compute_distance(tensor(points - middle, np.float32), nthreads=1)
-    return np.asarray(found.numpy(), dtype=np.float64)
-
-
-def force_carrying(size: Array, gap: Array) -> NDArray[np.int64]:
-    """The points that carry COUNTED of all force, those with the smallest gaps."""
-    order = np.argsort(gap, kind="stable")
-    before = np.cumsum(size[order]) - size[order]
-    return np.asarray(order[before < COUNTED * size.sum()])
-
-
-def median_edge(mesh: Mesh) -> float:
-    """Median length of a side of a triangle [m]."""
-    corner = mesh.vertices[mesh.faces]
-    return float(np.median(np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=2)))
+    found = scene.compute_closest_points(tensor(points - middle, np.float32), nthreads=1)
+    away = np.linalg.norm(found["points"].numpy().astype(np.float64) - (points - middle), axis=1)
+    corner = mesh.vertices[mesh.faces[found["primitive_ids"].numpy()]]
+    side = np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=2).max(axis=1)
+    return away, side
 
 
 def imbalances(model: Model, forces: PointForces, valid: NDArray[np.bool_]) -> Iterator[float]:

@@ -77,6 +77,8 @@ def test_a_state_that_was_moved_is_refuted(lab, method: Literal["tl", "mls"]) ->
         assert result.certificate.proof.holds
         ends = [one.vertices for one in result.bodies]
         for what, move in MOVES.items():
+            if "ball" in name and move is turned:
+                continue  # it has no edge
             own, support = move(ends[0]), ends[1]
             surfaces = [Mesh.of(x, b.faces) for x, b in zip((own, support), model.bodies, strict=True)]
             if contact_proof(model, surfaces, result.forces, LARGEST_GAP_M).holds:
