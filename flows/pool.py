@@ -127,7 +127,7 @@ def _final_state(run_id: UUID) -> State[Any]:
 def _has_worker(client: SyncPrefectClient, host: str) -> bool:
     """Return whether a machine, or any if none is named, has a worker that answers; `dcap worker` names it so."""
     workers = client.read_workers_for_work_pool(POOL)
-    return any(one.status is WorkerStatus.ONLINE and one.name.startswith(host) for one in workers)
+    return any(one.status is WorkerStatus.ONLINE and one.name.startswith(f"{host}-" if host else "") for one in workers)
 
 
 def _process_of(run: FlowRun) -> tuple[str, int]:
