@@ -231,8 +231,8 @@ class SurfaceContacts:
     def _look_up(self) -> None:
         """Find the points that are near another body, and the nodes around them."""
         stale = np.ones(len(self.before), dtype=bool)
-        for index, known in self.carried.items():
-            stale[self.query.soft_of[index].nodes.start + known] = False
+        for index, nodes in self.carried.items():
+            stale[self.query.soft_of[index].nodes.start + nodes] = False
         for index in self.soft:
             self._carry_all(index)
             self._smooth(self.query.soft_of[index].near_surface)
@@ -242,15 +242,16 @@ class SurfaceContacts:
         chosen: dict[int, list[NDArray[np.integer]]] = {index: [] for index in self.soft}
         for touch in self.touches:
             points = surfaces[touch.pair.a]
-            low, high = self._box(touch.pair.b)
+            low, high = self.query._solid_box(self.state, touch.pair.b)
             inside = ((points > low - self.slack) & (points < high + self.slack)).all(axis=1)
             candidates = np.flatnonzero(inside)
             gap = self._gaps(touch, points[candidates], candidates)
             touch.near = candidates[gap < self.slack]
             touch.gap[candidates] = gap
             if touch.pair.flat is not None:
-                state = replace_memory(self.state, touch)
-                hidden = self.query._superfluous(touch.pair, touch.pair.flat, state, points)
+                known = {**self.state.memory.points, touch.pair.key: touch.memory}
+                self.state.memory = replace(self.state.memory, points=known)
+                hidden = self.query._superfluous(touch.pair, touch.pair.flat, self.state, points)
                 touch.memory = replace(touch.memory, superfluous=hidden)
                 touch.counts = ~hidden
             for index in touch.pair.key:
@@ -275,13 +276,10 @@ class SurfaceContacts:
             x = self.state.x[grid.nodes]
             cell = self._cell_at(index, places)
             low, high = bounds(places)
-            for reach, keep in ((AROUND, every), (0.5 * AROUND, None)):
-                near = np.flatnonzero(((x > low - reach * cell) & (x < high + reach * cell)).all(axis=1))
-                if keep is not None:
-                    keep.append(near)
-                else:
-                    surface = np.intersect1d(near + first, grid.near_surface)
-                    self.smoothed[index] = surface.astype(np.int32)
+            away = np.maximum(low - x, x - high).max(axis=1) / cell
+            every.append(np.flatnonzero(away < AROUND))
+            close = np.flatnonzero(away < 0.5 * AROUND)
+            self.smoothed[index] = np.intersect1d(close + first, grid.near_surface).astype(np.int32)
         if every:
             self.carried[index] = np.unique(np.concatenate(every)).astype(np.int32)
 
@@ -293,9 +291,6 @@ class SurfaceContacts:
             for a, p in enumerate(self.query.soft_of[index].planes)
         ]
         return float(max(sides))
-
-    def _box(self, index: int) -> tuple[Array, Array]:
-        return self.query._solid_box(self.state, index)
 
     def _gaps(self, touch: PairTouch, points: Array, index: Index) -> Array:
         """Gap of some points, in front of a rigid body 0 where its samples end."""
@@ -596,12 +591,6 @@ class ContactReport:
                         for k, kind in ((0, np.int64), (1, np.int64), (4, np.bool_)))  # fmt: skip
         position, force = (np.concatenate([np.zeros((0, 3)), *(one[k] for one in some)]) for k in (2, 3))
         return PointForces(a, b, position, force, bonded)
-
-
-def replace_memory(state: State, touch: PairTouch) -> State:
-    """A state in which a pair remembers what it does."""
-    state.memory = replace(state.memory, points={**state.memory.points, touch.pair.key: touch.memory})
-    return state
 
 
 def bond_damping(bond: BondedPair, model: Model, config: SolverConfig) -> float:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from dcap.geometry.raycast import tensor
 from dcap.scene.types.mesh import Mesh
 from solver.certificate import CertificateRow, ContactProof, PointForces, Verdict
-from solver.model.bodies import Body, Model, SoftBody, free_motions
+from solver.model.bodies import Model, SoftBody, free_motions
 from solver.result import SettledModel
 
 Array = NDArray[np.float64]
@@ -62,7 +62,8 @@ def contact_proof(model: Model, surfaces: Sequence[Mesh], forces: PointForces, l
     """Measure on the final surfaces, one for each body, where forces act and what they hold."""
     size = np.linalg.norm(forces.force, axis=1)
     gap, allowed = np.zeros(len(size)), np.full(len(size), largest_gap)
-    touching = ~forces.bonded & (size > 0.0)
+    numbers = bool(np.isfinite(forces.force).all() and np.isfinite(forces.position).all())
+    touching = ~forces.bonded & (size > 0.0) & numbers  # of a state that holds other values nothing is proven
     for which in (forces.a, forces.b):
         for index in np.unique(which[touching]).tolist():
             mine = np.flatnonzero(touching & (which == index))
@@ -105,12 +106,8 @@ def imbalances(model: Model, forces: PointForces, valid: NDArray[np.bool_]) -> I
         if body.fixed:
             continue
         own = np.concatenate([forces.force[valid & (forces.a == index)], -forces.force[valid & (forces.b == index)]])
+        weight = body.mass * model.gravity_strength
         carried = 0.5 * float(np.linalg.norm(own, axis=1).sum() - np.linalg.norm(own.sum(axis=0)))
-        scale = min(max(weight_of(model, body), carried), heaviest)
+        scale = min(max(weight, carried), heaviest)
         rest = (own.sum(axis=0) + body.mass * model.gravity) * free_motions(body)[:3]
         yield float(np.linalg.norm(rest)) / scale
-
-
-def weight_of(model: Model, body: Body) -> float:
-    """[N]."""
-    return body.mass * model.gravity_strength
