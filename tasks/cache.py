@@ -123,6 +123,8 @@ class RunContext:
     """Of the task runs."""
 
 
+_stage_files: dict[Path, None] = {}
+"""Modules of the stages that were made."""
 _context: ContextVar[RunContext] = ContextVar("run context")
 
 
@@ -158,6 +160,8 @@ class Stage(Generic[P, ValueT_co]):
         self.simulates = simulates
         self._tasks: dict[Path, Task[..., Ref[Any]]] = {}
         self.signature = inspect.signature(function)
+        self.file = Path(inspect.getfile(function)).resolve()
+        _stage_files[self.file] = None
 
     @cached_property
     def hints(self) -> dict[str, Any]:
@@ -166,8 +170,10 @@ class Stage(Generic[P, ValueT_co]):
 
     @cached_property
     def code(self) -> Code:
-        """The sources that decide what the function returns."""
-        return code_of(Path(inspect.getfile(self.function)).resolve())
+        """The sources that decide what the function returns; those of all stages at once, before anybody saves one."""
+        for path in _stage_files:
+            code_of(path)
+        return code_of(self.file)
 
     def __call__(self, *args: P.args, **kwargs: P.kwargs) -> Ref[ValueT_co]:
         """Return a reference to what the function returns for these inputs, computed only if it was not before."""

@@ -2,13 +2,16 @@
 
 Comments, docstrings and layout do not count (the syntax tree is hashed); imports inside functions do. A data file that
 reachable code names by a string (`materials.csv`, the folder `prompts`) counts with its bytes. What a source file says
-is kept in the cache under the digest of its bytes: building 650 syntax trees takes three seconds.
+is kept in the cache: building 650 syntax trees takes three seconds.
+
+A program reads each file once, soon after it has begun: it runs what it loaded then, whatever is saved later.
 """
 
 import ast
 import hashlib
 import json
 import sys
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -19,6 +22,7 @@ from threading import Lock
 from typing import Any
 
 from dcap.scene import settings
+from dcap.scene.errors import StoreError
 from dcap.scene.json_tree import canonical_json
 from dcap.scene.whole_files import write_whole
 
@@ -58,6 +62,8 @@ PARSED, LISTS = "sources.json", "code"
 """File and folder of the cache: what each source says, and lists of files by the digest of the list."""
 RULES = f"{sys.version_info[:2]} {hashlib.sha256(Path(__file__).read_bytes()).hexdigest()}"
 """What decides what a source says, besides its bytes."""
+BEGIN_NS = time.time_ns()
+"""When this program had not loaded most of its code yet."""
 _known_lists: dict[str, Mapping[str, str]] = {}
 """Of the code of this process, by digest."""
 _lock = Lock()
@@ -78,13 +84,19 @@ class Code:
 
 @cache
 def code_of(module_path: Path, root: Path = settings.PROJECT_ROOT) -> Code:
-    """Return what a module reaches, itself included; found once per process, which runs the code that it loaded."""
+    """Return what a module reaches, itself included; found once per process, which runs the code that it loaded.
+
+    StoreError if one of the files was saved while the program began: which state of it was loaded is not known.
+    """
     with _lock:
-        parsed = _ParsedSources(settings.cache_root() / PARSED)
+        parsed = _sources_at_begin(settings.cache_root() / PARSED)
         paths = sorted(_reachable(module_path.resolve(), root, parsed))
         files = {_name_of(path, root): _digest_of(path, parsed) for path in paths}
         imported = {name.split(".")[0] for path in paths if path.suffix == ".py" for name in parsed[path]["imports"]}
         parsed.write()
+    for path in paths:
+        if path.is_relative_to(settings.PROJECT_ROOT) and path.stat().st_mtime_ns > BEGIN_NS:
+            raise StoreError(f"{_name_of(path, root)} has changed while this program started; start it again")
     code = Code(hashlib.sha256(canonical_json(files)).hexdigest(), files, _versions(imported))
     _known_lists[code.digest] = files
     return code
@@ -121,29 +133,34 @@ def changed_sources(files: Mapping[str, str], root: Path = settings.PROJECT_ROOT
 
 
 class _ParsedSources:
-    """What sources say, each by the digest of its bytes, in one file of the cache; a damaged file counts as none."""
+    """What sources say, each by its path, in one file of the cache; a damaged file counts as none."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self._known: dict[str, Any] = {}
-        self._by_path: dict[Path, dict[str, Any]] = {}
+        self._read: dict[Path, dict[str, Any]] = {}
+        self._changed = False
         with suppress(OSError, ValueError, KeyError, TypeError):
             tree = json.loads(path.read_bytes())
             if tree["check"] == self._check(tree["sources"]):
                 self._known = tree["sources"]
-        self._before = set(self._known)
 
     def __getitem__(self, path: Path) -> dict[str, Any]:
-        if path not in self._by_path:
+        if path not in self._read:
             source = path.read_bytes()
-            name = hashlib.sha256(source).hexdigest()
-            if name not in self._known:
-                self._known[name] = _parse(source, path)
-            self._by_path[path] = self._known[name]
-        return self._by_path[path]
+            digest = hashlib.sha256(source).hexdigest()
+            said = self._known.get(str(path), {})
+            if said.get("bytes") != digest:
+                said = {"bytes": digest, **_parse(source, path)}
+                self._changed = True
+            self._read[path] = self._known[str(path)] = said
+        return self._read[path]
 
     def write(self) -> None:
-        if set(self._known) != self._before:
+        """Keep what is new for the next program, and forget files that are gone."""
+        if self._changed:
+            self._changed = False
+            self._known = {name: said for name, said in self._known.items() if Path(name).is_file()}
             with suppress(OSError):  # costs the next program some seconds
                 self.path.parent.mkdir(parents=True, exist_ok=True)
                 write_whole(self.path, canonical_json({"check": self._check(self._known), "sources": self._known}))
@@ -151,6 +168,11 @@ class _ParsedSources:
     @staticmethod
     def _check(sources: Mapping[str, Any]) -> str:
         return hashlib.sha256(RULES.encode() + canonical_json(sources)).hexdigest()
+
+
+@cache
+def _sources_at_begin(path: Path) -> _ParsedSources:
+    return _ParsedSources(path)
 
 
 def _parse(source: bytes, path: Path) -> dict[str, Any]:

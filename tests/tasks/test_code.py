@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dcap.scene.errors import StoreError
 from dcap.scene.settings import PROJECT_ROOT, cache_root
 from flows.place import STAGES
 from tasks import code
@@ -47,6 +48,7 @@ def root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def found(root: Path) -> code.Code:
     """The code behind the stage `fill`, as a new program finds it."""
     code_of.cache_clear()
+    code._sources_at_begin.cache_clear()
     code._module_files.cache_clear()
     return code_of(root / "tasks" / "fill.py", root)
 
@@ -101,6 +103,33 @@ def test_a_damaged_list_of_sources_is_written_anew(root: Path) -> None:
         kept.write_bytes(data)
         assert found(root) == before
         assert kept.read_bytes() == whole
+
+
+def test_files_that_are_gone_are_forgotten(root: Path) -> None:
+    """The list of sources does not grow with each renamed file."""
+    found(root)
+    assert str(root / "dcap/scene/late.py") in (cache_root() / PARSED).read_text()
+    (root / "dcap/scene/box.py").write_text('TABLE = "materials.csv"\n')
+    (root / "dcap/scene/late.py").unlink()
+    found(root)
+    assert str(root / "dcap/scene/late.py") not in (cache_root() / PARSED).read_text()
+
+
+def test_what_is_saved_while_a_program_runs_is_the_next_programs(root: Path) -> None:
+    """A program keeps the digests of its begin; what was saved between its start and these is refused."""
+    before = found(root)
+    (root / "dcap/scene/late.py").write_text("def late(): return 5\n")
+    code_of.cache_clear()
+    assert code_of(root / "tasks" / "fill.py", root) == before
+    assert found(root) != before
+
+
+def test_a_file_saved_as_the_program_starts_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nobody knows which state of it was loaded."""
+    code_of.cache_clear()
+    monkeypatch.setattr(code, "BEGIN_NS", (PROJECT_ROOT / "tasks/cache.py").stat().st_mtime_ns - 1)
+    with pytest.raises(StoreError, match=r"tasks/cache.py has changed while this program started"):
+        code_of(PROJECT_ROOT / "tasks/cache.py")
 
 
 def test_an_installed_dcap_has_the_same_digests(root: Path) -> None:

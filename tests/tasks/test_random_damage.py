@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from small_stages import CHAIN, chain, ends_of
 
-from tasks import artifact, records
+from tasks import artifact, code, records
 from tasks.artifact import Ref, Store
 from tasks.cache import Event, Mode
 from tasks.code import PARSED, changed_sources, code_of
@@ -29,6 +29,7 @@ def as_a_new_program() -> None:
     """Forget which artifacts and records this process has read."""
     artifact._default_store.cache_clear()
     records._read_once.cache_clear()
+    code._sources_at_begin.cache_clear()
 
 
 def strike(cache: Path, chance: random.Random) -> str:
@@ -66,7 +67,7 @@ def check(cache: Path, count: int) -> None:
     """Damage by damage: what is returned is what was returned before any, and what is loaded are its bytes."""
     chance, source = random.Random(count), Path(__file__)
     truth = [chain(seed) for seed in SEEDS]
-    undisturbed, code = [contents(refs) for refs in truth], code_of.__wrapped__(source)
+    undisturbed, known = [contents(refs) for refs in truth], code_of.__wrapped__(source)
     for _ in range(count):
         done = strike(cache, chance)
         as_a_new_program()
@@ -74,9 +75,9 @@ def check(cache: Path, count: int) -> None:
         assert found == truth, done
         for ref in (ref for refs in found for ref in refs):
             Store.default().load(ref)
-        assert code_of.__wrapped__(source) == code, done
+        assert code_of.__wrapped__(source) == known, done
     assert [contents(refs) for refs in truth] == undisturbed
-    assert list(changed_sources(code.files)) == []
+    assert list(changed_sources(known.files)) == []
     repair(damages())
     assert damages() == []
     for seed, refs in zip(SEEDS, truth, strict=True):
