@@ -341,7 +341,7 @@ def stages_to_refresh(stage: str, sample: Sample, config: PlaceConfig) -> frozen
     refreshed = frozenset(BOTH_MESHES if stage == MESH else {stage})
     known = dict.fromkeys((*STAGE_NAMES, OVERVIEW))
     if not refreshed.issubset(known):
-        known |= dict.fromkeys(one.stage for one in plan_sample(sample, config).stages)
+        known |= dict.fromkeys(one.stage for one in plan_sample(sample, config, bring=False).stages)
     if not refreshed.issubset(known):
         raise InputError(f"--stage {stage!r} {not_one_of(stage, (MESH, *known))}")
     return refreshed

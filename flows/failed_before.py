@@ -30,7 +30,7 @@ def failed_before(dataset: Path, samples: Sequence[Sample], config: PlaceConfig)
     if not left:
         raise InputError(f"nothing failed in {folder.name}; run without --only-failed")
     done = [one for one in known if one.id not in left]
-    cached = {one.id for one in done if plan_sample(one, config).finished is not None}
+    cached = {one.id for one in done if plan_sample(one, config, bring=False).finished is not None}
     print_lines(taken_lines(folder.name, left, len(cached), len(done) - len(cached)))
     return [one for one in known if one.id in left or one.id in cached]
 

@@ -46,7 +46,7 @@ def plan_benchmark(
     error."""
     _, samples = dataset_samples(dataset, methods, limit, scenes)
     config = measured_config(config, methods)
-    plans = [plan_sample(sample, config) for sample in samples]
+    plans = [plan_sample(sample, config, bring=False) for sample in samples]
     failed = [plan.failed.error for plan in plans if plan.failed]
     if len(failed) == len(plans) and all(isinstance(one, OSError | MachineError) for one in failed):
         raise failed[0]  # a disk or its rights, and no sample's matter

@@ -17,6 +17,7 @@ from prefect.client.orchestration import SyncPrefectClient, get_client
 from prefect.client.schemas.actions import WorkPoolCreate
 from prefect.client.schemas.objects import FlowRun, State, TaskRun, WorkerStatus
 from prefect.deployments import run_deployment
+from prefect.exceptions import ObjectNotFound
 from prefect.flows import Flow, load_flow_from_entrypoint
 from prefect.runtime import flow_run
 from prefect.states import Completed, Crashed, Failed
@@ -25,6 +26,7 @@ from prefect.utilities.callables import parameter_schema
 from dcap.cores import available_cores
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import DcapError, StoreError
+from dcap.scene.machine_errors import pass_over_server_errors
 from dcap.scene.readers.files.yaml_text import parse_yaml
 from dcap.scene.settings import resource
 from flows.configure import with_threads
@@ -32,6 +34,7 @@ from flows.place import PlaceConfig
 from flows.run_files import located, sample_from_json
 from flows.run_names import sample_tags
 from flows.sample_run import FinishedSample, StageResult, error_line, plan_sample
+from flows.server import was_given_up
 from flows.watched import (
     PlacedSample,
     SampleJob,
@@ -39,7 +42,6 @@ from flows.watched import (
     run_job,
     sample_run_name,
     show_pictures,
-    suppress_lost_server,
     tag_task_run,
 )
 from tasks.process import die_with_parent
@@ -107,12 +109,17 @@ def place_in_pool(job: SampleJob) -> object:
 
 
 def _final_state(run_id: UUID) -> State[Any]:
-    """Wait for the final state of a flow run; LostWorkerError where its worker is gone."""
-    alone_since = time.monotonic()
+    """Wait for the final state of a flow run; LostWorkerError where its worker is gone, DcapError where the server is,
+    or has the run no more."""
+    heard = alone_since = time.monotonic()
     while True:
         time.sleep(LOOK_SECONDS)
-        with suppress_lost_server(), get_client(sync_client=True) as client:
-            run = client.read_flow_run(run_id)
+        with pass_over_server_errors(), get_client(sync_client=True) as client:
+            try:
+                run = client.read_flow_run(run_id)
+            except ObjectNotFound:
+                raise DcapError("its flow run was deleted from the server") from None
+            heard = time.monotonic()
             if run.state is not None and run.state.is_final():
                 return run.state
             host, pid = _process_of(run)
@@ -122,6 +129,8 @@ def _final_state(run_id: UUID) -> State[Any]:
             if begun and (_is_gone(host, pid) or time.monotonic() - alone_since > LOST_SECONDS):
                 client.set_flow_run_state(run_id, Crashed(message="its worker was lost"), force=True)
                 raise LostWorkerError("its worker was lost")
+        if was_given_up() or time.monotonic() - heard > LOST_SECONDS:
+            raise DcapError("the Prefect server was lost, which tells whether its worker has placed it; run it again")
 
 
 def _has_worker(client: SyncPrefectClient, host: str) -> bool:
@@ -157,7 +166,7 @@ def place_for_pool(job: dict[str, Any]) -> State[Any]:
     mine = job_from_json(job)
     if not mine.config.drop.threads:
         mine = replace(mine, config=with_threads(mine.config, available_cores()))
-    with suppress_lost_server(), get_client(sync_client=True) as client:
+    with pass_over_server_errors(), get_client(sync_client=True) as client:
         tags = [*sample_tags(mine.sample, mine.run), f"{PROCESS}{platform.node()}:{os.getpid()}"]
         client.update_flow_run(UUID(flow_run.id), tags=tags)
     try:

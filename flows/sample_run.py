@@ -144,11 +144,12 @@ def run_sample(sample: Sample, config: PlaceConfig, context: RunContext) -> Fini
     return FinishedSample(sample, placement, tuple(recorder.results))
 
 
-def plan_sample(sample: Sample, config: PlaceConfig) -> Plan:
-    """Look every stage of a sample up, also behind those whose results are not there."""
+def plan_sample(sample: Sample, config: PlaceConfig, *, bring: bool = True) -> Plan:
+    """Look every stage of a sample up, also behind those whose results are not there; what only the shared store has
+    comes here if it is to `bring`."""
     recorder = EventRecorder()
     try:
-        with sample_context(sample, RunContext(Mode.LOOKUP, recorder)):
+        with sample_context(sample, RunContext(Mode.LOOKUP, recorder, bring=bring)):
             placement = place_by(sample, config)
     except Exception as error:  # what is wrong with one sample is told, and the others are planned
         failed = FailedSample(sample, error)

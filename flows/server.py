@@ -14,7 +14,6 @@ import signal
 import socket
 import subprocess
 import sys
-import threading
 import time
 import tomllib
 import urllib.request
@@ -46,7 +45,8 @@ START_SECONDS = 120.0
 """A first start creates the database, which takes 8 s on two idle cores."""
 STOP_SECONDS, POLL_SECONDS = 10.0, 0.5
 LOOK_SECONDS, MOST_MISSED = 5.0, 2
-_given_up = threading.Event()
+_patience: list[str] = []
+"""How often a lost server was to be asked before it was given up; empty while none is."""
 
 
 @contextmanager
@@ -76,6 +76,12 @@ def watching_server() -> Iterator[str]:
 
 def running_url() -> str:
     """Return the address of the server of this data folder; empty if none is healthy."""
+    url = _kept_url()
+    return url if url and is_healthy(url) else ""
+
+
+def _kept_url() -> str:
+    """Return the address of the server of this data folder, whose keeper lives; empty if there is none."""
     folder = server_folder()
     try:
         with (folder / SERVING).open() as file:
@@ -86,10 +92,9 @@ def running_url() -> str:
     except OSError:
         return ""
     try:
-        url = str(json.loads((folder / ADDRESS).read_bytes())["url"])
+        return str(json.loads((folder / ADDRESS).read_bytes())["url"])
     except (OSError, ValueError, KeyError, TypeError):
         return ""
-    return url if is_healthy(url) else ""
 
 
 def is_healthy(url: str) -> bool:
@@ -121,22 +126,22 @@ def wait_for_end(url: str) -> None:
 
 
 def own_server_has_ended() -> bool:
-    """Return whether the server that this project has started for the run is gone; another's may have its port."""
+    """Return whether the server that this project has started for the run is gone; one that is slow is not."""
     url = os.environ.get(OWN_URL, "")
-    return url != "" and running_url() != url
+    return url != "" and _kept_url() != url
 
 
 def give_up_server() -> None:
     """Let Prefect ask a lost server no more than once a time, until another one is used."""
     if not was_given_up():
-        _given_up.set()
+        _patience.append(os.environ.get(RETRIES, ""))
         os.environ[RETRIES] = "0"
         apply_settings()
 
 
 def was_given_up() -> bool:
     """Return whether the server was lost: what Prefect still has to tell it would keep the program from ending."""
-    return _given_up.is_set()
+    return bool(_patience)
 
 
 def pages_of(url: str) -> str:
@@ -183,8 +188,7 @@ def _as_own_server(url: str) -> Iterator[str]:
         own[LOGIN] = os.environ[SERVER_LOGIN]
     os.environ.update(own)
     if was_given_up():
-        _given_up.clear()
-        del os.environ[RETRIES]
+        os.environ[RETRIES] = _patience.pop()
     logging.raiseExceptions = False  # what a lost server does not take of logs is dropped without a word
     try:
         apply_settings()

@@ -12,7 +12,7 @@ import os
 import re
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from functools import partial
@@ -20,7 +20,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
-import httpx
 from PIL import Image
 from prefect import flow, task
 from prefect.artifacts import (
@@ -33,7 +32,6 @@ from prefect.cache_policies import NO_CACHE
 from prefect.client.orchestration import get_client
 from prefect.client.schemas.filters import FlowRunFilter, TaskRunFilter
 from prefect.context import TaskRunContext
-from prefect.exceptions import PrefectException
 from prefect.futures import PrefectFuture, as_completed
 from prefect.runtime import flow_run, task_run
 from prefect.states import Completed, Crashed, Failed
@@ -41,7 +39,9 @@ from prefect.transactions import CommitMode, transaction
 
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import StoreError
+from dcap.scene.machine_errors import is_lost_server, pass_over_server_errors
 from dcap.scene.settings import server_folder
+from dcap.scene.team_server import API_URL, OWN_URL
 from dcap.scene.types.outcome import Infeasible
 from dcap.scene.types.sample import Sample
 from flows.place import PlaceConfig
@@ -63,8 +63,6 @@ SHOWN = ("settled", "closeup", "before_after", "asked", "clean", "candidates", "
 STEERING = re.compile(r"[\\`*_\[\]()#+!|~]")
 """Characters that steer a page of Markdown."""
 FAILED = "Failed"
-NO_SERVER = "Failed to reach API", "Retry handling ended"
-"""Beginnings of Prefect's plain errors where its server is gone, or was given up while it was asked."""
 _work: ContextVar[Callable[[], object]] = ContextVar("work of the flow")
 """What the flow that is called next does: a flow itself is sent to clusters, and its work cannot."""
 _server_lost = threading.Event()
@@ -90,11 +88,6 @@ class PlacedSample:
 
     def __init__(self, finished: FinishedSample) -> None:
         self.finished = finished
-
-
-def is_lost_server(error: BaseException) -> bool:
-    """Return whether an error only says that the server does not answer, or refuses."""
-    return isinstance(error, httpx.HTTPError | PrefectException) or str(error).startswith(NO_SERVER)
 
 
 def sample_run_name() -> str:
@@ -171,20 +164,20 @@ def in_flow(shown: Callable[..., Any], tags: Sequence[str], work: Callable[[], t
     _server_lost.clear()
 
     def tagged_work() -> object:
-        with claimed_run() as claim:
-            claims.append(claim)
-            with suppress_lost_server(), get_client(sync_client=True) as client:
-                # not around the flow: the tags would be those of each task from its start
-                client.update_flow_run(UUID(flow_run.id), tags=list(tags))
-            name, message = work()
-            ended.append(name)
-            return Failed(message=message) if name == FAILED else Completed(name=name, message=message or None)
+        claims.append(claimed.enter_context(claimed_run()))
+        with pass_over_server_errors(), get_client(sync_client=True) as client:
+            # not around the flow: the tags would be those of each task from its start
+            client.update_flow_run(UUID(flow_run.id), tags=list(tags))
+        name, message = work()
+        ended.append(name)
+        return Failed(message=message) if name == FAILED else Completed(name=name, message=message or None)
 
     token = _work.set(tagged_work)
     try:
-        state = shown(return_state=True)
-        for claim in claims:
-            claim.unlink(missing_ok=True)
+        with ExitStack() as claimed:  # until the server has been told how the run ended
+            state = shown(return_state=True)
+            for claim in claims:
+                claim.unlink(missing_ok=True)
         if not ended:
             state.result()  # raises what the work has raised
         if own_server_has_ended():
@@ -262,7 +255,7 @@ def place_all(
 def show_there(show: Callable[[], object]) -> None:
     """Show something on Prefect's pages; nothing any more once the server was lost, as each go waits for it."""
     if not _server_lost.is_set():
-        with suppress_lost_server() as lost:
+        with pass_over_server_errors() as lost:
             show()
         if lost or own_server_has_ended():
             lose_server()
@@ -272,18 +265,6 @@ def lose_server() -> None:
     """Show nothing any more, and ask a server that does not answer no more than once a time."""
     _server_lost.set()
     give_up_server()
-
-
-@contextmanager
-def suppress_lost_server() -> Iterator[list[Exception]]:
-    """Pass over what a server comes to, where nothing depends on its answer; yields a list that keeps it."""
-    lost: list[Exception] = []
-    try:
-        yield lost
-    except Exception as error:
-        if not is_lost_server(error):
-            raise
-        lost.append(error)
 
 
 def show_pictures(finished: FinishedSample) -> None:
@@ -314,31 +295,38 @@ def plain_text(text: str) -> str:
 
 @contextmanager
 def claimed_run() -> Iterator[Path]:
-    """Hold the lock of a file that tells that the program of this flow run lives; set runs of dead programs to Crashed
-    first. Whoever knows that the server has been told how the run ended deletes the file."""
+    """Hold the lock of a file that tells that the program of this flow run lives, and on which server; set runs of dead
+    programs to Crashed first. Whoever knows that the server has been told how the run ended deletes the file."""
     folder = server_folder() / "running"
     folder.mkdir(parents=True, exist_ok=True)
-    with suppress_lost_server():
+    with pass_over_server_errors():
         end_dead_runs(folder)
     path = folder / str(flow_run.id)
     draft = path.with_suffix(".draft")  # locked before anybody sees it
-    lock = os.open(draft, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
-    fcntl.flock(lock, fcntl.LOCK_EX)
-    draft.rename(path)
-    try:
+    with draft.open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        lock.write(server_of_runs())
+        lock.flush()
+        draft.rename(path)
         yield path
-    finally:
-        os.close(lock)
+
+
+def server_of_runs() -> str:
+    """Return the address of a team's server; empty for that of the data folder, whose port may be another tomorrow."""
+    url = os.environ.get(API_URL, "")
+    return "" if url == os.environ.get(OWN_URL) else url
 
 
 def end_dead_runs(folder: Path) -> None:
-    """Set the flow runs whose programs were killed on this machine to Crashed, with the task runs at work in them and
-    the samples that wait in the pool for them."""
+    """Set the flow runs on this server whose programs were killed on this machine to Crashed, with the task runs at
+    work in them and the samples that wait in the pool for them."""
     for path in (one for one in folder.iterdir() if not one.suffix):
         with suppress(FileNotFoundError), path.open() as file:
             try:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:  # it lives
+                continue
+            if file.read() != server_of_runs():
                 continue
             state: State[Any] = Crashed(message="its program was killed")
             run = UUID(path.name)

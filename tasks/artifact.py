@@ -143,9 +143,13 @@ class Store:
             with self._draft(ref) as folder:
                 for name, data in files.items():
                     (folder / name).write_bytes(data)
+        self.share(ref)
+        return ref
+
+    def share(self, ref: Ref[Any]) -> None:
+        """Write an artifact that is here into the shared store, if there is one."""
         if self.shared is not None:
             self.shared.push(self._shared_name(ref), self.folder(ref))
-        return ref
 
     def load(self, ref: Ref[ValueT]) -> ValueT | Infeasible:
         """Return the value of an artifact; MissingArtifactError if it is gone or does not match its digest."""
@@ -164,9 +168,12 @@ class Store:
             raise MissingArtifactError(f"{ref.kind} {ref.sha256[:12]} in {folder} does not match its digest")
         return cast("ValueT | Infeasible", decode(files))
 
-    def has(self, ref: Ref[Any]) -> bool:
-        """Return whether the artifact is here and sound; it is brought here from the shared store if that has it."""
-        return self.is_here(ref) or self._fetch(ref)
+    def has(self, ref: Ref[Any], *, bring: bool = True) -> bool:
+        """Return whether the artifact is here and sound; it is brought here from the shared store if that has it.
+
+        Where it is not to `bring`, it is enough that the shared store has files of it, sound or not.
+        """
+        return self.is_here(ref) or (self._fetch(ref) if bring else self._is_shared(ref))
 
     def is_here(self, ref: Ref[Any]) -> bool:
         """Return whether the artifact is in this folder and every byte matches its digest.
@@ -229,6 +236,9 @@ class Store:
         with self._draft(ref) as folder:
             self.shared.fetch(self._shared_name(ref), folder)
         return self.is_here(ref)
+
+    def _is_shared(self, ref: Ref[Any]) -> bool:
+        return self.shared is not None and bool(self.shared.names(self._shared_name(ref)))
 
     def _shared_name(self, ref: Ref[Any]) -> str:
         return f"{OBJECTS}/{ref.kind}/{ref.sha256[:2]}/{ref.sha256}"

@@ -33,6 +33,7 @@ from dcap.language.connect import connect
 from dcap.language.protocol.client import ClientName
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import StoreError
+from dcap.scene.machine_errors import pass_over_server_errors
 from dcap.scene.settings import cache_root
 from dcap.scene.types.outcome import Infeasible
 from tasks.artifact import Record, Ref, Store
@@ -115,6 +116,8 @@ class RunContext:
     """How questions are asked."""
     refresh: frozenset[str] = frozenset()
     """Stages to compute again although they have a record."""
+    bring: bool = True
+    """Whether a look-up brings what the shared store has here."""
     slots: threading.Semaphore | None = None
     """How many stages may compute at a time; a stage that waits for a reply lends its slot to another."""
     limits: frozenset[str] = frozenset()
@@ -192,8 +195,8 @@ class Stage(Generic[P, ValueT_co]):
 
         with use_context(replace(context, on_event=on_event)):
             ref = self._run_watched(inputs) if context.mode is Mode.WATCHED else self._run_directly(inputs)
-        if computed.is_set() and Store.default().shared is not None:
-            share_record(find_record(key_of(self.recipe(inputs)))[0])
+        if Store.default().shared is not None:
+            share_record(find_record(key_of(self.recipe(inputs)))[0], ref, new=computed.is_set())
         context.on_event(StageEvent(self.name, Event.FINISHED if computed.is_set() else Event.CACHED, 1.0, ref=ref))
         return ref
 
@@ -234,7 +237,12 @@ class Stage(Generic[P, ValueT_co]):
             ) -> str | None:
                 # only now: of tags that a run starts with Prefect asks the server, which may be lost
                 task_ctx.task_run.tags = list(current_context().tags)
-                return find_record(key_of(recipe(inputs)))[0]
+                key = key_of(recipe(inputs))
+                name, ref = find_record(key)
+                if ref is None and name != key:  # Prefect writes in place: perhaps half of it is there by now
+                    FileLocks().wait_for_lock(key)
+                    name = find_record(key)[0]
+                return name
 
         def body(**inputs: Any) -> Any:  # a reference, or a state that holds one
             ref = self._compute(inputs)
@@ -278,7 +286,7 @@ class Stage(Generic[P, ValueT_co]):
     def _look_up(self, inputs: Mapping[str, Any], context: RunContext) -> Ref[Any]:
         waits = [value.kind for value in inputs.values() if isinstance(value, Ref) and value.pending]
         recipe = {} if waits else self.recipe(inputs)
-        ref = None if waits else find_record(key_of(recipe))[1]
+        ref = None if waits else find_record(key_of(recipe), bring=context.bring)[1]
         if ref is None:
             text = ", ".join(dict.fromkeys(waits))
             context.on_event(StageEvent(self.name, Event.MISSING, text=text, recipe=recipe))
@@ -372,7 +380,10 @@ class Stage(Generic[P, ValueT_co]):
 
     @contextmanager
     def _limit(self, config: Any) -> Iterator[None]:
-        """Hold a slot of the limit that the stage falls under, if that is set. A cached stage waits for nothing."""
+        """Hold a slot of the limit that the stage falls under, if that is set and the server that counts is there.
+
+        A cached stage waits for nothing.
+        """
         asks = CLIENT in self.signature.parameters
         models = asks and config.language.client in (ClientName.ANTHROPIC, ClientName.OPENAI)
         name = SIMULATIONS if self.simulates else MODEL_CALLS if models else ""
@@ -381,8 +392,14 @@ class Stage(Generic[P, ValueT_co]):
             return
         from prefect.concurrency.sync import concurrency
 
-        with concurrency(name, strict=True):
+        held = ExitStack()
+        with pass_over_server_errors():
+            held.enter_context(concurrency(name))
+        try:
             yield
+        finally:
+            with pass_over_server_errors():
+                held.close()
 
     def _progress_listener(self) -> Callable[[float, str], None]:
         context = current_context()

@@ -14,16 +14,17 @@ import sys
 import tempfile
 import threading
 import time
+import traceback
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
+from multiprocessing.reduction import ForkingPickler
 from types import ModuleType
 from typing import Any, TypeVar
 
 from threadpoolctl import threadpool_limits
 
-from dcap.scene import errors
 from dcap.scene.errors import DcapError
 from dcap.scene.machine_errors import machine_error
 from tasks.code import PACKAGES
@@ -68,8 +69,8 @@ def preload() -> None:
 def run_in_process(function: Callable[..., ResultT], *arguments: object, on_progress: OnProgress) -> ResultT:
     """Return what a module-level function returns in a process of its own.
 
-    Errors on purpose are raised here under their own type; StageProcessError where the process ends without a result,
-    KeyboardInterrupt where that is because the program was interrupted.
+    What it raises is raised here; StageProcessError where the process ends without a result, KeyboardInterrupt where
+    that is because the program was interrupted.
     """
     preload()
     receiver, sender = CONTEXT.Pipe(duplex=False)
@@ -124,8 +125,7 @@ def _listen(process: BaseProcess, receiver: Connection, on_progress: OnProgress)
         if kind == "progress":
             on_progress(*content)
         elif kind == "error":
-            name, message = content
-            raise getattr(errors, name, DcapError)(message)
+            raise content[0]
         else:
             return content[0]
 
@@ -168,15 +168,26 @@ def _work(
     try:
         result = function(*arguments)
     except Exception as error:
-        known = error if isinstance(error, DcapError) else machine_error(error)
-        if known is None:
-            raise
-        sender.send(("error", type(known).__name__, str(known)))
+        sender.send(("error", _portable(error)))
         return
     usage = resource.getrusage(resource.RUSAGE_SELF)
     used = f"{usage.ru_utime + usage.ru_stime:.2f} s of processor time, {usage.ru_maxrss / 1024:.0f} MiB"
     sender.send(("progress", 1.0, used))
     sender.send(("done", result))
+
+
+def _portable(error: Exception) -> Exception:
+    """Return an error that another process can read, with its traceback as a note where it is a mistake of ours."""
+    known = error if isinstance(error, DcapError) else machine_error(error)
+    if known is not None:
+        return known
+    where = "".join(traceback.format_exception(error))
+    try:
+        ForkingPickler.loads(ForkingPickler.dumps(error))  # as the pipe does
+    except Exception:
+        error = RuntimeError(f"{type(error).__name__}: {error}")
+    error.add_note(where)
+    return error
 
 
 def die_with_parent() -> None:

@@ -47,28 +47,32 @@ def records_root() -> Path:
     return cache_root() / FOLDER
 
 
-def find_record(key: str) -> tuple[str, Ref[Any] | None]:
-    """Return the first name that is free or has a usable record, and the result that this names."""
+def find_record(key: str, *, bring: bool = True) -> tuple[str, Ref[Any] | None]:
+    """Return the first name that is free or has a usable record, and the result that this names.
+
+    A record that is missing or damaged here is looked for in the shared store; its artifact too, and that comes here
+    only if it is to `bring`.
+    """
     for repeat in range(MOST_REPEATS):
         name = key if repeat == 0 else f"{key}-r{repeat}"
         path = records_root() / name
-        if not os.path.lexists(path) and not _fetch_record(name):
-            return name, None
-        ref = usable_result(path, key)
-        if ref is not None:
+        ref = usable_result(path, key, bring=bring)
+        if ref is None and _fetch_record(name):
+            ref = usable_result(path, key, bring=bring)
+        if ref is not None or not os.path.lexists(path):
             return name, ref
     raise StoreError(f"{key}: {MOST_REPEATS} records are damaged; `dcap cache verify --repair` removes them")
 
 
-def usable_result(path: Path, key: str) -> Ref[Any] | None:
-    """Return the result that a record names; None if the record or the artifact is damaged."""
+def usable_result(path: Path, key: str, *, bring: bool = True) -> Ref[Any] | None:
+    """Return the result that a record names; None if there is no record, or it or the artifact is damaged."""
     try:
         ref = read_record(path)
         assert ref.record is not None
         sound = ref.record.key == key == key_of(ref.record.recipe)
     except DAMAGED:
         return None
-    return ref if sound and Store.default().has(ref) else None
+    return ref if sound and Store.default().has(ref, bring=bring) else None
 
 
 def read_record(path: Path) -> Ref[Any]:
@@ -98,11 +102,17 @@ def write_record(name: str, ref: Ref[Any]) -> None:
     os.replace(draft, records_root() / name)
 
 
-def share_record(name: str) -> None:
-    """Write a record that lies here into the shared store, if there is one."""
-    shared = Store.default().shared
-    if shared is not None and (records_root() / name).is_file():
-        shared.push(f"{FOLDER}/{name}", records_root() / name)
+def share_record(name: str, ref: Ref[Any], *, new: bool) -> None:
+    """Write a record into the shared store, if there is one and the record lies here; that of an earlier run only if
+    the shared store has none of that name, and with its artifact."""
+    shared, path = Store.default().shared, records_root() / name
+    if shared is None or not path.is_file():
+        return
+    if not new:
+        if name in shared.names(FOLDER):
+            return
+        Store.default().share(ref)
+    shared.push(f"{FOLDER}/{name}", path)
 
 
 def _fetch_record(name: str) -> bool:

@@ -23,6 +23,7 @@ class SharedStore:
     def __init__(self, url: str) -> None:
         self.url = url
         self._pushed: set[str] = set()
+        self._names: dict[str, frozenset[str]] = {}
         with self._errors_as_one_line("cannot be opened"):
             import fsspec  # nobody waits for its protocols who shares nothing
 
@@ -58,6 +59,17 @@ class SharedStore:
             if sum(about["size"] for about in found.values()) <= MOST_BYTES:
                 for path in found:
                     self._files.get_file(path, str(folder / path.rpartition("/")[2]))
+
+    def names(self, folder: str) -> frozenset[str]:
+        """Return the names of the files in a folder, as they were when this process first asked."""
+        if folder not in self._names:
+            with self._errors_as_one_line(f"{folder} cannot be listed"):
+                try:
+                    found = self._files.ls(f"{self._root}/{folder}", detail=False)
+                except FileNotFoundError:
+                    found = []
+            self._names[folder] = frozenset(str(one).rpartition("/")[2] for one in found)
+        return self._names[folder]
 
     def read(self, name: str) -> bytes | None:
         """Return the content of a file; None if there is none."""

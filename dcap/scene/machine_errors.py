@@ -30,7 +30,11 @@ UNLOADED = ("failed to map segment", "annot allocate memory")
 """What the loader says of a library for which there is no memory."""
 NO_SERVER = "Failed to reach API"
 """What Prefect's plain RuntimeError says where its server is gone."""
-UNAUTHORIZED = 401
+GIVEN_UP = "Retry handling ended"
+"""What it says where the server was given up while it was asked."""
+ANSWERS = ("httpx", "httpcore", "prefect")
+"""Packages whose errors can be the answer of a server."""
+UNAUTHORIZED, REFUSALS = 401, range(400, 500)
 LONGEST_PATH, LONGEST_WORDS = 200, 300
 """Letters of a path and of foreign words that a line shows."""
 ROOMY = 64 << 20
@@ -173,16 +177,35 @@ def _knob_of_memory() -> str:
     return "close other programs, give fewer --workers, a coarser --resolution or smaller files"
 
 
-def says_no_server(error: BaseException) -> bool:
-    """Whether an error is the plain RuntimeError of Prefect's client that reaches no server."""
-    return isinstance(error, RuntimeError) and NO_SERVER in str(error)
+@contextmanager
+def pass_over_server_errors() -> Iterator[list[Exception]]:
+    """Go on whatever the server of the runs comes to, where nothing depends on its answer.
+
+    Yields a list that keeps an error by which the server is lost: it does not answer, or fails. That it refuses, as
+    for a run that somebody has deleted, is no such error.
+    """
+    lost: list[Exception] = []
+    try:
+        yield lost
+    except Exception as error:
+        if is_lost_server(error):
+            lost.append(error)
+        elif not _has_class_of(error, ANSWERS):
+            raise
+
+
+def is_lost_server(error: BaseException) -> bool:
+    """Whether an error says that the server of the runs does not answer, or fails."""
+    return str(error).startswith(GIVEN_UP) or (_of_server(error) and _status(error) not in REFUSALS)
 
 
 def _of_server(error: BaseException) -> bool:
     """Whether an error is one of Prefect's or of the connection to its server."""
-    if says_no_server(error):
-        return True
-    return any(kind.__module__.partition(".")[0] in SERVER for kind in type(error).__mro__)
+    return (isinstance(error, RuntimeError) and NO_SERVER in str(error)) or _has_class_of(error, SERVER)
+
+
+def _has_class_of(error: BaseException, packages: tuple[str, ...]) -> bool:
+    return any(kind.__module__.partition(".")[0] in packages for kind in type(error).__mro__)
 
 
 def _words(error: BaseException) -> str:

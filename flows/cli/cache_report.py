@@ -116,7 +116,7 @@ def kept_runs(others: Sequence[Path]) -> tuple[list[Path], set[Ref[Any]], list[s
         for sample in asked.samples.values():
             refs = read_needs(asked.folder_of(sample.id))
             if refs is None:
-                plan = plan_sample(sample, asked.config)
+                plan = plan_sample(sample, asked.config, bring=False)
                 refs = {one.ref for one in plan.found}
                 unknown += [f"{folder.name} {sample.id}: {plan.why}"] if plan.failed else []
             needed |= refs

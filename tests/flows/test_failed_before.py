@@ -47,7 +47,7 @@ def test_what_finished_is_in_the_new_table(data: Path, monkeypatch: pytest.Monke
     """A finished sample whose stages are all cached costs nothing and keeps its row."""
     run_of(data / "set.yaml", BAD)
     cached = Plan(GOOD, (), finished=object())  # type: ignore[arg-type]
-    monkeypatch.setattr("flows.failed_before.plan_sample", lambda sample, config: cached)
+    monkeypatch.setattr("flows.failed_before.plan_sample", lambda sample, config, bring: cached)
     assert failed_before(data / "set.yaml", [GOOD, BAD, LATER], PlaceConfig()) == [GOOD, BAD]
 
 

@@ -8,6 +8,8 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
+from dcap.scene.errors import InputError
+
 
 def family(path: str) -> None:
     """Start a process, tell both numbers, and go on for a minute."""
@@ -33,3 +35,21 @@ def alive(pid: int) -> bool:
     with suppress(FileNotFoundError, ProcessLookupError):
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
     return False
+
+
+class CannotTravelError(Exception):
+    """An error that no other process can read."""
+
+    def __init__(self, first: int, second: int) -> None:
+        super().__init__(f"{first} and {second}")
+
+
+def fail(how: str, log: str) -> None:
+    """Note that this ran, and fail."""
+    with Path(log).open("a") as file:
+        file.write("ran\n")
+    raise {
+        "known": InputError("no such thing"),
+        "mistake": ValueError("a mistake"),
+        "cannot travel": CannotTravelError(1, 2),
+    }[how]

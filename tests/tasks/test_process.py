@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+import traceback
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -11,8 +12,9 @@ from pathlib import Path
 import patience
 import pytest
 from foreign_names import LIBRARIES, OURS, foreign_folder, marks
-from process_jobs import alive, family, orphan, surroundings
+from process_jobs import alive, fail, family, orphan, surroundings
 
+from dcap.scene.errors import InputError
 from dcap.scene.settings import PROJECT_ROOT
 from tasks import process
 from tasks.process import StageProcessError, run_in_process
@@ -64,6 +66,24 @@ def test_an_interrupted_program_kills_its_jobs_and_starts_none(tmp_path: Path, m
                 work()
     job, _, grandchild = json.loads((tmp_path / "pids").read_text())
     wait_until(lambda: not alive(job) and not alive(grandchild))
+
+
+@pytest.mark.parametrize(
+    ("how", "kind", "words"),
+    [
+        ("known", InputError, "no such thing"),
+        ("mistake", ValueError, "a mistake"),
+        ("cannot travel", RuntimeError, "CannotTravelError: 1 and 2"),
+    ],
+)
+def test_an_error_is_raised_here_as_it_was_there(tmp_path: Path, how: str, kind: type[Exception], words: str) -> None:
+    """Its type decides what is told of it and whether the stage runs again; a mistake of ours tells where it was."""
+    with pytest.raises(kind, match=words) as caught:
+        run_in_process(fail, how, str(tmp_path / "log"), on_progress=quiet)
+    assert type(caught.value) is kind
+    details = "".join(traceback.format_exception(caught.value))
+    assert ("in fail" in details) is (how != "known")
+    assert (tmp_path / "log").read_text() == "ran\n"
 
 
 PROGRAM = """

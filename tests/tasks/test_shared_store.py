@@ -111,6 +111,38 @@ def test_a_stage_runs_once_for_all_machines(tmp_path: Path, monkeypatch: pytest.
         assert ends_of(chain) == (first, dict.fromkeys(CHAIN, Event.CACHED)), number
 
 
+def test_what_was_computed_before_is_shared_when_it_is_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Results of a time without a shared store, or whose record a killed program did not hand on."""
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path / "one"))
+    first = chain()
+    monkeypatch.setenv("DCAP_STORE", str(tmp_path / "shared"))
+    assert ends_of(chain) == (first, dict.fromkeys(CHAIN, Event.CACHED))
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path / "two"))
+    assert ends_of(chain) == (first, dict.fromkeys(CHAIN, Event.CACHED))
+
+
+def test_a_record_that_is_damaged_here_is_taken_from_the_shared_store(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing is computed again."""
+    monkeypatch.setenv("DCAP_STORE", str(tmp_path / "shared"))
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path / "one"))
+    first = chain()
+    for path in (tmp_path / "one" / "cache" / "records").iterdir():
+        path.write_bytes(path.read_bytes()[:-5])
+    assert ends_of(chain) == (first, dict.fromkeys(CHAIN, Event.CACHED))
+
+
+def test_a_look_may_bring_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A plan of many samples says what is cached without copying it."""
+    monkeypatch.setenv("DCAP_STORE", str(tmp_path / "shared"))
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path / "one"))
+    first = chain()
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path / "two"))
+    assert ends_of(chain, mode=Mode.LOOKUP, bring=False) == (first, dict.fromkeys(CHAIN, Event.CACHED))
+    assert list(Store.default().refs()) == []
+
+
 def test_what_is_no_store(s3: S3, tmp_path: Path) -> None:
     """An unknown protocol, no folder at all, one that cannot be written, no bucket: a line that names the variable."""
     for url, words in (

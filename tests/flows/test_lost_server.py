@@ -1,0 +1,132 @@
+"""The server only watches: what it does not answer, or refuses, costs no sample and hangs nothing."""
+
+import fcntl
+import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+from uuid import uuid4
+
+import httpx
+import pytest
+import small_stages
+from prefect.exceptions import ObjectNotFound
+
+from dcap.scene.errors import DcapError
+from dcap.scene.machine_errors import is_lost_server, pass_over_server_errors
+from dcap.scene.settings import server_folder
+from dcap.scene.types.mesh import Mesh
+from flows import pool, server, watched
+from tasks.artifact import Ref, Store
+from tasks.cache import SIMULATIONS, RunContext, stage, use_context
+
+
+def answered(status: int) -> httpx.HTTPStatusError:
+    """What a client raises for an answer."""
+    return httpx.HTTPStatusError("it says", request=httpx.Request("GET", "http://a"), response=httpx.Response(status))
+
+
+def answer(error: Exception) -> None:
+    """Answer with an error."""
+    raise error
+
+
+UNREACHED = httpx.ConnectError("refused")
+LOST = (UNREACHED, httpx.ReadTimeout("late"), answered(503), RuntimeError("Failed to reach API at http://a"),
+        RuntimeError("Retry handling ended before a response"))  # fmt: skip
+REFUSED = (answered(404), answered(409), ObjectNotFound(answered(404)))
+
+
+def test_a_refusal_is_no_lost_server() -> None:
+    """One is lost that does not answer, or fails; both are passed over, and no other error is."""
+    for error in (*LOST, *REFUSED):
+        with pass_over_server_errors() as lost:
+            answer(error)
+        assert lost == [error] * (error in LOST), error
+        assert is_lost_server(error) is (error in LOST)
+    with pytest.raises(ValueError, match="ours"), pass_over_server_errors():
+        answer(ValueError("ours"))
+
+
+@pytest.mark.parametrize("when", ["asked", "told"])
+def test_a_limit_holds_while_its_server_is_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, when: str) -> None:
+    """The stage runs all the same where the server is gone when a slot is asked for, or given back."""
+
+    @contextmanager
+    def slot(name: str) -> Iterator[None]:
+        if when == "asked":
+            raise UNREACHED
+        yield
+        raise UNREACHED
+
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path))
+    monkeypatch.setattr("prefect.concurrency.sync.concurrency", slot)
+    simulating = stage(small_stages.slow, simulates=True)
+    with use_context(RunContext(limits=frozenset({SIMULATIONS}))):
+        ref: Ref[Mesh] = simulating(4)
+    assert isinstance(Store.default().load(ref), Mesh)
+
+
+class Answering:
+    """A client whose server answers each time with an error."""
+
+    def __init__(self, error: Exception) -> None:
+        self.error = error
+
+    def __enter__(self) -> "Answering":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Nothing is open."""
+
+    def read_flow_run(self, _: object) -> Any:
+        """Answer."""
+        raise self.error
+
+
+def test_nobody_waits_for_a_sample_that_nobody_tells_of(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its flow run was deleted, or the server is gone for long."""
+    monkeypatch.setattr(pool, "LOOK_SECONDS", 0.01)
+    monkeypatch.setattr(pool, "LOST_SECONDS", 0.1)
+    for error, words in ((REFUSED[2], "deleted"), (UNREACHED, "server was lost")):
+        monkeypatch.setattr(pool, "get_client", lambda sync_client, error=error: Answering(error))
+        with pytest.raises(DcapError, match=words):
+            pool._final_state(uuid4())
+
+
+def test_a_slow_server_is_not_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is there as long as its keeper is, whether it answers in time or not."""
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path))
+    url = "http://127.0.0.1:9/api"
+    monkeypatch.setenv("DCAP_OWN_SERVER", url)
+    assert server.own_server_has_ended()
+    server_folder().mkdir(parents=True)
+    (server_folder() / server.ADDRESS).write_text(json.dumps({"url": url}))
+    with (server_folder() / server.SERVING).open("w") as keeper:
+        fcntl.flock(keeper, fcntl.LOCK_EX)
+        assert not server.own_server_has_ended()
+    assert server.own_server_has_ended()
+
+
+def test_the_users_patience_is_that_of_the_next_server(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a person has set is in force again when another server is used."""
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path))
+    monkeypatch.setenv("PREFECT_CLIENT_MAX_RETRIES", "7")
+    server.give_up_server()
+    server.give_up_server()
+    assert (server.was_given_up(), os.environ["PREFECT_CLIENT_MAX_RETRIES"]) == (True, "0")
+    with server._as_own_server("http://127.0.0.1:9/api"):
+        assert (server.was_given_up(), os.environ["PREFECT_CLIENT_MAX_RETRIES"]) == (False, "7")
+
+
+def test_a_dead_run_waits_for_its_own_server(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another one does not know it, and would say so for ever."""
+    monkeypatch.delenv("DCAP_OWN_SERVER", raising=False)
+    monkeypatch.setattr(watched, "get_client", lambda sync_client: pytest.fail("nothing is asked"))
+    claim = tmp_path / str(uuid4())
+    claim.write_text("http://one.example/api")
+    monkeypatch.setenv("PREFECT_API_URL", "http://another.example/api")
+    watched.end_dead_runs(tmp_path)
+    assert claim.is_file()
