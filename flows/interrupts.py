@@ -35,12 +35,12 @@ def _interrupt(number: int, frame: FrameType | None) -> NoReturn:
     if _once.is_set():
         end_now()
     _once.set()
-    started = sys.modules.get("tasks.process")
-    if started is not None:
-        started.interrupt()
     alarm = threading.Timer(LONGEST_SECONDS, end_now)
     alarm.daemon = True
     alarm.start()
+    kill_jobs = getattr(sys.modules.get("tasks.process"), "interrupt", None)  # that module may be half loaded
+    if kill_jobs is not None:
+        kill_jobs()
     raise KeyboardInterrupt
 
 

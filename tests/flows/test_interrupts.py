@@ -4,12 +4,15 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
 from dcap.scene.settings import PROJECT_ROOT
+from flows import interrupts
 
 PATIENCE = 120.0
 CAREFREE = """
@@ -75,9 +78,27 @@ def test_a_command_ends_while_it_loads(tmp_path: Path) -> None:
         program = subprocess.Popen(
             command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
             env=os.environ | {"DCAP_DATA": str(tmp_path), "PYTHONPATH": str(PROJECT_ROOT)}, start_new_session=True,
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a script in the background ignores it
         )  # fmt: skip
         time.sleep(seconds)
         os.kill(program.pid, signal.SIGINT)
         _, error = program.communicate(timeout=PATIENCE)
         assert program.returncode in (130, -signal.SIGINT), error
         assert program.returncode != 130 or error.endswith("dcap: interrupted\n")
+
+
+def test_a_module_that_is_half_loaded_keeps_nobody_from_interrupting(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The alarm is set whatever the handler meets."""
+    alarms: list[float] = []
+
+    class Alarm(threading.Thread):
+        def __init__(self, seconds: float, function: object) -> None:
+            super().__init__()
+            alarms.append(seconds)
+
+    monkeypatch.setattr(interrupts, "_once", threading.Event())
+    monkeypatch.setattr(interrupts.threading, "Timer", Alarm)
+    monkeypatch.setitem(sys.modules, "tasks.process", ModuleType("tasks.process"))
+    with pytest.raises(KeyboardInterrupt):
+        interrupts._interrupt(signal.SIGINT, None)
+    assert alarms == [interrupts.LONGEST_SECONDS]

@@ -22,7 +22,7 @@ from tasks.mesh.stage import MeshConfig, cleaned
 from tasks.rotation.stage import RotationConfig, rotation
 from tasks.segment.stage import SegmentConfig, segment, segment_object
 
-FOLDER = Path(os.environ.get("DCAP_SAMPLE_DATA", "nowhere"))
+FOLDER = Path(os.environ.get("DCAP_SAMPLE_DATA") or "nowhere")
 pytestmark = [
     pytest.mark.third_party,
     pytest.mark.slow,

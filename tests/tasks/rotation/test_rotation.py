@@ -22,7 +22,7 @@ from tasks.mesh.stage import MeshConfig, cleaned
 from tasks.segment.stage import SegmentConfig, segment_object
 from tests.tasks.rotation.orientation_truth import TRUTH, Array, case_error, chosen, error_deg, parts_of, parts_read
 
-FOLDER = Path(os.environ.get("DCAP_SAMPLE_DATA", "nowhere"))
+FOLDER = Path(os.environ.get("DCAP_SAMPLE_DATA") or "nowhere")
 BOUND_DEG = 15.0
 AS_MADE = np.eye(3)
 TURNED = {

@@ -16,7 +16,7 @@ from tasks.mesh.stage import MeshConfig, mesh_object, mesh_scene
 from tasks.segment.stage import SegmentConfig, segment, segment_object
 from tests.tasks.segment.test_segment import check_cover
 
-FOLDER = Path(os.environ.get("DCAP_SAMPLE_DATA", "nowhere"))
+FOLDER = Path(os.environ.get("DCAP_SAMPLE_DATA") or "nowhere")
 pytestmark = [
     pytest.mark.third_party,
     pytest.mark.skipif(not FOLDER.is_dir(), reason="$DCAP_SAMPLE_DATA names no folder"),

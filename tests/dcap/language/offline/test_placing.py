@@ -10,7 +10,7 @@ from dcap.language.offline.placing import Placing, placing_of
 from dcap.language.offline.sentence import read
 from dcap.scene.errors import LanguageError
 
-FOLDER = Path(os.environ.get("DCAP_SAMPLE_DATA", "nowhere")) / "prompts_libero"
+FOLDER = Path(os.environ.get("DCAP_SAMPLE_DATA") or "nowhere") / "prompts_libero"
 LABELS = Path(__file__).parents[1] / "libero_labels.csv"
 """By hand, from the sentences alone, by someone who had not seen the grammar and before it was tuned to them."""
 

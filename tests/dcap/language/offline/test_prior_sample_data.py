@@ -14,7 +14,7 @@ from dcap.scene.readers.source import read_scan
 from dcap.scene.types.sample import SourceOptions
 from tasks.intent.rescale import rescale
 
-FOLDER = Path(os.environ.get("DCAP_SAMPLE_DATA", "nowhere"))
+FOLDER = Path(os.environ.get("DCAP_SAMPLE_DATA") or "nowhere")
 pytestmark = [
     pytest.mark.third_party,
     pytest.mark.slow,

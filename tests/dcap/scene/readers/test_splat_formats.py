@@ -26,7 +26,7 @@ from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.sample import SourceOptions
 from tasks.artifact import Store
 
-SAMPLE_DATA = Path(os.environ.get("DCAP_SAMPLE_DATA", "absent"))
+SAMPLE_DATA = Path(os.environ.get("DCAP_SAMPLE_DATA") or "absent")
 Encoder = Callable[[Gaussians], bytes]
 FORMATS: dict[str, Encoder] = {
     "a.splat": splat_records,

@@ -19,7 +19,7 @@ from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.writers.gaussians import morton_order, write_compressed_splats, write_splats
 
-SAMPLE_DATA = Path(os.environ.get("DCAP_SAMPLE_DATA", "absent"))
+SAMPLE_DATA = Path(os.environ.get("DCAP_SAMPLE_DATA") or "absent")
 
 
 def some(count: int, degree: int = 3, seed: int = 0) -> Gaussians:

@@ -22,7 +22,7 @@ from dcap.scene.writers.ply import mesh_to_ply
 from dcap.synthetic.recipes import room_names
 from dcap.synthetic.rooms import build_room
 
-SAMPLE_DATA = Path(os.environ.get("DCAP_SAMPLE_DATA", "absent"))
+SAMPLE_DATA = Path(os.environ.get("DCAP_SAMPLE_DATA") or "absent")
 
 UPS = sorted(WORLD_FROM_FILE)
 
