@@ -103,7 +103,7 @@ def rooms(wanted: list[str]) -> Iterator[ScanRoom]:
                     truth.setdefault(one.label, []).append(bounds(one.box))
             yield ScanRoom(name, without_annotations(scan), truth)
             yield ScanRoom(f"{name} scanned", on_mesh(without_annotations(scan), scanned(scan.mesh)), truth)
-    folder = Path(os.environ.get("DCAP_SAMPLE_DATA", "nowhere"))
+    folder = Path(os.environ.get("DCAP_SAMPLE_DATA") or "nowhere")
     for name, said in YAML(typ="safe", pure=True).load(Path(__file__).with_name("scans.yaml")).items():
         if (folder / name).is_file() and (not wanted or any(one in name for one in wanted)):
             scan = mesh_scene(Source(folder / name), SourceOptions(), MeshConfig())

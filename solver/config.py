@@ -117,7 +117,7 @@ class SolverConfig(BaseModel, frozen=True, extra="forbid"):
     push_angle: PositiveFloat = 0.0872665
     """How far turned [rad]: five degrees."""
 
-    mls_step_seconds: PositiveFloat = 2.5e-4
+    mls_step_seconds: PositiveFloat = 5e-4
     """Explicit step of mls [s]. Inertia against strain is scaled up until waves are slow enough for it."""
     mls_cfl: PositiveFloat = 0.2
     """Share of a cell that waves and particles may cross in one explicit step of mls [-]."""

@@ -189,10 +189,10 @@ class ImplicitDrop(Simulation):
         return FinalState(
             seconds=state.time,
             bodies=self._bodies(state),
-            contacts=contact_table(self.model, contacts, lambda index: self.query.surface(state, index)),
+            contacts=contact_table(self.model, contacts.active, lambda index: self.query.surface(state, index)),
             contact_points={self.model.bodies[i].name: points_of(contacts, i) for i in self.free},
             forces=point_forces(contacts),
-            friction_margin=friction_margin(contacts),
+            friction_margin=friction_margin(contacts.active),
             free_weight=self.weight,
             inverted=report.inverted,
             particles=int(self.soft.real.sum()),

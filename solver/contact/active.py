@@ -44,12 +44,12 @@ class Pair:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class ActiveContacts:
-    """The active points of one pair at one state."""
+class TouchingPoints:
+    """The points of one pair that touch at one state, or over a while, with mean forces then."""
 
     pair: Pair
     point: NDArray[np.int64]
-    """Indices of the active points of body a, shape (k,)."""
+    """Indices of the touching points of body a, shape (k,)."""
     position: NDArray[np.float64]
     """[m], shape (k, 3)."""
     gap: NDArray[np.float64]
@@ -60,20 +60,26 @@ class ActiveContacts:
     """On a [N], shape (k, 3)."""
     friction: NDArray[np.float64]
     """Static and dynamic coefficient [-] and rolling resistance length [m], shape (k, 3)."""
-    tangent: NDArray[np.float64]
-    """-d force / d relative displacement [N/m] at constant friction limits: symmetric, shape (k, 3, 3)."""
-    anchor: NDArray[np.float64]
-    """New anchors, shape (k, 3)."""
     sliding: NDArray[np.bool_]
-    node: NDArray[np.int64]
-    """Nodes that move the point minus nodes that move the place of b that it pushes, shape (k, 16)."""
-    weight: NDArray[np.float64]
-    """Signed shape values, zero for rigid sides, shape (k, 16)."""
 
     @property
     def normal_force(self) -> NDArray[np.float64]:
         """Normal part [N], shape (k,)."""
         return np.asarray(np.einsum("ki,ki->k", self.force, self.normal))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ActiveContacts(TouchingPoints):
+    """The active points of one pair at one state, with what the implicit step needs of them."""
+
+    tangent: NDArray[np.float64]
+    """-d force / d relative displacement [N/m] at constant friction limits: symmetric, shape (k, 3, 3)."""
+    anchor: NDArray[np.float64]
+    """New anchors, shape (k, 3)."""
+    node: NDArray[np.int64]
+    """Nodes that move the point minus nodes that move the place of b that it pushes, shape (k, 16)."""
+    weight: NDArray[np.float64]
+    """Signed shape values, zero for rigid sides, shape (k, 16)."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -156,7 +156,7 @@ class ContactQuery:
             weights[:, :8] = self.soft_of[pair.a].surface_weight[index]
         nodes[:, 8:], weights[:, 8:] = node, -weight
         return ActiveContacts(
-            pair, index, points[index], gap, normal, force, friction, tangent, anchor, sliding, nodes, weights
+            pair, index, points[index], gap, normal, force, friction, sliding, tangent, anchor, nodes, weights
         )
 
     def _solid_box(self, state: State, index: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -1,26 +1,26 @@
 """What is told of the contacts of a state: a row per pair of bodies, and every force."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from solver.certificate import ContactRow, PointForces
-from solver.contact.active import ActiveContacts, Contacts
+from solver.contact.active import Contacts, TouchingPoints
 from solver.model.bodies import Body, Model
 
 LOADED_SHARE = 0.01  # gap and penetration are judged over points that carry more than this share of the peak pressure
 
 
 def contact_table(
-    model: Model, contacts: Contacts, surface: Callable[[int], NDArray[np.float64]]
+    model: Model, touching: Sequence[TouchingPoints], surface: Callable[[int], NDArray[np.float64]]
 ) -> tuple[ContactRow, ...]:
     """One row per touching pair of bodies, both point sets together; forces on the first named body. `surface` gives
     the deformed surface points of a body [m], shape (n, 3)."""
     rows = []
-    keys = sorted({(min(t.pair.a, t.pair.b), max(t.pair.a, t.pair.b)) for t in contacts.active})
+    keys = sorted({(min(t.pair.a, t.pair.b), max(t.pair.a, t.pair.b)) for t in touching})
     for a, b in keys:
-        sides = [t for t in contacts.active if {t.pair.a, t.pair.b} == {a, b}]
+        sides = [t for t in touching if {t.pair.a, t.pair.b} == {a, b}]
         total = sum((s.force.sum(axis=0) * (1.0 if s.pair.a == a else -1.0) for s in sides), np.zeros(3))
         normal = sum((_normal_sum(s) * (1.0 if s.pair.a == a else -1.0) for s in sides), np.zeros(3))
         loaded = [s.normal_force > LOADED_SHARE * s.normal_force.max() for s in sides]
@@ -54,14 +54,14 @@ def facing_area(
     return float(np.abs(np.einsum("ki,ki->k", total[chosen], normal)).sum())
 
 
-def _normal_sum(side: ActiveContacts) -> NDArray[np.float64]:
+def _normal_sum(side: TouchingPoints) -> NDArray[np.float64]:
     return np.asarray((side.normal_force[:, None] * side.normal).sum(axis=0))
 
 
-def friction_margin(contacts: Contacts) -> float:
+def friction_margin(touching: Sequence[TouchingPoints]) -> float:
     """Smallest share of the static friction cone that is left over the touching pairs [-]; 0: at the cone."""
     margins = [1.0]
-    for t in contacts.active:
+    for t in touching:
         normal = t.normal_force
         tangential = np.linalg.norm(t.force - normal[:, None] * t.normal, axis=1)
         limit = float(normal @ t.friction[:, 0])

@@ -4,8 +4,10 @@ The grid has the planes of the body's background grid, extended on every side, a
 that cells stay fine where they were made fine. Particles are those of the body's interior. They are sorted by pencils
 of the grid; the order, hence every sum, depends on the state alone and not on the number of threads.
 
-Inertia against strain is scaled up until waves are slow enough for the step that is wanted; a body as a whole keeps its
-true mass and weight (selective mass scaling [O05]). No rest state depends on either.
+Inertia against strain is scaled up until waves are slow enough for the step that is wanted (selective mass scaling
+[O05]). A free body is scaled throughout by the same factor, and keeps its true mass and weight as a whole; of one that
+something holds each particle is scaled for the cells around it, so that the large motions of coarse parts do not wait
+for the fine ones. No rest state depends on either.
 
 [O05] Olovsson, Simonsson, Unosson: Selective mass scaling for explicit finite element analyses. Int. J. Numer. Meth.
 Engng. 63, 2005.
@@ -102,12 +104,13 @@ class SoftParticles:
         self.cell = min(float(np.diff(p).min()) for p in soft.planes)
         """Smallest side of a cell [m]."""
         size = np.min([sizes(p, soft.position[:, a]) for a, p in enumerate(soft.planes)], axis=0)
-        fastest = float((speed / size)[~core].max(initial=0.0))
-        self.scale = max(1.0, (crossing * fastest) ** 2)
-        """Inertia against strain over the true one [-]."""
-        self.wave_speed = float(speed[~core].max(initial=0.0)) / np.sqrt(self.scale)
-        mass = self.scale * soft.volume * soft.density
-        share = np.full(count, 0.0 if soft.loaded else 1.0 / self.scale)
+        scale = np.maximum(1.0, (crossing * speed / size) ** 2)
+        self.scale = float(scale[~core].max(initial=1.0))
+        """Largest inertia against strain over the true one [-]."""
+        scale[core | (not body.fixed)] = self.scale
+        self.wave_speed = float((speed / np.sqrt(scale))[~core].max(initial=0.0))
+        mass = scale * soft.volume * soft.density
+        share = np.zeros(count) if soft.loaded else 1.0 / scale
         filled = np.where(core, 0.0, soft.volume)
         self.layered = bool(self.added.any())
         self.constant = np.column_stack([mass, filled * mu, filled * lam, share, soft.volume])
@@ -359,5 +362,7 @@ def numbers(planes: Array, place: Array) -> Array:
 
 
 def sizes(planes: Array, place: Array) -> Array:
-    """Size of the cell at each place [m]."""
-    return np.asarray(np.diff(planes)[np.clip(np.searchsorted(planes, place, side="right") - 1, 0, len(planes) - 2)])
+    """Size of the smallest of the cell at each place and its neighbours [m]: a particle's stencil reaches there."""
+    side = np.diff(planes)
+    least = np.minimum(side, np.minimum(np.append(side[1:], np.inf), np.insert(side[:-1], 0, np.inf)))
+    return np.asarray(least[np.clip(np.searchsorted(planes, place, side="right") - 1, 0, len(planes) - 2)])

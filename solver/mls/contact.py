@@ -2,14 +2,15 @@
 
 Points of one surface feel the signed distance of the other body, as in the implicit method and by the same law
 (solver/contact): a normal spring and Coulomb friction. A soft body is touched where its particles carry the nodes of
-its background grid, and its particles take the forces in the same shares. Springs are as stiff as explicit steps allow,
-which is stiffer than the cells behind them.
-
-Two more exchanges act between the rigid motions of the two bodies of a touching pair: a dashpot along the contact's
-normals, which damps the bounce of one on the other critically, and rolling resistance, a torque of at most b N. Both
-vanish at rest.
+its background grid, and its particles take the forces in the same shares. Springs are as stiff as explicit steps allow;
+where that lets a point in deeper than the penetration that is aimed at, its spring is shortened at the rate of the
+excess over CLOSING_SECONDS: an augmented Lagrangian [A91] whose multipliers grow along with the relaxation. Not where
+nothing resists rolling: multipliers lag behind a body that rolls, and drive it on.
 
 Which points are near another body is looked up once bodies have moved by SLACK.
+
+[A91] Alart, Curnier: A mixed formulation for frictional contact problems prone to Newton like solution methods. Comput.
+Methods Appl. Mech. Engng. 92, 1991.
 """
 
 from collections.abc import Iterator, Mapping
@@ -20,26 +21,28 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from solver.box import bounds
-from solver.certificate import ContactRow, PointForces
 from solver.config import SolverConfig
-from solver.contact.active import Pair
+from solver.contact.active import Pair, TouchingPoints
 from solver.contact.bonds import BondedPair, build_bonds
 from solver.contact.friction import point_forces
 from solver.contact.pairs import contact_pairs, most_stiffness
-from solver.contact.predict import contact_stiffness
 from solver.contact.query import ContactQuery
-from solver.contact.table import LOADED_SHARE, facing_area
 from solver.kernels import query
-from solver.mls.body import RigidMotion, SoftParticles
+from solver.mls.body import SoftParticles
+from solver.mls.damping import Acting
+from solver.mls.report import ContactReport
 from solver.mls.rigid import RigidBodies
-from solver.model.bodies import Body, Model, SoftBody
+from solver.model.bodies import Model
 from solver.model.soft import SoftSystem
-from solver.model.state import PointMemory, State, cross_matrix, start_state
+from solver.model.state import PointMemory, State, start_state
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 STABLE = 0.5  # stiffness of contact times the squared step and the mobility of what it acts on [-]; 4 is the limit
+CLOSING_SECONDS = (
+    0.04  # in which an excess of penetration fades by e: longer than a bounce, shorter than coming to rest
+)
 SLACK = 0.5  # smallest cells that bodies may move before near points are looked up again
 AROUND = 4.0  # cells around near points whose nodes are carried along
 STICK_SPEED = 1e-4  # a point at its friction limit that moves slower than this [m/s] has stopped: mu_s holds again
@@ -55,6 +58,10 @@ class PairTouch:
     """Points that may touch, shape (k,)."""
     counts: NDArray[np.bool_]
     """Points that count as contact at all, shape (n,)."""
+    closes: bool
+    """Whether too deep a penetration is taken back."""
+    offset: Array
+    """How far out of the other body each point is pushed besides its penetration [m], shape (n,)."""
     impulse: Array
     """On each point since last handed over [N s], shape (n, 3)."""
     load: Array
@@ -76,27 +83,10 @@ class PairTouch:
         count = len(pair.area)
         none = np.zeros(0, dtype=np.int64)
         return cls(
-            pair, pair.fresh_memory(), none, np.ones(count, bool), np.zeros((count, 3)), np.zeros(count),
-            np.zeros((count, 3)), np.zeros(count), np.zeros((count, 3)), np.zeros((count, 3)), np.zeros(count, bool),
+            pair, pair.fresh_memory(), none, np.ones(count, bool), pair.friction.resists_rolling, np.zeros(count),
+            np.zeros((count, 3)), np.zeros(count), np.zeros((count, 3)), np.zeros(count), np.zeros((count, 3)),
+            np.zeros((count, 3)), np.zeros(count, bool),
         )  # fmt: skip
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Acting:
-    """What a pair of bodies, touching or bonded, does to each other in this step."""
-
-    a: int
-    b: int
-    position: Array
-    """[m], shape (k, 3)."""
-    force: Array
-    """On a [N], shape (k, 3)."""
-    direction: Array
-    """In which motion is damped: G^T n n^T G is summed over these unit vectors (k, j, 3) of each point."""
-    load: Array
-    """Weights of the points [N], shape (k,)."""
-    rolling: float = 0.0
-    """Length of the resisting torque [m]."""
 
 
 @dataclass(eq=False, slots=True)
@@ -104,8 +94,6 @@ class BondTouch:
     """A bond and what it has transmitted."""
 
     bond: BondedPair
-    damping: float
-    """[N s/m]."""
     impulse: Array = field(default_factory=lambda: np.zeros((0, 3)))
     """On the first body, point by point since last handed over [N s], shape (k, 3)."""
 
@@ -126,12 +114,9 @@ class SurfaceContacts:
         self.query = ContactQuery(model, system, pairs)
         self.touches = [PairTouch.of(pair) for pair in pairs]
         self.bonds = [
-            BondTouch(self._explicit(bond, config), bond_damping(bond, model, config))
-            for bond in build_bonds(model, system, config.penetration_target)
+            BondTouch(self._explicit(bond, config)) for bond in build_bonds(model, system, config.penetration_target)
         ]
-        self.dashpot = {
-            (a, b): dashpot_coefficient(model, a, b, config) for a, b in {(min(p.key), max(p.key)) for p in pairs}
-        }
+        self.target = config.penetration_target
         self.slack = SLACK * min(one.cell for one in soft.values())
         self.state: State = start_state(model, system)
         self.state.rotation, self.state.center = rigid.state.rotation, rigid.state.center
@@ -174,14 +159,6 @@ class SurfaceContacts:
         self.before[:] = self.state.x
         for i in self.rigid.index:
             self.start[i] = (self.rigid.state.rotation[i].copy(), self.rigid.state.center[i].copy())
-
-    def damp(self, dt: float) -> None:
-        """Dashpots and rolling resistance of what acted in this step."""
-        by_pair: dict[tuple[int, int], list[Acting]] = {}
-        for one in self.acting:
-            by_pair.setdefault((min(one.a, one.b), max(one.a, one.b)), []).append(one)
-        for (a, b), some in by_pair.items():
-            self._damp(a, b, some, dt)
 
     def deepest(self) -> tuple[tuple[int, int], float]:
         """The pair of bodies with the smallest gap, and that gap [m], among points that are near another body."""
@@ -358,7 +335,11 @@ class SurfaceContacts:
         slip = points - self._points(a, touch.near, self.before, self.start.get(a))
         slip -= self._moved(b, material, node, weight)
         self._keep_sides(touch, gap, normal, slip)
-        on = np.flatnonzero((gap < 0.0) & touch.counts[touch.near])
+        offset = touch.offset[touch.near]
+        pushed = gap - offset
+        if touch.closes:
+            touch.offset[touch.near] = np.maximum(offset - dt / CLOSING_SECONDS * (gap + self.target), 0.0)
+        on = np.flatnonzero((pushed < 0.0) & touch.counts[touch.near])
         touched = np.zeros(len(touch.counts), dtype=bool)
         touched[touch.near[on]] = True
         touch.memory.anchor[~touched] = 0.0
@@ -367,9 +348,10 @@ class SurfaceContacts:
         if not len(on):
             return None
         index, points, gap, normal, slip = touch.near[on], points[on], gap[on], normal[on], slip[on]
+        pushed = pushed[on]
         node, weight, material = node[on], weight[on], material[on]
         friction = touch.pair.friction.at(index, material)
-        force, _, anchor, sliding = point_forces(friction, touch.memory, index, gap, normal, slip)
+        force, _, anchor, sliding = point_forces(friction, touch.memory, index, pushed, normal, slip)
         touch.memory.anchor[index] = anchor
         touch.memory.sliding[index] = sliding & (np.linalg.norm(slip, axis=1) > STICK_SPEED * dt)
         load = np.einsum("ki,ki->k", force, normal)
@@ -431,78 +413,18 @@ class SurfaceContacts:
             every = np.tile(np.eye(3), (len(force), 1, 1))
             yield Acting(bond.a.body, bond.b.body, position, force, every, np.ones(len(force)))
 
-    # what takes energy
-
-    def _motion(self, index: int) -> tuple[Array, Array, Array]:
-        """Centre [m], velocity (V, w) and inverse mass (6, 6) of the rigid motion of a body; a fixed one has none."""
-        if self.model.bodies[index].fixed:
-            return np.zeros(3), np.zeros(6), np.zeros((6, 6))
-        if index in self.rigid.index:
-            inverse = np.asarray(np.linalg.inv(self.rigid.mass_matrix(index)), dtype=np.float64)
-            return self.rigid.state.center[index], self.rigid.velocity(index), inverse
-        motion: RigidMotion = self.soft[index].motion()
-        inverse = np.zeros((6, 6))
-        inverse[:3, :3] = np.eye(3) / motion.mass
-        inverse[3:, 3:] = np.linalg.inv(motion.inertia)
-        return motion.center, np.concatenate([motion.velocity, motion.spin]), inverse
-
-    def _damp(self, a: int, b: int, acting: list[Acting], dt: float) -> None:
-        """Dashpot and rolling resistance between the rigid motions of a pair, both taken implicitly."""
-        if self.model.bodies[a].fixed and self.model.bodies[b].fixed:
-            return
-        position = np.concatenate([one.position for one in acting])
-        middle = position.mean(axis=0)
-        drag = np.zeros((6, 6))
-        load = rolling = 0.0
-        for one in acting:
-            G = np.concatenate(
-                [np.tile(np.eye(3), (len(one.position), 1, 1)), -cross_matrix(one.position - middle)], axis=2
-            )
-            Gn = np.einsum("kjd,kde->kje", one.direction, G)
-            drag += np.einsum("k,kja,kjb->ab", one.load, Gn, Gn)
-            load += float(one.load.sum())
-            rolling += float(one.load.sum()) * one.rolling
-        if load <= 0.0:
-            return
-        bonded = next((one for one in self.bonds if {one.bond.a.body, one.bond.b.body} == {a, b}), None)
-        drag *= dt * (self.dashpot[a, b] if bonded is None else bonded.damping) / load
-        mobility, before, moves = np.zeros((6, 6)), np.zeros(6), []
-        for index, sign in ((a, 1.0), (b, -1.0)):
-            center, velocity, inverse = self._motion(index)
-            shift = np.eye(6)  # motion at the middle from that at the centre
-            shift[:3, 3:] = -cross_matrix((middle - center)[None])[0]
-            mobility += shift @ inverse @ shift.T
-            before += sign * shift @ velocity
-            moves.append((index, sign * inverse @ shift.T))
-        after = np.linalg.solve(np.eye(6) + mobility @ drag, before)
-        impulse = -drag @ after
-        length = rolling / load
-        spin = float(np.linalg.norm(after[3:]))
-        if length > 0.0 and spin > 0.0:
-            axis = after[3:] / spin
-            stopping = spin / float(axis @ mobility[3:, 3:] @ axis)
-            impulse[3:] -= min(dt * rolling, stopping) * axis
-        for index, response in moves:
-            if self.model.bodies[index].fixed:
-                continue
-            change = response @ impulse
-            if index in self.rigid.index:
-                self.rigid.set_velocity(index, self.rigid.velocity(index) + change)
-            else:
-                self.soft[index].add_rigid_motion(change)
-
     # what is told
 
-    def hand_over(self, seconds: float) -> "ContactReport":
+    def hand_over(self, seconds: float) -> ContactReport:
         """What has acted over some time, as mean forces; sums begin anew."""
-        report = ContactReport(self.model, seconds, [], [])
+        report = ContactReport([], [])
         for touch in self.touches:
             on = np.flatnonzero(touch.load > 0.0)
             if len(on):
                 report.touching.append(
                     TouchingPoints(
-                        touch.pair, on, touch.position[on], touch.impulse[on] / seconds, touch.load[on] / seconds,
-                        touch.normal[on], touch.gap[on], touch.friction[on], touch.memory.sliding[on],
+                        touch.pair, on, touch.position[on], touch.gap[on], touch.normal[on],
+                        touch.impulse[on] / seconds, touch.friction[on], touch.memory.sliding[on],
                     )
                 )  # fmt: skip
             touch.impulse[:], touch.load[:] = 0.0, 0.0
@@ -512,114 +434,3 @@ class SurfaceContacts:
                 report.bonded.append((one.bond, position, one.impulse / seconds))
             one.impulse = np.zeros((0, 3))
         return report
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class TouchingPoints:
-    """Points of body a that body b has pushed, with mean forces over an interval."""
-
-    pair: Pair
-    point: Index
-    position: Array
-    force: Array
-    """On a [N], shape (k, 3)."""
-    load: Array
-    """Normal part [N], shape (k,)."""
-    normal: Array
-    gap: Array
-    friction: Array
-    sliding: NDArray[np.bool_]
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class ContactReport:
-    """What acted over an interval."""
-
-    model: Model
-    seconds: float
-    touching: list[TouchingPoints]
-    bonded: list[tuple[BondedPair, Array, Array]]
-    """Bond, positions (k, 3) and mean forces (k, 3) on its first body."""
-
-    def pairs(self) -> set[tuple[int, int]]:
-        """Bodies that hold each other, lower index first."""
-        found = [one.pair.key for one in self.touching] + [(bond.a.body, bond.b.body) for bond, *_ in self.bonded]
-        return {(min(key), max(key)) for key in found}
-
-    def rows(self, surface: Mapping[int, Array]) -> list[ContactRow]:
-        """One row per touching pair; forces on the first named body. `surface` has the points of each body."""
-        rows = []
-        for a, b in sorted({(min(t.pair.key), max(t.pair.key)) for t in self.touching}):
-            sides = [t for t in self.touching if set(t.pair.key) == {a, b}]
-            signs = [1.0 if t.pair.a == a else -1.0 for t in sides]
-            total = sum((s * t.force.sum(axis=0) for s, t in zip(signs, sides, strict=True)), np.zeros(3))
-            normal = sum((s * (t.load @ t.normal) for s, t in zip(signs, sides, strict=True)), np.zeros(3))
-            loaded = [t.load > LOADED_SHARE * t.load.max() for t in sides]
-            rows.append(
-                ContactRow(
-                    a=self.model.bodies[a].name,
-                    b=self.model.bodies[b].name,
-                    area_m2=max(
-                        facing_area(self.model.bodies[t.pair.a], surface[t.pair.a], t.point, t.normal) for t in sides
-                    ),
-                    normal_force_n=float(np.linalg.norm(normal)),
-                    tangential_force_n=float(np.linalg.norm(total - normal)),
-                    max_penetration_m=float(max(-t.gap[m].min() for t, m in zip(sides, loaded, strict=True))),
-                    max_gap_m=0.0,
-                    points=int(sum(len(t.point) for t in sides)),
-                    sliding_points=int(sum(t.sliding.sum() for t in sides)),
-                )
-            )
-        return rows
-
-    def friction_margin(self) -> float:
-        """Smallest share of the static friction cone that is left over the touching pairs [-]; 0: at the cone."""
-        margins = [1.0]
-        for t in self.touching:
-            tangential = np.linalg.norm(t.force - t.load[:, None] * t.normal, axis=1).sum()
-            limit = float(t.load @ t.friction[:, 0])
-            if limit > 0.0:
-                margins.append(1.0 - float(tangential) / limit)
-        return min(margins)
-
-    def forces(self) -> PointForces:
-        """Every force of a contact or bond, point by point."""
-        some = [(*t.pair.key, t.position, t.force, False) for t in self.touching]
-        some += [(bond.a.body, bond.b.body, position, force, True) for bond, position, force in self.bonded]
-        count = [len(one[3]) for one in some]
-        a, b, bonded = (np.repeat(np.array([one[k] for one in some], dtype=kind), count)
-                        for k, kind in ((0, np.int64), (1, np.int64), (4, np.bool_)))  # fmt: skip
-        position, force = (np.concatenate([np.zeros((0, 3)), *(one[k] for one in some)]) for k in (2, 3))
-        return PointForces(a, b, position, force, bonded)
-
-
-def bond_damping(bond: BondedPair, model: Model, config: SolverConfig) -> float:
-    """Critical damping [N s/m] of the lighter free body on the bond's springs."""
-    free = [model.bodies[side.body].mass for side in (bond.a, bond.b) if not model.bodies[side.body].fixed]
-    return 2.0 * config.damping_ratio * float(np.sqrt(bond.stiffness.sum() * min(free)))
-
-
-def dashpot_coefficient(model: Model, first: int, second: int, config: SolverConfig) -> float:
-    """Critical damping [N s/m] of a pair's bounce: 2 zeta sqrt(k m), k the Hertz stiffness of the lighter moving body
-    on the softer of the two."""
-    pair = model.bodies[first], model.bodies[second]
-    free = [b for b in pair if not b.fixed]
-    if not free:
-        return 0.0
-    mass = 1.0 / sum(1.0 / b.mass for b in free)
-    lighter = min(free, key=lambda b: b.mass)
-    young, poisson = min(softness(b) for b in pair if isinstance(b, SoftBody))
-    stiffness = contact_stiffness(lighter.mass * model.gravity_strength, footprint_radius(lighter), young, poisson)
-    return 2.0 * config.damping_ratio * float(np.sqrt(stiffness * mass))
-
-
-def footprint_radius(body: Body) -> float:
-    """A quarter of the sum of the horizontal sides [m]: the radius of a ball."""
-    extent = np.ptp(body.vertices, axis=0)
-    return 0.25 * float(extent[0] + extent[1])
-
-
-def softness(body: SoftBody) -> tuple[float, float]:
-    """Smallest Young's modulus [Pa] of a soft body and the Poisson ratio there."""
-    at = int(np.argmin(body.interior.youngs_modulus))
-    return float(body.interior.youngs_modulus[at]), float(min(body.interior.poisson_ratio[at], 0.49))

@@ -19,11 +19,13 @@ from numpy.typing import NDArray
 
 from solver.certificate import NotDone, PointForces, Verdict
 from solver.config import SolverConfig
-from solver.contact.table import contact_table, point_forces
+from solver.contact.table import contact_table, friction_margin, point_forces
 from solver.errors import ModelError
 from solver.frames import FrameRecorder
 from solver.mls.body import SoftParticles
-from solver.mls.contact import ContactReport, SurfaceContacts
+from solver.mls.contact import SurfaceContacts
+from solver.mls.damping import PairDamping
+from solver.mls.report import ContactReport
 from solver.mls.rigid import RigidBodies
 from solver.model import soft as soft_system
 from solver.model.bodies import Model, RigidBody
@@ -65,6 +67,14 @@ class ExplicitDrop:
         self.soft = {i: SoftParticles(i, body, system, grids[i], crossing) for i, body in model.soft_bodies}
         self.rigid = RigidBodies(model, config)
         self.contacts = SurfaceContacts(model, system, self.soft, self.rigid, config)
+        self.damping = PairDamping(
+            model,
+            self.soft,
+            self.rigid,
+            self.contacts.query.pairs,
+            [one.bond for one in self.contacts.bonds],
+            config,
+        )
         self.free = [i for i, b in enumerate(model.bodies) if not b.fixed]
         self.watched = self.free or list(self.soft)
         self.mass = {i: self.soft[i].mass if i in self.soft else model.bodies[i].mass for i in self.watched}
@@ -121,7 +131,7 @@ class ExplicitDrop:
             one.step(dt, self.gravity)
             one.check(where)
         self.time += dt
-        self.contacts.damp(dt)
+        self.damping.damp(self.contacts.acting, dt)
         for one in self.soft.values():
             one.damp_strain(PEAK_DROP)
             one.stiffen_core()
@@ -216,10 +226,10 @@ class ExplicitDrop:
         """What the result says of the last state."""
         bodies = self._bodies()
         surfaces = {i: body.vertices for i, body in enumerate(bodies)}
-        forces, rows = report.forces(), report.rows(surfaces)
+        forces, touching = report.forces(), [*report.touching]
         if self.rigid.contacts is not None:
             forces = joined(forces, point_forces(self.rigid.contacts))
-            rows += contact_table(self.model, self.rigid.contacts, surfaces.__getitem__)
+            touching += self.rigid.contacts.active
         points = {
             self.model.bodies[i].name: forces.position[~forces.bonded & ((forces.a == i) | (forces.b == i))]
             for i in self.free
@@ -227,10 +237,10 @@ class ExplicitDrop:
         return FinalState(
             seconds=self.time,
             bodies=bodies,
-            contacts=tuple(rows),
+            contacts=contact_table(self.model, touching, surfaces.__getitem__),
             contact_points=points,
             forces=forces,
-            friction_margin=report.friction_margin(),
+            friction_margin=friction_margin(touching),
             free_weight=sum(self.mass.values()) * self.model.gravity_strength,
             inverted=sum(one.inverted for one in self.soft.values()),
             particles=sum(len(one.start) for one in self.soft.values()),
