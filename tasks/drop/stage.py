@@ -29,6 +29,7 @@ from tasks.bodies.proof import proven, refutation
 from tasks.bodies.solver_model import solver_model
 from tasks.cache import stage
 from tasks.drop.poses import pose_checks, pose_warnings
+from tasks.drop.resolution import refuse_coarse_layers
 from tasks.drop.settled import settled_of
 
 Array = NDArray[np.float64]
@@ -66,6 +67,8 @@ def drop(particles: Particles, anchor: Anchor, intent: Intent, seed: int, config
 
     model = solver_model(particles, (0.0, 0.0, -GRAVITY))
     solver, told = able(model, config.solver.model_copy(update={"threads": config.threads, "seed": seed}))
+    if solver.method == "mls":
+        refuse_coarse_layers(particles)
     try:
         result = proven(model, settle(model, solver, _progress))
     except ArchError as error:  # a run from a machine with a graphics card, repeated on one without

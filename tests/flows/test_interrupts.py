@@ -97,7 +97,7 @@ def test_a_module_that_is_half_loaded_keeps_nobody_from_interrupting(monkeypatch
             alarms.append(seconds)
 
     monkeypatch.setattr(interrupts, "_once", threading.Event())
-    monkeypatch.setattr(interrupts.threading, "Timer", Alarm)
+    monkeypatch.setattr(threading, "Timer", Alarm)
     monkeypatch.setitem(sys.modules, "tasks.process", ModuleType("tasks.process"))
     with pytest.raises(KeyboardInterrupt):
         interrupts._interrupt(signal.SIGINT, None)

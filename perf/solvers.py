@@ -1,0 +1,121 @@
+"""How the same samples end by several solvers or methods: a Markdown table with a row per sample.
+
+python -m perf.solvers FIRST OTHER... [--names tl,mls]
+
+Each is a run of one data set (`dcap benchmark --solver mls`, `--methods paper`). A cell has the depth to which the
+object has sunk in and the time of the drop, as a ratio to that of FIRST; where a sample did not come to rest on the
+support of FIRST, what it came to. Lines below count verdicts and supports that are those of FIRST, and give the medians
+over samples that rest on the same support; depths are compared where FIRST has at least LEAST_DEPTH.
+"""
+
+import argparse
+import json
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from dcap.evaluation.methods import split_id
+from dcap.evaluation.run_folder import sample_folder
+from flows.find_run import RUN, find_run
+
+LEAST_DEPTH = 1e-4
+"""Depths below this [m] are those of the contact's own penetration."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ending:
+    """How one sample ended."""
+
+    verdict: str
+    """at_rest, or the reason of an infeasible sample, or `failed`."""
+    support: str
+    depth: float
+    """[m]; 0 where nothing was indented."""
+    seconds: float
+    """Time of the drop [s]."""
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether it came to rest."""
+        return self.verdict == "at_rest"
+
+
+def endings(folder: Path) -> dict[str, Ending]:
+    """Return how each sample of a run ended, by the sample's id without its method."""
+    found = {}
+    for sample in json.loads((folder / RUN).read_bytes())["samples"]:
+        path = sample_folder(folder, sample["id"]) / "placement.json"
+        tree = json.loads(path.read_bytes()) if path.is_file() else None
+        found[split_id(sample["id"])[1]] = Ending("failed", "", 0.0, 0.0) if tree is None else ending_of(tree)
+    return found
+
+
+def ending_of(tree: Mapping[str, Any]) -> Ending:
+    """Return how a placement.json says that its sample ended."""
+    base = f"{(tree['base'] or {}).get('label', '')} {tree['part'] or ''}".strip()
+    placement = (tree["certificate"] or {}).get("placement") or {}
+    return Ending(
+        tree["reason"] or tree["verdict"],
+        base,
+        float(placement.get("indentation_m") or 0.0),
+        float(tree["timings"].get("drop", 0.0)),
+    )
+
+
+def rows(runs: Sequence[Mapping[str, Ending]]) -> list[list[str]]:
+    """Return a row of cells for each sample that rests by the first run."""
+    out = []
+    for name, first in runs[0].items():
+        if first.at_rest:
+            out.append([name, first.support, f"{1e3 * first.depth:.2f} mm, {first.seconds:.0f} s"])
+            out[-1] += [cell(first, run[name]) for run in runs[1:] if name in run]
+    return out
+
+
+def cell(first: Ending, other: Ending) -> str:
+    """Return what another run says of a sample."""
+    if not other.at_rest:
+        return other.verdict
+    if other.support != first.support:
+        return f"on {other.support}"
+    ratio = f"{other.seconds / first.seconds:.1f}" if first.seconds > 0.0 else "-"
+    return f"{1e3 * other.depth:.2f} mm, x {ratio}"
+
+
+def summary(first: Mapping[str, Ending], other: Mapping[str, Ending], name: str) -> str:
+    """Return the line of a run below the table."""
+    rest = {key: one for key, one in first.items() if one.at_rest and key in other}
+    same = {key: one for key, one in rest.items() if other[key].at_rest and other[key].support == one.support}
+    deep = [abs(other[key].depth / one.depth - 1.0) for key, one in same.items() if one.depth >= LEAST_DEPTH]
+    times = [other[key].seconds / one.seconds for key, one in same.items() if one.seconds > 0.0]
+    refused = sum(not one.at_rest for one in first.values())
+    alike = sum(other[key].verdict == one.verdict for key, one in first.items() if not one.at_rest and key in other)
+    depth = f"{median(deep):.1%} over {len(deep)} samples" if deep else "none to compare"
+    time = f"{median(times):.1f}" if times else "-"
+    return (
+        f"{name}: {sum(other[key].at_rest for key in rest)} of {len(rest)} at rest, {len(same)} on the same support; "
+        f"{alike} of {refused} others with the same reason; median difference of depth {depth}; "
+        f"median ratio of the drop's time {time}"
+    )
+
+
+def main() -> None:
+    """Print the table and the lines."""
+    parser = argparse.ArgumentParser(description="How the same samples end by several solvers or methods.")
+    parser.add_argument("runs", nargs="+", help="runs of one data set; the first is what others are compared with")
+    parser.add_argument("--names", default="", help="what to call them, with commas between")
+    given = parser.parse_args()
+    folders = [find_run(one) for one in given.runs]
+    names = given.names.split(",") if given.names else [one.name for one in folders]
+    runs = [endings(one) for one in folders]
+    lines = [["sample", "support", *names], ["---"] * (2 + len(names)), *rows(runs)]
+    text = [f"| {' | '.join(cells)} |" for cells in lines]
+    text += ["", *(summary(runs[0], run, name) for name, run in zip(names[1:], runs[1:], strict=True))]
+    sys.stdout.write("\n".join(text) + "\n")
+
+
+if __name__ == "__main__":
+    main()

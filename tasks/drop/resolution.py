@@ -1,0 +1,43 @@
+"""Whether explicit steps see every layer under the contact: too coarse a cell feels only the mean of several.
+
+The paper asks for three to five particles through the thinnest thickness. Cells of the default settings have more, so
+this refuses what a coarse `--resolution` or a small budget of cells leaves too few of.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.scene.errors import GeometryError
+from dcap.scene.types.particles import Particles, SoftSimulationBody
+
+LEAST_PARTICLES = 3.0
+PER_CELL = 2.0
+"""Particles through a cell."""
+
+
+def refuse_coarse_layers(particles: Particles) -> None:
+    """GeometryError with what it would take where a layer under the contact has too few particles through it."""
+    if particles.foreseen is None:
+        return
+    for body in particles.bodies:
+        if not isinstance(body, SoftSimulationBody) or body.instance == "object":
+            continue
+        points = body.surface.vertices
+        below = points[in_boxes(points[:, :2], particles.foreseen)]
+        for layer in particles.column if len(below) else ():
+            ends = below[:, 2].max() - np.array([layer.to_m, layer.from_m])
+            cells = float(np.diff(np.interp(ends, body.grid.z, np.arange(len(body.grid.z))))[0])
+            if layer.to_m > layer.from_m and PER_CELL * cells < LEAST_PARTICLES:
+                thick = layer.to_m - layer.from_m
+                raise GeometryError(
+                    f"solver mls: {PER_CELL * cells:.1f} particles through {layer.part} ({1e3 * thick:.0f} mm) under "
+                    f"the contact, and explicit steps need {LEAST_PARTICLES:.0f}: give --resolution "
+                    f"{PER_CELL * thick / LEAST_PARTICLES:.2g} or finer, more cells (ParticlesConfig.base_cells), or "
+                    "--solver tl"
+                )
+
+
+def in_boxes(points: NDArray[np.float64], boxes: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which points (n, 2) lie in one of some boxes in plan (k, 2, 2) [m]."""
+    low, high = boxes[:, None, 0], boxes[:, None, 1]
+    return np.asarray(((points >= low) & (points <= high)).all(axis=2).any(axis=0))
