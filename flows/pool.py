@@ -114,7 +114,7 @@ def _final_state(run_id: UUID) -> State[Any]:
     heard = alone_since = time.monotonic()
     while True:
         time.sleep(LOOK_SECONDS)
-        with pass_over_server_errors(), get_client(sync_client=True) as client:
+        with pass_over_server_errors() as lost, get_client(sync_client=True) as client:
             try:
                 run = client.read_flow_run(run_id)
             except ObjectNotFound:
@@ -129,13 +129,16 @@ def _final_state(run_id: UUID) -> State[Any]:
             if begun and (_is_gone(host, pid) or time.monotonic() - alone_since > LOST_SECONDS):
                 client.set_flow_run_state(run_id, Crashed(message="its worker was lost"), force=True)
                 raise LostWorkerError("its worker was lost")
-        if was_given_up() or time.monotonic() - heard > LOST_SECONDS:
+        if (lost and was_given_up()) or time.monotonic() - heard > LOST_SECONDS:
             raise DcapError("the Prefect server was lost, which tells whether its worker has placed it; run it again")
 
 
 def _has_worker(client: SyncPrefectClient, host: str) -> bool:
     """Return whether a machine, or any if none is named, has a worker that answers; `dcap worker` names it so."""
-    workers = client.read_workers_for_work_pool(POOL)
+    try:
+        workers = client.read_workers_for_work_pool(POOL)
+    except ObjectNotFound:  # somebody has deleted the pool
+        return False
     return any(one.status is WorkerStatus.ONLINE and one.name.startswith(f"{host}-" if host else "") for one in workers)
 
 

@@ -45,8 +45,8 @@ START_SECONDS = 120.0
 """A first start creates the database, which takes 8 s on two idle cores."""
 STOP_SECONDS, POLL_SECONDS = 10.0, 0.5
 LOOK_SECONDS, MOST_MISSED = 5.0, 2
-_patience: list[str] = []
-"""How often a lost server was to be asked before it was given up; empty while none is."""
+_patience: dict[str, str] = {}
+"""The variable that says how often a lost server is asked, as it was before one was given up; empty while none is."""
 
 
 @contextmanager
@@ -134,7 +134,7 @@ def own_server_has_ended() -> bool:
 def give_up_server() -> None:
     """Let Prefect ask a lost server no more than once a time, until another one is used."""
     if not was_given_up():
-        _patience.append(os.environ.get(RETRIES, ""))
+        _patience.setdefault(RETRIES, os.environ.get(RETRIES, "0"))  # threads may lose a server together
         os.environ[RETRIES] = "0"
         apply_settings()
 
@@ -188,7 +188,8 @@ def _as_own_server(url: str) -> Iterator[str]:
         own[LOGIN] = os.environ[SERVER_LOGIN]
     os.environ.update(own)
     if was_given_up():
-        os.environ[RETRIES] = _patience.pop()
+        os.environ |= _patience
+        _patience.clear()
     logging.raiseExceptions = False  # what a lost server does not take of logs is dropped without a word
     try:
         apply_settings()

@@ -8,7 +8,6 @@ import base64
 import fcntl
 import html
 import io
-import os
 import re
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -39,9 +38,9 @@ from prefect.transactions import CommitMode, transaction
 
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import StoreError
-from dcap.scene.machine_errors import is_lost_server, pass_over_server_errors
+from dcap.scene.machine_errors import is_lost_server, is_server_error, pass_over_server_errors
 from dcap.scene.settings import server_folder
-from dcap.scene.team_server import API_URL, OWN_URL
+from dcap.scene.team_server import team_server
 from dcap.scene.types.outcome import Infeasible
 from dcap.scene.types.sample import Sample
 from flows.place import PlaceConfig
@@ -183,9 +182,10 @@ def in_flow(shown: Callable[..., Any], tags: Sequence[str], work: Callable[[], t
         if own_server_has_ended():
             lose_server()
     except Exception as error:
-        if not (ended and is_lost_server(error)):
+        if not ended or not is_server_error(error):
             raise
-        lose_server()
+        if is_lost_server(error):
+            lose_server()
     finally:
         _work.reset(token)
     return _server_lost.is_set()
@@ -305,16 +305,10 @@ def claimed_run() -> Iterator[Path]:
     draft = path.with_suffix(".draft")  # locked before anybody sees it
     with draft.open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        lock.write(server_of_runs())
+        lock.write(team_server())
         lock.flush()
         draft.rename(path)
         yield path
-
-
-def server_of_runs() -> str:
-    """Return the address of a team's server; empty for that of the data folder, whose port may be another tomorrow."""
-    url = os.environ.get(API_URL, "")
-    return "" if url == os.environ.get(OWN_URL) else url
 
 
 def end_dead_runs(folder: Path) -> None:
@@ -326,7 +320,7 @@ def end_dead_runs(folder: Path) -> None:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:  # it lives
                 continue
-            if file.read() != server_of_runs():
+            if file.read() != team_server():
                 continue
             state: State[Any] = Crashed(message="its program was killed")
             run = UUID(path.name)

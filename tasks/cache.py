@@ -37,7 +37,7 @@ from dcap.scene.machine_errors import pass_over_server_errors
 from dcap.scene.settings import cache_root
 from dcap.scene.types.outcome import Infeasible
 from tasks.artifact import Record, Ref, Store
-from tasks.code import Code, code_of, note_files
+from tasks.code import Code, check_data_files, code_at_begin, code_of, note_files
 from tasks.codec import from_tree, to_tree
 from tasks.process import StageProcessError, preload, run_in_process
 from tasks.records import (
@@ -117,7 +117,7 @@ class RunContext:
     refresh: frozenset[str] = frozenset()
     """Stages to compute again although they have a record."""
     bring: bool = True
-    """Whether a look-up brings what the shared store has here."""
+    """Whether a look-up copies what the shared store has."""
     slots: threading.Semaphore | None = None
     """How many stages may compute at a time; a stage that waits for a reply lends its slot to another."""
     limits: frozenset[str] = frozenset()
@@ -126,8 +126,10 @@ class RunContext:
     """Of the task runs."""
 
 
-_stage_files: dict[Path, None] = {}
+STAGE_FILES: dict[Path, None] = {}
 """Modules of the stages that were made."""
+_hashed: list[bool] = []
+"""Whether those that were known when the first stage was called are hashed."""
 _context: ContextVar[RunContext] = ContextVar("run context")
 
 
@@ -164,7 +166,7 @@ class Stage(Generic[P, ValueT_co]):
         self._tasks: dict[Path, Task[..., Ref[Any]]] = {}
         self.signature = inspect.signature(function)
         self.file = Path(inspect.getfile(function)).resolve()
-        _stage_files[self.file] = None
+        STAGE_FILES[self.file] = None
 
     @cached_property
     def hints(self) -> dict[str, Any]:
@@ -173,9 +175,11 @@ class Stage(Generic[P, ValueT_co]):
 
     @cached_property
     def code(self) -> Code:
-        """The sources that decide what the function returns; those of all stages at once, before anybody saves one."""
-        for path in _stage_files:
-            code_of(path)
+        """The sources that decide what the function returns; those of all known stages at once, before anybody saves
+        one."""
+        if not _hashed:
+            code_at_begin(tuple(STAGE_FILES))
+            _hashed.append(True)
         return code_of(self.file)
 
     def __call__(self, *args: P.args, **kwargs: P.kwargs) -> Ref[ValueT_co]:
@@ -237,12 +241,7 @@ class Stage(Generic[P, ValueT_co]):
             ) -> str | None:
                 # only now: of tags that a run starts with Prefect asks the server, which may be lost
                 task_ctx.task_run.tags = list(current_context().tags)
-                key = key_of(recipe(inputs))
-                name, ref = find_record(key)
-                if ref is None and name != key:  # Prefect writes in place: perhaps half of it is there by now
-                    FileLocks().wait_for_lock(key)
-                    name = find_record(key)[0]
-                return name
+                return find_record(key_of(recipe(inputs)), wait=FileLocks().wait_for_lock)[0]
 
         def body(**inputs: Any) -> Any:  # a reference, or a state that holds one
             ref = self._compute(inputs)
@@ -296,6 +295,7 @@ class Stage(Generic[P, ValueT_co]):
 
     def _run_watched(self, inputs: Mapping[str, Any]) -> Ref[Any]:
         """Call the Prefect task; it returns a reference, or a state that holds one."""
+        find_record(key_of(self.recipe(inputs)))  # raises what Prefect would lose, and compute without a record
         task = self.task.with_options(refresh_cache=True) if self.name in current_context().refresh else self.task
         result: Any = task(**inputs)
         return result if isinstance(result, Ref) else result.data.result
@@ -303,7 +303,7 @@ class Stage(Generic[P, ValueT_co]):
     def _run_directly(self, inputs: Mapping[str, Any]) -> Ref[Any]:
         """Do what Prefect's transaction does."""
         key = key_of(self.recipe(inputs))
-        with FileLocks().held(key):
+        with FileLocks().held(find_record(key, wait=FileLocks().wait_for_lock)[0]):
             name, ref = find_record(key)
             if ref is None or self.name in current_context().refresh:
                 for attempt in range(RETRIES + 1):
@@ -332,7 +332,13 @@ class Stage(Generic[P, ValueT_co]):
                 where = (self.function.__module__, self.function.__name__)
                 settings = None if config is None else config.model_dump(mode="json")
                 done = run_in_process(
-                    run_job, *where, given, settings, context.session, on_progress=self._progress_listener()
+                    run_job,
+                    *where,
+                    self.code.digest,
+                    given,
+                    settings,
+                    context.session,
+                    on_progress=self._progress_listener(),
                 )
             else:
                 done = self.run(given, config, context.session, partial(_lent, context.slots))
@@ -340,6 +346,7 @@ class Stage(Generic[P, ValueT_co]):
         self._log(
             f"{kind} {sha256[:12]}, {seconds:.2f} s ({time.perf_counter() - begin:.2f} s with loading and saving)"
         )
+        check_data_files(self.code)
         note_files(self.code)
         recipe = self.recipe(inputs)
         return Ref(kind, sha256, Record(key_of(recipe), seconds, size, recipe))
@@ -392,9 +399,12 @@ class Stage(Generic[P, ValueT_co]):
             return
         from prefect.concurrency.sync import concurrency
 
-        held = ExitStack()
+        held, counts = ExitStack(), False
         with pass_over_server_errors():
             held.enter_context(concurrency(name))
+            counts = True
+        if not counts:
+            self._log(f"the server does not count {name}: the stage runs without that limit")
         try:
             yield
         finally:
@@ -433,10 +443,12 @@ def stage(
 
 
 def run_job(
-    module: str, function: str, given: dict[str, Any], settings: object, session: Session
+    module: str, function: str, code: str, given: dict[str, Any], settings: object, session: Session
 ) -> tuple[str, str, float, int]:
-    """Run a stage in the process that was started for it."""
+    """Run a stage in the process that was started for it; StoreError if its code is not that of the digest `code`."""
     own = stage(getattr(import_module(module), function))
+    if own.code.digest != code:
+        raise StoreError(f"code of the stage {own.name} has changed while this program started; start it again")
     config = None if settings is None else own.hints["config"].model_validate(settings)
     return own.run(given, config, session)
 

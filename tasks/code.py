@@ -4,7 +4,9 @@ Comments, docstrings and layout do not count (the syntax tree is hashed); import
 reachable code names by a string (`materials.csv`, the folder `prompts`) counts with its bytes. What a source file says
 is kept in the cache: building 650 syntax trees takes three seconds.
 
-A program reads each file once, soon after it has begun: it runs what it loaded then, whatever is saved later.
+A program hashes the sources of its stages once, soon after it has begun, and its fork server those that it has loaded
+(preload.py): they run what they loaded then, whatever is saved later. Data files are read when a stage runs, so those
+are looked at again before its result is kept.
 """
 
 import ast
@@ -21,6 +23,7 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
+from dcap import LOADED_NS
 from dcap.scene import settings
 from dcap.scene.errors import StoreError
 from dcap.scene.json_tree import canonical_json
@@ -62,8 +65,6 @@ PARSED, LISTS = "sources.json", "code"
 """File and folder of the cache: what each source says, and lists of files by the digest of the list."""
 RULES = f"{sys.version_info[:2]} {hashlib.sha256(Path(__file__).read_bytes()).hexdigest()}"
 """What decides what a source says, besides its bytes."""
-BEGIN_NS = time.time_ns()
-"""When this program had not loaded most of its code yet."""
 _known_lists: dict[str, Mapping[str, str]] = {}
 """Of the code of this process, by digest."""
 _lock = Lock()
@@ -84,22 +85,38 @@ class Code:
 
 @cache
 def code_of(module_path: Path, root: Path = settings.PROJECT_ROOT) -> Code:
-    """Return what a module reaches, itself included; found once per process, which runs the code that it loaded.
-
-    StoreError if one of the files was saved while the program began: which state of it was loaded is not known.
-    """
+    """Return what a module reaches, itself included; found once per process, which runs the code that it loaded."""
     with _lock:
         parsed = _sources_at_begin(settings.cache_root() / PARSED)
         paths = sorted(_reachable(module_path.resolve(), root, parsed))
         files = {_name_of(path, root): _digest_of(path, parsed) for path in paths}
         imported = {name.split(".")[0] for path in paths if path.suffix == ".py" for name in parsed[path]["imports"]}
         parsed.write()
-    for path in paths:
-        if path.is_relative_to(settings.PROJECT_ROOT) and path.stat().st_mtime_ns > BEGIN_NS:
-            raise StoreError(f"{_name_of(path, root)} has changed while this program started; start it again")
     code = Code(hashlib.sha256(canonical_json(files)).hexdigest(), files, _versions(imported))
     _known_lists[code.digest] = files
     return code
+
+
+@cache
+def code_at_begin(modules: tuple[Path, ...]) -> None:
+    """Hash what some modules reach; StoreError if one of the files was saved since this program began to load: which
+    state of it was loaded is not known."""
+    now = time.time_ns()
+    for module in modules:
+        for name in code_of(module).files:
+            path = _path_of(name, settings.PROJECT_ROOT)
+            if path is not None and LOADED_NS < path.stat().st_mtime_ns <= now:
+                raise StoreError(f"{name} has changed while this program started; start it again")
+
+
+def check_data_files(code: Code, root: Path = settings.PROJECT_ROOT) -> None:
+    """StoreError if a data file is no longer what it was when it was hashed: which state a stage has read is not
+    known."""
+    for name, digest in code.files.items():
+        if not name.endswith(".py"):
+            path = _path_of(name, root)
+            if path is None or hashlib.sha256(path.read_bytes()).hexdigest() != digest:
+                raise StoreError(f"{name} has changed while this program runs; start it again")
 
 
 def note_files(code: Code) -> None:
@@ -126,7 +143,7 @@ def changed_sources(files: Mapping[str, str], root: Path = settings.PROJECT_ROOT
     """Yield the files, by their paths relative to `root`, that are no longer what they were."""
     parsed = _ParsedSources(settings.cache_root() / PARSED)
     for name, digest in files.items():
-        path = next((one for folder in (root, root / CARRIED) if (one := folder / name).is_file()), None)
+        path = _path_of(name, root)
         with _lock:
             if path is None or _digest_of(path, parsed) != digest:
                 yield name
@@ -241,6 +258,10 @@ def _data_files(texts: list[str], path: Path, root: Path) -> Iterator[Path]:
                 yield from (one for one in found.rglob("*") if one.is_file())
             elif found.suffix in DATA_SUFFIXES and found.is_file():
                 yield found.resolve()
+
+
+def _path_of(name: str, root: Path) -> Path | None:
+    return next((one for folder in (root / CARRIED, root) if (one := folder / name).is_file()), None)
 
 
 def _name_of(path: Path, root: Path) -> str:

@@ -11,6 +11,10 @@ import tasks.measure.views
 import tasks.mesh.stage
 import tasks.particles.stage
 import tasks.render.stage  # noqa: F401
+from tasks.cache import STAGE_FILES
+from tasks.code import code_of
 
+for module in list(STAGE_FILES):
+    code_of(module)  # as it was loaded just now: each process compares it with what the program has hashed
 gc.collect()
 gc.freeze()  # a collection in a child would write into each object, and so copy every page that is shared

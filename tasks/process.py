@@ -43,6 +43,10 @@ _running: set[BaseProcess] = set()
 _interrupted, _preloaded = threading.Event(), threading.Event()
 
 
+class _EndedError(Exception):
+    """A process has closed its pipe."""
+
+
 class StageProcessError(RuntimeError):
     """The process of a stage ended without a result."""
 
@@ -81,7 +85,7 @@ def run_in_process(function: Callable[..., ResultT], *arguments: object, on_prog
         try:
             result: ResultT = _listen(process, receiver, on_progress)
             return result
-        except EOFError:
+        except _EndedError:
             process.join()
             if _interrupted.is_set():
                 raise KeyboardInterrupt from None
@@ -116,12 +120,15 @@ def _start(job: tuple[object, ...]) -> BaseProcess:
 
 
 def _listen(process: BaseProcess, receiver: Connection, on_progress: OnProgress) -> Any:
-    """Return the result that a process sends; EOFError where it ends without one."""
+    """Return the result that a process sends; _EndedError where it ends without one."""
     deadline = time.monotonic() + MOST_SECONDS
     while True:
         if not receiver.poll(max(deadline - time.monotonic(), 0.0)):
             _kill(process)
-        kind, *content = receiver.recv()
+        try:
+            kind, *content = receiver.recv()
+        except EOFError:
+            raise _EndedError from None
         if kind == "progress":
             on_progress(*content)
         elif kind == "error":

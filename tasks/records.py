@@ -3,14 +3,15 @@
 A recipe holds everything that decides a result; its digest is the key. A record lies at `records/KEY` as Prefect's
 result file, whoever wrote it: Prefect, or a run that nobody watches. A record counts only if it is whole, is that of
 the wanted key, and its artifact is sound. If not, the next name is used (KEY, KEY-r1, ...), so nothing is ever deleted
-on the way; and Prefect is never handed a file that names another serializer, as `pickle`.
+on the way, only mended from a shared store; and Prefect is never handed a file that names another serializer, as
+`pickle`.
 """
 
 import hashlib
 import json
 import os
 import uuid
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -47,19 +48,26 @@ def records_root() -> Path:
     return cache_root() / FOLDER
 
 
-def find_record(key: str, *, bring: bool = True) -> tuple[str, Ref[Any] | None]:
+def find_record(
+    key: str, *, bring: bool = True, wait: Callable[[str], object] | None = None
+) -> tuple[str, Ref[Any] | None]:
     """Return the first name that is free or has a usable record, and the result that this names.
 
-    A record that is missing or damaged here is looked for in the shared store; its artifact too, and that comes here
-    only if it is to `bring`.
+    A record that is missing or damaged here is looked for in the shared store; it and its artifact come here if they
+    are to be brought. `wait` waits while somebody holds the lock of a name: Prefect writes a record in place.
     """
     for repeat in range(MOST_REPEATS):
         name = key if repeat == 0 else f"{key}-r{repeat}"
         path = records_root() / name
         ref = usable_result(path, key, bring=bring)
-        if ref is None and _fetch_record(name):
+        if ref is None and wait is not None and os.path.lexists(path):
+            wait(name)
             ref = usable_result(path, key, bring=bring)
-        if ref is not None or not os.path.lexists(path):
+        taken = os.path.lexists(path)
+        if ref is None:
+            found, ref = _shared_result(name, key, bring=bring)
+            taken |= found
+        if ref is not None or not taken:
             return name, ref
     raise StoreError(f"{key}: {MOST_REPEATS} records are damaged; `dcap cache verify --repair` removes them")
 
@@ -67,7 +75,14 @@ def find_record(key: str, *, bring: bool = True) -> tuple[str, Ref[Any] | None]:
 def usable_result(path: Path, key: str, *, bring: bool = True) -> Ref[Any] | None:
     """Return the result that a record names; None if there is no record, or it or the artifact is damaged."""
     try:
-        ref = read_record(path)
+        return _usable(path.read_bytes(), key, bring=bring)
+    except OSError:
+        return None
+
+
+def _usable(data: bytes, key: str, *, bring: bool) -> Ref[Any] | None:
+    try:
+        ref = parsed_record(data)
         assert ref.record is not None
         sound = ref.record.key == key == key_of(ref.record.recipe)
     except DAMAGED:
@@ -77,7 +92,12 @@ def usable_result(path: Path, key: str, *, bring: bool = True) -> Ref[Any] | Non
 
 def read_record(path: Path) -> Ref[Any]:
     """Return the result in a record's file; one of DAMAGED if it is no whole record of ours."""
-    tree = json.loads(path.read_bytes())
+    return parsed_record(path.read_bytes())
+
+
+def parsed_record(data: bytes) -> Ref[Any]:
+    """Return the result that a record's bytes name; one of DAMAGED if they are no whole record of ours."""
+    tree = json.loads(data)
     if tree["metadata"]["serializer"] != SERIALIZER or tree["metadata"]["expiration"] is not None:
         raise ValueError("not written by us")
     ref = json.loads(tree["result"], object_hook=decode_ref)
@@ -115,17 +135,19 @@ def share_record(name: str, ref: Ref[Any], *, new: bool) -> None:
     shared.push(f"{FOLDER}/{name}", path)
 
 
-def _fetch_record(name: str) -> bool:
-    """Copy a record from the shared store; return whether there was one."""
+def _shared_result(name: str, key: str, *, bring: bool) -> tuple[bool, Ref[Any] | None]:
+    """Return whether the shared store has a record, and the result that it names; it comes here if it is to `bring`."""
     shared = Store.default().shared
     data = None if shared is None else shared.read(f"{FOLDER}/{name}")
     if data is None:
-        return False
-    records_root().mkdir(parents=True, exist_ok=True)
-    draft = records_root() / f".{name}-{uuid.uuid4().hex}"
-    draft.write_bytes(data)
-    os.replace(draft, records_root() / name)
-    return True
+        return False, None
+    ref = _usable(data, key, bring=bring)
+    if ref is not None and bring:
+        records_root().mkdir(parents=True, exist_ok=True)
+        draft = records_root() / f".{name}-{uuid.uuid4().hex}"
+        draft.write_bytes(data)
+        os.replace(draft, records_root() / name)
+    return True, ref
 
 
 def encode_ref(ref: object) -> dict[str, Any]:

@@ -32,7 +32,7 @@ NO_SERVER = "Failed to reach API"
 """What Prefect's plain RuntimeError says where its server is gone."""
 GIVEN_UP = "Retry handling ended"
 """What it says where the server was given up while it was asked."""
-ANSWERS = ("httpx", "httpcore", "prefect")
+ANSWERS = (*SERVER, "prefect")
 """Packages whose errors can be the answer of a server."""
 UNAUTHORIZED, REFUSALS = 401, range(400, 500)
 LONGEST_PATH, LONGEST_WORDS = 200, 300
@@ -179,7 +179,7 @@ def _knob_of_memory() -> str:
 
 @contextmanager
 def pass_over_server_errors() -> Iterator[list[Exception]]:
-    """Go on whatever the server of the runs comes to, where nothing depends on its answer.
+    """Go on whatever the server of the runs comes to, where work can go on without its answer.
 
     Yields a list that keeps an error by which the server is lost: it does not answer, or fails. That it refuses, as
     for a run that somebody has deleted, is no such error.
@@ -190,8 +190,13 @@ def pass_over_server_errors() -> Iterator[list[Exception]]:
     except Exception as error:
         if is_lost_server(error):
             lost.append(error)
-        elif not _has_class_of(error, ANSWERS):
+        elif not is_server_error(error):
             raise
+
+
+def is_server_error(error: BaseException) -> bool:
+    """Whether an error is what the server of the runs comes to: a loss, or a refusal."""
+    return is_lost_server(error) or _has_class_of(error, ANSWERS)
 
 
 def is_lost_server(error: BaseException) -> bool:

@@ -37,7 +37,7 @@ class PairFriction:
 
     @property
     def resists_rolling(self) -> bool:
-        """Whether every place of one body resists the rolling of the other."""
+        """Whether every place of both bodies has rolling resistance."""
         return bool((self.own[:, 2] > 0.0).all() and (self.other[:, 2] > 0.0).all())
 
     def at(self, index: NDArray[np.int64], material: Array) -> Array:

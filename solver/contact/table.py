@@ -23,7 +23,8 @@ def contact_table(
         sides = [t for t in touching if {t.pair.a, t.pair.b} == {a, b}]
         total = sum((s.force.sum(axis=0) * (1.0 if s.pair.a == a else -1.0) for s in sides), np.zeros(3))
         normal = sum((_normal_sum(s) * (1.0 if s.pair.a == a else -1.0) for s in sides), np.zeros(3))
-        loaded = [s.normal_force > LOADED_SHARE * s.normal_force.max() for s in sides]
+        most = [s.normal_force.max() for s in sides]
+        loaded = [s.normal_force >= min(LOADED_SHARE * n, n) for s, n in zip(sides, most, strict=True)]
         rows.append(
             ContactRow(
                 a=model.bodies[a].name,

@@ -5,9 +5,9 @@ that cells stay fine where they were made fine. Particles are those of the body'
 of the grid; the order, hence every sum, depends on the state alone and not on the number of threads.
 
 Inertia against strain is scaled up until waves are slow enough for the step that is wanted (selective mass scaling
-[O05]). A free body is scaled throughout by the same factor, and keeps its true mass and weight as a whole; of one that
-something holds each particle is scaled for the cells around it, so that the large motions of coarse parts do not wait
-for the fine ones. No rest state depends on either.
+[O05]). A free body is scaled throughout by the same factor, and keeps its true mass and weight as a whole. In one that
+something holds, each particle outside of a rigid core is scaled for the cells around it, so that the large motions of
+coarse parts do not wait for the fine ones. No rest state depends on either.
 
 [O05] Olovsson, Simonsson, Unosson: Selective mass scaling for explicit finite element analyses. Int. J. Numer. Meth.
 Engng. 63, 2005.
@@ -130,7 +130,7 @@ class SoftParticles:
         self.pushed = np.zeros(6)
         """Impulse and its moment about the centre of mass in this step [N s], [N m s]."""
         self.lay_out()
-        self._bind(system.rest[grid.nodes], mass)
+        self._bind(system.rest[grid.nodes], soft.volume * soft.density)
         self.mobility, self.crowded_mobility = self._mobility(mass)
 
     @property
@@ -281,7 +281,7 @@ class SoftParticles:
         )  # fmt: skip
 
     def motion(self, group: int | None = None) -> RigidMotion:
-        """Rigid motion of the body, or of one group of its particles."""
+        """Rigid motion of a free body, or of one group of particles."""
         chosen = slice(None) if group is None else self.block_group == group
         return RigidMotion.of(self.sums[chosen].sum(axis=0) / self.scale)
 

@@ -2,10 +2,10 @@
 
 Points of one surface feel the signed distance of the other body, as in the implicit method and by the same law
 (solver/contact): a normal spring and Coulomb friction. A soft body is touched where its particles carry the nodes of
-its background grid, and its particles take the forces in the same shares. Springs are as stiff as explicit steps allow;
-where that lets a point in deeper than the penetration that is aimed at, its spring is shortened at the rate of the
-excess over CLOSING_SECONDS: an augmented Lagrangian [A91] whose multipliers grow along with the relaxation. Not where
-nothing resists rolling: multipliers lag behind a body that rolls, and drive it on.
+its background grid, and its particles take the forces in the same shares. Springs are no stiffer than explicit steps
+allow. Where that lets a point in deeper than the penetration that is aimed at, its spring grows at the rate of the
+excess over CLOSING_SECONDS: an augmented Lagrangian [A91] whose multipliers grow along with the relaxation. A pair of
+which some place has no rolling resistance is left without: multipliers lag behind a body that rolls, and drive it on.
 
 Which points are near another body is looked up once bodies have moved by SLACK.
 
@@ -40,9 +40,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 STABLE = 0.5  # stiffness of contact times the squared step and the mobility of what it acts on [-]; 4 is the limit
-CLOSING_SECONDS = (
-    0.04  # in which an excess of penetration fades by e: longer than a bounce, shorter than coming to rest
-)
+CLOSING_SECONDS = 0.04  # in which an excess of penetration fades by e; coming to rest takes ten times as long
 SLACK = 0.5  # smallest cells that bodies may move before near points are looked up again
 AROUND = 4.0  # cells around near points whose nodes are carried along
 STICK_SPEED = 1e-4  # a point at its friction limit that moves slower than this [m/s] has stopped: mu_s holds again
@@ -225,6 +223,9 @@ class SurfaceContacts:
             gap = self._gaps(touch, points[candidates], candidates)
             touch.near = candidates[gap < self.slack]
             touch.gap[candidates] = gap
+            away = np.ones(len(points), dtype=bool)
+            away[touch.near] = False
+            touch.offset[away] = 0.0
             if touch.pair.flat is not None:
                 known = {**self.state.memory.points, touch.pair.key: touch.memory}
                 self.state.memory = replace(self.state.memory, points=known)
@@ -338,7 +339,10 @@ class SurfaceContacts:
         offset = touch.offset[touch.near]
         pushed = gap - offset
         if touch.closes:
-            touch.offset[touch.near] = np.maximum(offset - dt / CLOSING_SECONDS * (gap + self.target), 0.0)
+            grown = np.maximum(offset - dt / CLOSING_SECONDS * (gap + self.target), 0.0)
+            grown[gap >= query.FAR] = offset[gap >= query.FAR]  # no place was found for the point in this step
+            grown[~touch.counts[touch.near]] = 0.0
+            touch.offset[touch.near] = grown
         on = np.flatnonzero((pushed < 0.0) & touch.counts[touch.near])
         touched = np.zeros(len(touch.counts), dtype=bool)
         touched[touch.near[on]] = True

@@ -4,8 +4,9 @@ import fcntl
 import json
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 from uuid import uuid4
 
@@ -85,6 +86,10 @@ class Answering:
         """Answer."""
         raise self.error
 
+    def update_flow_run(self, *_: object, **__: object) -> None:
+        """Answer."""
+        raise self.error
+
 
 def test_nobody_waits_for_a_sample_that_nobody_tells_of(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its flow run was deleted, or the server is gone for long."""
@@ -94,6 +99,59 @@ def test_nobody_waits_for_a_sample_that_nobody_tells_of(monkeypatch: pytest.Monk
         monkeypatch.setattr(pool, "get_client", lambda sync_client, error=error: Answering(error))
         with pytest.raises(DcapError, match=words):
             pool._final_state(uuid4())
+
+
+def test_a_refusal_at_the_end_loses_no_result(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As where somebody has deleted the flow run meanwhile; an error of the work itself is raised."""
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path))
+    monkeypatch.setattr(watched, "claimed_run", lambda: nullcontext(tmp_path / "claim"))
+    monkeypatch.setattr(watched, "flow_run", SimpleNamespace(id=str(uuid4())))
+    monkeypatch.setattr(watched, "get_client", lambda sync_client: Answering(UNREACHED))
+    monkeypatch.setattr(watched, "lose_server", lambda: watched._server_lost.set())
+
+    def shown(error: Exception) -> Any:
+        def run(return_state: bool) -> None:
+            watched.do_work()
+            raise error
+
+        return run
+
+    for error in (*REFUSED, *LOST):
+        assert watched.in_flow(shown(error), (), lambda: ("Completed", "")) is (error in LOST), error
+
+    def fail() -> tuple[str, str]:
+        raise ValueError("ours")
+
+    with pytest.raises(ValueError, match="ours"):
+        watched.in_flow(shown(UNREACHED), (), fail)
+
+
+def test_a_claim_holds_until_the_run_has_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else another program would tell the server that this one has crashed."""
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path))
+    monkeypatch.delenv("PREFECT_API_URL", raising=False)
+    run = uuid4()
+    monkeypatch.setattr(watched, "flow_run", SimpleNamespace(id=str(run)))
+    monkeypatch.setattr(watched, "get_client", lambda sync_client: Answering(UNREACHED))
+    claim = server_folder() / "running" / str(run)
+
+    def is_held() -> bool:
+        with claim.open() as file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                return True
+        return False
+
+    held: list[bool] = []
+
+    def shown(return_state: bool) -> None:
+        watched.do_work()
+        held.append(is_held())  # here Prefect tells the server how it ended
+
+    watched.in_flow(shown, (), lambda: ("Completed", ""))
+    assert held == [True]
+    assert not claim.exists()
 
 
 def test_a_slow_server_is_not_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

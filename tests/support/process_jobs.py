@@ -51,5 +51,6 @@ def fail(how: str, log: str) -> None:
     raise {
         "known": InputError("no such thing"),
         "mistake": ValueError("a mistake"),
+        "end of a file": EOFError("no more"),
         "cannot travel": CannotTravelError(1, 2),
     }[how]

@@ -6,6 +6,7 @@ import pickle
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, cast
@@ -210,6 +211,28 @@ FileLocks().acquire_lock("{key}", "held until this program ends")
 print(1, flush=True)
 input()
 """
+
+
+def test_a_record_that_is_being_written_is_waited_for() -> None:
+    """Prefect writes in place: what is half there, with its lock held, is no damage."""
+    first = small_stages.make_task(0, MakeConfig())
+    computed()
+    path = record_of(first)
+    whole = path.read_bytes()
+    path.write_bytes(whole[:40])
+
+    def finish() -> None:
+        time.sleep(0.3)
+        path.write_bytes(whole)
+        locks.release_lock(path.name, "another")
+
+    locks = FileLocks()
+    locks.acquire_lock(path.name, "another")
+    writer = threading.Thread(target=finish)
+    writer.start()
+    assert small_stages.make_task(0, MakeConfig()) == first
+    writer.join()
+    assert computed() == []
 
 
 @pytest.mark.slow

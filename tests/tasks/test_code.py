@@ -116,7 +116,7 @@ def test_files_that_are_gone_are_forgotten(root: Path) -> None:
 
 
 def test_what_is_saved_while_a_program_runs_is_the_next_programs(root: Path) -> None:
-    """A program keeps the digests of its begin; what was saved between its start and these is refused."""
+    """A program keeps the digests of its begin."""
     before = found(root)
     (root / "dcap/scene/late.py").write_text("def late(): return 5\n")
     code_of.cache_clear()
@@ -125,11 +125,24 @@ def test_what_is_saved_while_a_program_runs_is_the_next_programs(root: Path) -> 
 
 
 def test_a_file_saved_as_the_program_starts_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nobody knows which state of it was loaded."""
-    code_of.cache_clear()
-    monkeypatch.setattr(code, "BEGIN_NS", (PROJECT_ROOT / "tasks/cache.py").stat().st_mtime_ns - 1)
-    with pytest.raises(StoreError, match=r"tasks/cache.py has changed while this program started"):
-        code_of(PROJECT_ROOT / "tasks/cache.py")
+    """Nobody knows which state of it was loaded; one that is saved later is not asked for."""
+    path = PROJECT_ROOT / "dcap" / "scene" / "errors.py"
+    code.code_at_begin.cache_clear()
+    monkeypatch.setattr(code, "LOADED_NS", path.stat().st_mtime_ns - 1)
+    with pytest.raises(StoreError, match=r"has changed while this program started"):
+        code.code_at_begin((PROJECT_ROOT / "tasks/cache.py",))
+    code_of(PROJECT_ROOT / "tasks/cache.py")
+
+
+def test_a_data_file_that_changes_while_a_stage_reads_it_is_refused(root: Path) -> None:
+    """It is read when the stage runs, so its result is not kept."""
+    one = found(root)
+    code.check_data_files(one, root)
+    (root / "dcap/scene/late.py").write_text("def late(): return 9\n")
+    code.check_data_files(one, root)
+    (root / "materials.csv").write_text("foam,31\n")
+    with pytest.raises(StoreError, match=r"materials.csv has changed while this program runs"):
+        code.check_data_files(one, root)
 
 
 def test_an_installed_dcap_has_the_same_digests(root: Path) -> None:

@@ -73,6 +73,7 @@ def test_an_interrupted_program_kills_its_jobs_and_starts_none(tmp_path: Path, m
     [
         ("known", InputError, "no such thing"),
         ("mistake", ValueError, "a mistake"),
+        ("end of a file", EOFError, "no more"),
         ("cannot travel", RuntimeError, "CannotTravelError: 1 and 2"),
     ],
 )
