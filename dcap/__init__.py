@@ -10,7 +10,6 @@ arrays of the solver. Nothing is printed; what is wrong with an input is an `Inp
 names below are the whole face (docs/python.md); they are loaded when first used: importing `dcap` costs nothing.
 """
 
-import time
 from typing import TYPE_CHECKING
 
 from dcap.packages import claim_companions
@@ -35,9 +34,6 @@ if TYPE_CHECKING:
     from solver.settle import settle
 
     __version__: str
-
-LOADED_NS = time.time_ns()
-"""When this program began to load our code."""
 
 __all__ = [
     "BudgetError",

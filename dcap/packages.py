@@ -6,11 +6,14 @@ processes that we start take nothing from the working directory.
 """
 
 import sys
+import time
 from collections.abc import Sequence
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 from types import ModuleType
 
+LOADED_NS = time.time_ns()
+"""When this program began to load our code: `dcap` imports this module first."""
 ROOT = Path(__file__).resolve().parents[1]
 """The folder that our packages lie in: the clone, or site-packages."""
 COMPANIONS = ("flows", "solver", "tasks")

@@ -23,7 +23,7 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
-from dcap import LOADED_NS
+from dcap.packages import LOADED_NS
 from dcap.scene import settings
 from dcap.scene.errors import StoreError
 from dcap.scene.json_tree import canonical_json
