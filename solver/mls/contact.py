@@ -356,6 +356,7 @@ class SurfaceContacts:
         node, weight, material = node[on], weight[on], material[on]
         friction = touch.pair.friction.at(index, material)
         force, _, anchor, sliding = point_forces(friction, touch.memory, index, pushed, normal, slip)
+        force *= self._share_of_light(a, b, float(touch.memory.stiffness[index].sum()), dt)
         touch.memory.anchor[index] = anchor
         touch.memory.sliding[index] = sliding & (np.linalg.norm(slip, axis=1) > STICK_SPEED * dt)
         load = np.einsum("ki,ki->k", force, normal)
@@ -371,6 +372,12 @@ class SurfaceContacts:
             self._push_soft(b, node, weight, -dt * force)
         rolling = float(load @ friction[:, 2] / max(load.sum(), 1e-300))
         return Acting(a, b, points, force, normal[:, None], load, rolling)
+
+    def _share_of_light(self, a: int, b: int, stiffness: float, dt: float) -> float:
+        """Which share of all springs of a pair [N/m] a step of dt [s] can take: together they may not throw a light
+        body as a whole."""
+        mobility = sum(1.0 / self.model.bodies[i].mass for i in (a, b) if not self.model.bodies[i].fixed)
+        return min(1.0, STABLE / max(dt**2 * stiffness * mobility, 1e-300))
 
     def _keep_sides(self, touch: PairTouch, gap: Array, normal: Array, slip: Array) -> None:
         """Let points that have passed the middle of something thin since the last step count as on the side where they

@@ -95,6 +95,7 @@ def soft(
     edge=None,
     spacing=None,
     layers=None,
+    rolling=0.0,
 ):
     """A soft primitive; `held` marks held nodes. `layers` is (E_p, nu_p, G_t, normal): E and nu are then across."""
     position = np.asarray(position, dtype=float)
@@ -117,7 +118,7 @@ def soft(
         layers = Layers(layers[0] * one, layers[1] * one, layers[2] * one, np.tile(normal, (len(points), 1)))
     interior = Interior(points, volume, rho * one, E * one, nu * one, planes, state, loaded, layers)
     return SoftBody(
-        name, fixed, vertices, surface.faces, grid, rho * solid.volume, position, mu[0], mu[1], 0.0, interior
+        name, fixed, vertices, surface.faces, grid, rho * solid.volume, position, mu[0], mu[1], rolling, interior
     )
 
 

@@ -239,6 +239,28 @@ def test_a_bond_carries_what_hangs_on_it(lab):
 
 
 @pytest.mark.slow
+def test_a_light_plate_is_not_thrown_by_its_many_springs(lab):
+    """20 g on 2400 points, each as stiff as one alone may be."""
+    slab = lab.soft("slab", lab.Box(np.array([0.2, 0.2, 0.05])), [0, 0, 0.025], E=5e4, rho=60.0, cell=0.0125,
+                    fixed=True, held=np.s_[:, :, 0], loaded=True, edge=0.005)  # fmt: skip
+    plate = lab.rigid("plate", lab.Box(np.array([0.15, 0.15, 0.004])), [0, 0, 0.0525], mass=0.02, edge=0.004)
+    result = drop(lab, plate, slab, step_limit=60)
+    assert result.verdict == "at_rest"
+    assert result.bodies[0].vertices[:, 2].min() == pytest.approx(0.05, abs=1e-4)
+
+
+@pytest.mark.slow
+def test_what_springs_give_is_taken_back_where_something_resists_rolling(lab):
+    """A ball on a slab, both with b = 1 mm: no point lies deeper than three times what is aimed at."""
+    slab = lab.soft("slab", lab.Box(np.array([0.2, 0.2, 0.075])), [0, 0, 0.0375], E=2e4, cell=0.0125, fixed=True,
+                    held=np.s_[:, :, 0], loaded=True, rolling=1e-3)  # fmt: skip
+    ball = lab.rigid("ball", lab.Capsule(0.05, 0.0), [0, 0, 0.1255], mass=0.5, edge=0.004, rolling=1e-3)
+    result = drop(lab, ball, slab)
+    assert result.verdict == "at_rest"
+    assert result.contacts[0].max_penetration_m < 3.0 * SolverConfig().penetration_target
+
+
+@pytest.mark.slow
 @pytest.mark.long
 def test_a_soft_ball_on_a_soft_slab_stops_bouncing(lab):
     """Nothing but the dashpot between the two takes the energy of its hops; it rests within half a second."""
