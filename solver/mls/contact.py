@@ -374,9 +374,8 @@ class SurfaceContacts:
         return Acting(a, b, points, force, normal[:, None], load, rolling)
 
     def _share_of_light(self, a: int, b: int, stiffness: float, dt: float) -> float:
-        """Which share of all springs of a pair [N/m] a step of dt [s] can take: together they may not throw a light
-        body as a whole."""
-        mobility = sum(1.0 / self.model.bodies[i].mass for i in (a, b) if not self.model.bodies[i].fixed)
+        """Share of the springs of a pair [N/m] that a step of dt [s] takes: together they may not throw a rigid body."""
+        mobility = sum(1.0 / self.model.bodies[i].mass for i in (a, b) if i in self.rigid.free)
         return min(1.0, STABLE / max(dt**2 * stiffness * mobility, 1e-300))
 
     def _keep_sides(self, touch: PairTouch, gap: Array, normal: Array, slip: Array) -> None:

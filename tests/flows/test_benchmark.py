@@ -39,6 +39,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory, shared_server: str) -> Ite
         patch.setenv("DCAP_DATA", str(folder / "data"))
         patch.setenv("PREFECT_API_URL", shared_server)
         patch.syspath_prepend(str(folder))
+        patch.delitem(sys.modules, "fake_pipeline", raising=False)  # of an earlier folder
         patch.setattr("flows.sample_run.place_by", importlib.import_module("fake_pipeline").place)
         yield folder / "set.yaml"
 

@@ -131,7 +131,7 @@ def drop(*bodies, gravity=(0.0, 0.0, -GRAVITY), **config):
 RADIUS, THICK = 0.05, 0.15
 
 
-def reference_drop(folder, mass, E, resolution="auto"):
+def reference_drop(folder, mass, E, resolution="auto", solver="tl"):
     """result.json of the reference drop as a case file, and the depth [m]: undeformed top minus lowest point."""
     material = {"density": 200, "youngs_modulus": E, "poisson_ratio": 0.3, "static_friction": 0.5,
                 "dynamic_friction": 0.4}  # fmt: skip
@@ -147,7 +147,7 @@ def reference_drop(folder, mass, E, resolution="auto"):
     folder.mkdir(exist_ok=True)
     path = folder / "case.yaml"
     path.write_text(json.dumps(case))
-    result: Any = run_case(path, folder / "out", threads=2, quiet=True)
+    result: Any = run_case(path, folder / "out", solver=solver, threads=2, quiet=True)
     assert result["verdict"] == "at_rest"
     return result, THICK - result["bodies"]["ball"]["aabb"][0][2]
 
