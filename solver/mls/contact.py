@@ -374,7 +374,7 @@ class SurfaceContacts:
         return Acting(a, b, points, force, normal[:, None], load, rolling)
 
     def _share_of_light(self, a: int, b: int, stiffness: float, dt: float) -> float:
-        """Share of the springs of a pair [N/m] that a step of dt [s] takes: together they may not throw a rigid body."""
+        """Share of the springs of a pair [N/m] that a step of dt [s] takes: together they may not throw one."""
         mobility = sum(1.0 / self.model.bodies[i].mass for i in (a, b) if i in self.rigid.free)
         return min(1.0, STABLE / max(dt**2 * stiffness * mobility, 1e-300))
 
