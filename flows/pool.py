@@ -130,7 +130,9 @@ def _final_state(run_id: UUID) -> State[Any]:
                 client.set_flow_run_state(run_id, Crashed(message="its worker was lost"), force=True)
                 raise LostWorkerError("its worker was lost")
         if (lost and was_given_up()) or time.monotonic() - heard > LOST_SECONDS:
-            raise DcapError("the Prefect server was lost, which tells whether its worker has placed it; run it again")
+            raise DcapError(
+                "the Prefect server was lost, so nobody can tell whether its worker has placed it; run it again"
+            )
 
 
 def _has_worker(client: SyncPrefectClient, host: str) -> bool:

@@ -46,7 +46,7 @@ START_SECONDS = 120.0
 STOP_SECONDS, POLL_SECONDS = 10.0, 0.5
 LOOK_SECONDS, MOST_MISSED = 5.0, 2
 _patience: dict[str, str] = {}
-"""The variable that says how often a lost server is asked, as it was before one was given up; empty while none is."""
+"""RETRIES as it was before a server was given up; empty while none is."""
 
 
 @contextmanager

@@ -31,7 +31,7 @@ UNLOADED = ("failed to map segment", "annot allocate memory")
 NO_SERVER = "Failed to reach API"
 """What Prefect's plain RuntimeError says where its server is gone."""
 GIVEN_UP = "Retry handling ended"
-"""What it says where the server was given up while it was asked."""
+"""How the RuntimeError begins that Prefect's client raises if the server is given up while it waits."""
 ANSWERS = (*SERVER, "prefect")
 """Packages whose errors can be the answer of a server."""
 UNAUTHORIZED, REFUSALS = 401, range(400, 500)

@@ -1,4 +1,4 @@
-"""What takes energy from pairs of bodies that touch or are bonded: exchanges between their rigid motions.
+"""Takes energy from pairs of bodies that touch or are bonded, by exchanges between their rigid motions.
 
 A dashpot along the contact's normals damps the bounce of one on the other critically, and rolling resistance is a
 torque of at most b N. Both vanish at rest.

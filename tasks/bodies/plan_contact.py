@@ -113,6 +113,11 @@ def gap_map(heights: Heights, region: Array) -> tuple[Array, Array, Array, Array
 
 def share_within(points: Array, boxes: Array) -> float:
     """Share of points (n, 3) within any of some boxes in plan, shape (k, 2, 2) [m]."""
+    return float(within_any(points, boxes).mean())
+
+
+def within_any(points: Array, boxes: Array) -> NDArray[np.bool_]:
+    """Return which points (n, 3) lie within any of some boxes in plan, shape (k, 2, 2) [m]."""
     point = points[:, None, :2]
     within = ((point >= boxes[:, 0]) & (point <= boxes[:, 1])).all(axis=2)
-    return float(np.any(within, axis=1).mean())
+    return np.asarray(np.any(within, axis=1))

@@ -5,10 +5,10 @@ this refuses what a coarse `--resolution` or a small budget of cells leaves too 
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dcap.scene.errors import GeometryError
 from dcap.scene.types.particles import Particles, SoftSimulationBody
+from tasks.bodies.plan_contact import within_any
 
 LEAST_PARTICLES = 3.0
 PER_CELL = 2.0
@@ -23,7 +23,7 @@ def refuse_coarse_layers(particles: Particles) -> None:
         if not isinstance(body, SoftSimulationBody) or body.instance == "object":
             continue
         points = body.surface.vertices
-        below = points[in_boxes(points[:, :2], particles.foreseen)]
+        below = points[within_any(points, particles.foreseen)]
         for layer in particles.column if len(below) else ():
             ends = below[:, 2].max() - np.array([layer.to_m, layer.from_m])
             cells = float(np.diff(np.interp(ends, body.grid.z, np.arange(len(body.grid.z))))[0])
@@ -35,9 +35,3 @@ def refuse_coarse_layers(particles: Particles) -> None:
                     f"{PER_CELL * thick / LEAST_PARTICLES:.2g} or finer, more cells (ParticlesConfig.base_cells), or "
                     "--solver tl"
                 )
-
-
-def in_boxes(points: NDArray[np.float64], boxes: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return which points (n, 2) lie in one of some boxes in plan (k, 2, 2) [m]."""
-    low, high = boxes[:, None, 0], boxes[:, None, 1]
-    return np.asarray(((points >= low) & (points <= high)).all(axis=2).any(axis=0))

@@ -16,7 +16,8 @@ from dcap.scene.types.particles import (
     Particles,
     SoftSimulationBody,
 )
-from tasks.drop.resolution import in_boxes, refuse_coarse_layers
+from tasks.bodies.plan_contact import within_any
+from tasks.drop.resolution import refuse_coarse_layers
 
 HERE = np.array([[[-0.1, -0.1], [0.1, 0.1]]])
 BLANKET, MATTRESS = ColumnLayer("blanket", "wool", 0.0, 0.03), ColumnLayer("mattress", "foam", 0.03, 0.2)
@@ -62,4 +63,4 @@ def test_points_in_boxes() -> None:
     """In any of them, their borders included."""
     boxes = np.array([[[0.0, 0.0], [1.0, 1.0]], [[3.0, 0.0], [4.0, 1.0]]])
     points = np.array([[0.5, 0.5], [1.0, 1.0], [2.0, 0.5], [3.5, 0.5], [3.5, 2.0]])
-    assert in_boxes(points, boxes).tolist() == [True, True, False, True, False]
+    assert within_any(points, boxes).tolist() == [True, True, False, True, False]
