@@ -19,6 +19,8 @@ from tasks.particles.stage import particles_task
 
 COARSER = 1.4
 """How much larger cells are where a drop broke down: half as many along two axes [-]."""
+FINER_GOES = 2
+"""How often at most an object is dropped again that came to rest on coarse cells."""
 
 
 def settle(
@@ -34,7 +36,7 @@ def settle(
     drop: DropConfig,
 ) -> tuple[Ref[Particles], Ref[Settled]]:
     """Fill the bodies and drop the object; again on coarser cells where the drop broke down, and on finer ones where
-    the object came to rest where cells were not foreseen to be fine."""
+    the object came to rest where cells were not foreseen to be fine; on those it may roll on, so perhaps twice."""
     particles = particles_task(scene, item, intent, anchor, materials, config=cells, freed=freed)
     settled = drop_task(particles, anchor, intent, seed, config=drop)
     if broke_down(settled):
@@ -43,11 +45,14 @@ def settle(
         outcome = drop_task(again, anchor, intent, seed, config=drop)
         if not outcome.infeasible:
             particles, settled = again, outcome
-    if settled_elsewhere(settled):
+    for _ in range(FINER_GOES):
+        if not settled_elsewhere(settled):
+            break
         again = particles_task(scene, item, intent, anchor, materials, config=cells, rest=settled, freed=freed)
         outcome = drop_task(again, anchor, intent, seed, config=drop)
-        if not outcome.infeasible:
-            particles, settled = again, outcome
+        if outcome.infeasible:
+            break
+        particles, settled = again, outcome
     return particles, settled
 
 

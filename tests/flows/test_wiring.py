@@ -88,16 +88,17 @@ def sample(tmp_path: Path) -> Sample:
     return Sample("one", str(mesh), str(mesh), "put it there")
 
 
-@pytest.mark.parametrize(("elsewhere", "broke"), [(False, False), (True, False), (False, True)])
+@pytest.mark.parametrize(("elsewhere", "broke", "goes"), [(0, False, 1), (1, False, 2), (9, False, 3), (0, True, 2)])
 def test_the_list_of_stages_is_the_path_of_a_placement(
-    monkeypatch: pytest.MonkeyPatch, called: list[str], sample: Sample, *, elsewhere: bool, broke: bool
+    monkeypatch: pytest.MonkeyPatch, called: list[str], sample: Sample, *, elsewhere: int, broke: bool, goes: int
 ) -> None:
     """`place` calls exactly the stages of STAGES, in that order; where the object came to rest elsewhere than was
-    foreseen, or the drop broke down, it is dropped once more."""
-    monkeypatch.setattr("flows.repeats.settled_elsewhere", lambda _: elsewhere)
+    foreseen, so many times, it is dropped up to twice more, and once more where the drop broke down."""
+    answers = iter([True] * elsewhere + [False])
+    monkeypatch.setattr("flows.repeats.settled_elsewhere", lambda _: next(answers))
     monkeypatch.setattr("flows.repeats.broke_down", lambda _: broke)
     place(sample, PlaceConfig())
-    again = ["particles", "drop"] * (elsewhere + broke)
+    again = ["particles", "drop"] * (goes - 1)
     assert called == [*(stage.name for stage in STAGES[:-1]), *again, STAGES[-1].name]
 
 

@@ -258,11 +258,15 @@ def test_what_springs_give_is_taken_back_where_something_resists_rolling(lab):
 @pytest.mark.slow
 @pytest.mark.long
 def test_a_soft_ball_on_a_soft_slab_stops_bouncing(lab):
-    """Nothing but the dashpot between the two takes the energy of its hops; it rests within half a second."""
+    """Nothing but the dashpot between the two takes the energy of its hops; it rests within half a second.
+
+    Both resist rolling: a ball that does not rolls for seconds over the waves that cells of half its dent's width leave
+    in the slab.
+    """
     h = 0.0125
     slab = lab.soft("slab", lab.Box(np.array([0.2, 0.2, 0.05])), [0, 0, -0.025], E=2e4, rho=60.0, cell=h, fixed=True,
-                    held=np.s_[:, :, 0], loaded=True)  # fmt: skip
-    ball = lab.soft("ball", lab.Capsule(0.06, 0.0), [0.003, 0.0012, 0.065], E=2e4, cell=h)
+                    held=np.s_[:, :, 0], loaded=True, rolling=1e-3)  # fmt: skip
+    ball = lab.soft("ball", lab.Capsule(0.06, 0.0), [0.003, 0.0012, 0.065], E=2e4, cell=h, rolling=1e-3)
     result = drop(lab, ball, slab, step_limit=63)
     assert result.verdict == "at_rest"
     assert result.contacts[0].normal_force_n == pytest.approx(200.0 * 4 / 3 * np.pi * 0.06**3 * lab.gravity, rel=0.02)
