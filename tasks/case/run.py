@@ -161,7 +161,7 @@ def write_case(
             for body, rest in zip(bodies, result.bodies, strict=True):
                 (draft / f"{body.name}.ply").write_bytes(mesh_to_ply(Mesh.of(rest.vertices, body.faces)))
             pq.write_table(history_table(result.history), draft / "history.parquet")
-        (draft / "result.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+        (draft / "result.json").write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n", encoding="utf-8")
         written = [path.name for path in sorted(draft.iterdir()) if path.name != "result.json"]
         for old in {*_files_of(out), "result.json", "history.parquet"}.difference(written):
             (out / old).unlink(missing_ok=True)

@@ -6,6 +6,7 @@ another kind (tests/support/layered_dent.py).
 """
 
 import json
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -88,7 +89,9 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
         particles, settled = found[Particles], found[Settled]
         assert isinstance(particles, Particles)
         assert isinstance(settled, Settled)
-        return Placed(json.loads(capsys.readouterr().out), particles, settled)
+        written = capsys.readouterr().out
+        assert not re.search(r"\bnan\b", written, re.IGNORECASE)  # nor is a number in a message none
+        return Placed(json.loads(written), particles, settled)
 
     return run
 

@@ -63,11 +63,18 @@ def test_a_configuration_becomes_an_object_of_all_its_fields() -> None:
     assert to_json({"config": Options()}) == {"config": {"heights": [0.5, 1.5], "colour": "red", "limit": None}}
 
 
-@pytest.mark.parametrize("number", [float("nan"), float("inf"), np.float64("-inf")])
+@pytest.mark.parametrize("number", [float("inf"), np.float64("-inf")])
 def test_a_number_that_json_does_not_have_is_null(number: float) -> None:
     """Also inside of an array; so whatever is written can be read by any program."""
     tree = to_json({"a": number, "b": np.array([number, 1.0]), "c": Length(metres=number)})
     assert json.loads(json.dumps(tree, allow_nan=False)) == {"a": None, "b": [None, 1.0], "c": {"metres": None}}
+
+
+@pytest.mark.parametrize("number", [float("nan"), np.float64("nan"), np.array([1.0, np.nan])])
+def test_a_number_that_is_none_is_a_mistake(number: object) -> None:
+    """Null would hide it; the field is named."""
+    with pytest.raises(ValueError, match="height is NaN"):
+        to_json({"thing": {"height": number}})
 
 
 def test_what_is_no_json_is_refused() -> None:

@@ -10,7 +10,7 @@ from dcap.scene.errors import InputError
 from solver.errors import UnstableStep
 from tasks.case.bodies import case_particles
 from tasks.case.file import Case, CaseMaterial, read_case
-from tasks.case.run import run_case
+from tasks.case.run import run_case, write_case
 
 CUBE = """
 bodies:
@@ -181,3 +181,10 @@ def test_results_do_not_depend_on_the_number_of_threads(tmp_path):
         found.append({k: v for k, v in tree.items() if k not in ("wall_s", "timings")})
         found[-1]["ply"] = (out / "cube.ply").read_bytes()
     assert found[0] == found[1] == found[2]
+
+
+def test_a_result_with_a_number_that_is_none_is_not_written(tmp_path):
+    """It is a mistake of ours; a file with NaN in it is no JSON."""
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        write_case(tmp_path, {"contacts": [{"area_m2": float("nan")}]}, (), None)
+    assert not list(tmp_path.iterdir())
