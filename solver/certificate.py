@@ -59,7 +59,7 @@ class SignalRows:
     angular_speed: CertificateRow
     """Of a free rigid body [rad/s]."""
     particle_speed: CertificateRow
-    """Of a soft particle [m/s]."""
+    """Of a soft particle [m/s]; mls: at least that at which the free bodies have the energy of the strain motion."""
     center_drift: CertificateRow
     """Of the common centre of mass along an axis [m]."""
     box_change: CertificateRow

@@ -127,6 +127,9 @@ class SoftParticles:
         self.mass = float(soft.volume @ soft.density)
         self.least_mass = LEAST_MASS * float(np.median(mass))
         self.peak = 0.0
+        """Largest kinetic energy of the strain motion since it was last taken away [J], with scaled inertia."""
+        self.highest = 0.0
+        """... since somebody asked."""
         self.pushed = np.zeros(6)
         """Impulse and its moment about the centre of mass in this step [N s], [N m s]."""
         self.lay_out()
@@ -305,7 +308,8 @@ class SoftParticles:
         """Kinetic damping: once the energy of the motion that is not rigid is a share `drop` below its peak, the body
         has passed its equilibrium, and that motion is taken away."""
         motion = None if self.body.fixed else self.motion()
-        energy = float(self.sums[:, ENERGY].sum()) if motion is None else motion.strain_motion_energy
+        energy = float(self.sums[:, ENERGY].sum()) if motion is None else self.scale * motion.strain_motion_energy
+        self.highest = max(self.highest, energy)
         if energy < (1.0 - drop) * self.peak:
             self.move(-1, keep=0.0, old=motion)
             self.peak = 0.0
@@ -316,6 +320,11 @@ class SoftParticles:
         """A rigid core moves as one: its particles take their common rigid motion."""
         if (self.group == RIGID_CORE).any():
             self.move(RIGID_CORE, keep=0.0, old=self.motion(RIGID_CORE))
+
+    def highest_energy(self) -> float:
+        """Largest kinetic energy of the strain motion since this was last called [J], with scaled inertia."""
+        highest, self.highest = self.highest, 0.0
+        return highest
 
     def add_rigid_motion(self, increment: Array) -> None:
         """Add (V, w) increments about the centre of mass, shape (6,)."""

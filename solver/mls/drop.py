@@ -176,6 +176,10 @@ class ExplicitDrop:
         center = np.sum([self.mass[i] * after[i].center for i in self.watched], axis=0) / sum(self.mass.values())
         box = np.concatenate([points.min(axis=0), points.max(axis=0)])
         fastest = max(one.fastest for one in self.soft.values())
+        # scaled inertia slows strain: what moves slowly by that is at rest only once the energy is as small as that of
+        # what is carried at the same speed
+        energy = sum(one.highest_energy() for one in self.soft.values())
+        fastest = max(fastest, float(np.sqrt(2.0 * energy / sum(self.mass.values()))))
         return Signals(self.time, linear, angular, fastest, center, box, force_worst, torque_worst, steps, 0)
 
     def _left(self, report: ContactReport) -> bool:
