@@ -278,10 +278,7 @@ class Store:
             os.rename(folder, gone)
         except FileNotFoundError:  # another process was faster
             return
-        if gone.is_dir():
-            shutil.rmtree(gone)
-        else:
-            gone.unlink()
+        remove(gone)
 
 
 @cache
@@ -338,6 +335,14 @@ def stamps_of(folder: Path) -> tuple[tuple[str, int, int], ...]:
         return tuple((str(path), path.stat().st_size, path.stat().st_mtime_ns) for path in files_in(folder))
     except OSError:
         return ()
+
+
+def remove(path: Path) -> None:
+    """Delete a file, a link, or a folder with all that is in it."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
 
 
 def files_in(folder: Path) -> list[Path]:

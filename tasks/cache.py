@@ -12,9 +12,7 @@ names. How calls run says the `RunContext` around them:
 mypy derives the signature of a stage from its function's (mypy_plugin.py): a swapped reference is a type error.
 """
 
-import fcntl
 import inspect
-import os
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -25,7 +23,7 @@ from enum import StrEnum
 from functools import cached_property, partial
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, ParamSpec, TypeVar, get_args, get_type_hints
+from typing import TYPE_CHECKING, Any, Generic, ParamSpec, TypeVar, get_args, get_type_hints
 
 from pydantic import BaseModel
 
@@ -34,11 +32,11 @@ from dcap.language.protocol.client import ClientName
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import StoreError
 from dcap.scene.machine_errors import pass_over_server_errors
-from dcap.scene.settings import cache_root
 from dcap.scene.types.outcome import Infeasible
 from tasks.artifact import Record, Ref, Store
 from tasks.code import Code, check_data_files, code_at_begin, code_of, note_files
 from tasks.codec import from_tree, to_tree
+from tasks.locks import FileLocks
 from tasks.process import StageProcessError, preload, run_in_process
 from tasks.records import (
     DECODER,
@@ -499,72 +497,3 @@ def _lent(slots: threading.Semaphore | None) -> Iterator[None]:
         yield
     finally:
         slots.acquire()
-
-
-class FileLocks:
-    """Exclusive locks by `flock(2)` for threads and processes of one machine: the kernel releases those of a killed
-    process. The methods are those of Prefect's LockManager, which asks for no timeouts here."""
-
-    _held: ClassVar[dict[str, tuple[str, int]]] = {}
-
-    def acquire_lock(
-        self, key: str, holder: str, acquire_timeout: float | None = None, hold_timeout: float | None = None
-    ) -> bool:
-        """Wait for a lock."""
-        if not self.is_lock_holder(key, holder):
-            lock = self._open(key)
-            fcntl.flock(lock, fcntl.LOCK_EX)
-            self._held[key] = (holder, lock)
-        return True
-
-    async def aacquire_lock(
-        self, key: str, holder: str, acquire_timeout: float | None = None, hold_timeout: float | None = None
-    ) -> bool:
-        """Wait for a lock."""
-        return self.acquire_lock(key, holder)
-
-    def release_lock(self, key: str, holder: str) -> None:
-        """Release a lock that the holder holds."""
-        if self.is_lock_holder(key, holder):
-            os.close(self._held.pop(key)[1])
-
-    def is_locked(self, key: str) -> bool:
-        """Return whether anybody holds a lock."""
-        lock = self._open(key)
-        try:
-            fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return True
-        finally:
-            os.close(lock)
-        return False
-
-    def is_lock_holder(self, key: str, holder: str) -> bool:
-        """Return whether this holder in this process holds a lock."""
-        return self._held.get(key, ("", -1))[0] == holder
-
-    def wait_for_lock(self, key: str, timeout: float | None = None) -> bool:
-        """Wait until nobody holds a lock."""
-        lock = self._open(key)
-        fcntl.flock(lock, fcntl.LOCK_SH)
-        os.close(lock)
-        return True
-
-    async def await_for_lock(self, key: str, timeout: float | None = None) -> bool:
-        """Wait until nobody holds a lock."""
-        return self.wait_for_lock(key)
-
-    @contextmanager
-    def held(self, key: str) -> Iterator[None]:
-        """Hold a lock inside of the block."""
-        holder = str(threading.get_ident())
-        self.acquire_lock(key, holder)
-        try:
-            yield
-        finally:
-            self.release_lock(key, holder)
-
-    def _open(self, key: str) -> int:
-        path = cache_root() / "locks" / f"{Path(key).name}.lock"
-        path.parent.mkdir(parents=True, exist_ok=True)
-        return os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)

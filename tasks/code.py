@@ -46,6 +46,7 @@ MACHINERY = frozenset(
         "tasks.cache",
         "tasks.code",
         "tasks.codec",
+        "tasks.locks",
         "tasks.process",
         "tasks.shared_store",
     }

@@ -25,7 +25,7 @@ from typing import Any, TypeVar
 
 from threadpoolctl import threadpool_limits
 
-from dcap.scene.errors import DcapError
+from dcap.scene.errors import DcapError, MachineError
 from dcap.scene.machine_errors import machine_error
 from tasks.code import PACKAGES
 
@@ -63,11 +63,13 @@ def preload() -> None:
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # a Ctrl-C is meant for this program
         safe = os.environ.get(SAFE_PATH)
         os.environ[SAFE_PATH] = "1"  # it imports nothing from the working directory
-        forkserver.ensure_running()
-        os.environ.pop(SAFE_PATH)
-        if safe is not None:
-            os.environ[SAFE_PATH] = safe
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        try:
+            forkserver.ensure_running()
+        finally:
+            os.environ.pop(SAFE_PATH)
+            if safe is not None:
+                os.environ[SAFE_PATH] = safe
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def run_in_process(function: Callable[..., ResultT], *arguments: object, on_progress: OnProgress) -> ResultT:
@@ -120,11 +122,13 @@ def _start(job: tuple[object, ...]) -> BaseProcess:
 
 
 def _listen(process: BaseProcess, receiver: Connection, on_progress: OnProgress) -> Any:
-    """Return the result that a process sends; _EndedError where it ends without one."""
+    """Return the result that a process sends; _EndedError where it ends without one, MachineError where it hangs."""
     deadline = time.monotonic() + MOST_SECONDS
     while True:
         if not receiver.poll(max(deadline - time.monotonic(), 0.0)):
-            _kill(process)
+            raise MachineError(
+                f"the stage has run for {MOST_SECONDS / 3600:g} h and hangs, or this machine is too slow"
+            )
         try:
             kind, *content = receiver.recv()
         except EOFError:

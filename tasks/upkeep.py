@@ -1,6 +1,5 @@
 """What the cache holds, what of it is damaged, and what nothing needs any more."""
 
-import shutil
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -9,7 +8,7 @@ from typing import Any
 
 from dcap.scene.settings import cache_root
 from dcap.scene.writers.earlier_files import lost_notes
-from tasks.artifact import DRAFTS, OBJECTS, Ref, Source, Store, files_in
+from tasks.artifact import DRAFTS, OBJECTS, Ref, Source, Store, files_in, remove
 from tasks.records import every_record, key_of, records_behind, refs_in
 
 SOURCES, UNRECORDED, RECORDS, LITTER = "source files", "without a record", "records", "litter"
@@ -149,16 +148,12 @@ def repair(found: Sequence[Damage]) -> None:
     for path, ref in list(every_record()):
         if ref is not None and ref.record is not None and not (first := path.with_name(ref.record.key)).exists():
             path.rename(first)
-    for path, ref in every_record():  # of those that were computed again: none is looked for behind a gap
-        if ref is not None and ref.record is not None and not path.with_name(ref.record.key).exists():
-            path.rename(path.with_name(ref.record.key))
 
 
 def litter_in(store: Store, older_than_s: float) -> list[Path]:
     """Return what is half-made, or tells of files that have gone, of at least an age [s]."""
     drafts = store.root / DRAFTS
-    earlier = cache_root() / "damaged"  # where a repair of an earlier version moved things
-    left = [*drafts.glob("*"), *earlier.glob("*"), *cache_root().glob(".writing-*"), *lost_notes()]
+    left = [*drafts.glob("*"), *cache_root().glob(".writing-*"), *lost_notes()]
     return sorted(path for path in left if age(path) >= older_than_s)
 
 
@@ -187,11 +182,3 @@ def age(path: Path) -> float:
         return max(time.time() - path.lstat().st_mtime, 0.0)
     except OSError:
         return 0.0
-
-
-def remove(path: Path) -> None:
-    """Delete a file, or a folder with all that is in it."""
-    if path.is_dir():
-        shutil.rmtree(path)
-    else:
-        path.unlink(missing_ok=True)

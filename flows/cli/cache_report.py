@@ -85,7 +85,11 @@ def show_collection(
         note(f"cannot be looked up: {line}")
     if what.usage:
         console.print(usage_table(what.usage, "deleted" if deleted else "no run needs"))
-    age = f"; {young} things that none of them needs are younger than {older_than_days:g} days" if young else ""
+    age = (
+        f"; {young} things that none of them needs have changed in the last {older_than_days * 24:g} hours"
+        if young
+        else ""
+    )
     console.print(f"{runs} runs and placements are kept{age}")
     if what.count:
         words = "were deleted" if deleted else "would be deleted; --yes does it"

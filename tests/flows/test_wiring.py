@@ -98,8 +98,9 @@ def test_the_list_of_stages_is_the_path_of_a_placement(
     monkeypatch.setattr("flows.repeats.settled_elsewhere", lambda _: next(answers))
     monkeypatch.setattr("flows.repeats.broke_down", lambda _: broke)
     place(sample, PlaceConfig())
-    again = ["particles", "drop"] * (goes - 1)
-    assert called == [*(stage.name for stage in STAGES[:-1]), *again, STAGES[-1].name]
+    names = [stage.name for stage in STAGES]
+    dropped = names.index("drop") + 1
+    assert called == [*names[:dropped], *["particles", "drop"] * (goes - 1), *names[dropped:]]
 
 
 @pytest.mark.parametrize(("method", "ways"), [("no_drop", ["rotation", "anchor"]), ("holodeck", ["holodeck"])])

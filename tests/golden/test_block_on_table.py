@@ -20,10 +20,10 @@ PROMPT = "put the toy block at the centre of the table"
 PICTURES = {"clean.png", "settled.png", "closeup.png", "before_after.png", "contact.png", "profile.png"}
 
 
-@pytest.fixture(scope="module")
-def files(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+@pytest.fixture
+def files(tmp_path: Path) -> Iterator[Path]:
     """A table 1.2 x 0.8 x 0.75 m and a block 6 cm wide, z up."""
-    folder = tmp_path_factory.mktemp("golden")
+    folder = tmp_path
     solids = [trimesh.creation.box((1.2, 0.8, 0.04), trimesh.transformations.translation_matrix((0, 0, TOP_M - 0.02)))]
     for x in (-0.55, 0.55):
         for y in (-0.35, 0.35):
@@ -99,5 +99,6 @@ def test_a_block_rests_on_the_table(files: Path, capsys: pytest.CaptureFixture[s
 @pytest.mark.long
 def test_threads_do_not_decide_what_is_cached(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Another number of threads is not another placement: nothing is computed again."""
+    placed(files, capsys)
     _, computed = placed(files, capsys, "--threads", "1")
     assert computed == []

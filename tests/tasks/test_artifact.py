@@ -32,6 +32,11 @@ DAMAGES: dict[str, Callable[[Path], object]] = {
     "add": lambda file: file.with_name("more.txt").write_text("x"),
     "no folder": lambda file: (shutil.rmtree(file.parent), file.parent.write_text("x")),
     "empty folder": lambda file: (shutil.rmtree(file.parent), file.parent.mkdir()),
+    "linked elsewhere": lambda file: (
+        file.parent.rename(file.parents[3] / "elsewhere"),
+        file.parent.symlink_to(file.parents[3] / "elsewhere"),
+        file.with_name("more.txt").write_text("x"),
+    ),
     "loop": lambda file: (shutil.rmtree(file.parent), file.parent.symlink_to(file.parent.name)),
 }
 

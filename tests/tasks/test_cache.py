@@ -23,8 +23,9 @@ from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Infeasible, Reason
 from tasks import cache
 from tasks.artifact import Ref, Store
-from tasks.cache import Event, FileLocks, Mode
+from tasks.cache import Event, Mode
 from tasks.code import Code
+from tasks.locks import FileLocks
 from tasks.process import StageProcessError
 from tasks.records import find_record, key_of
 
@@ -205,7 +206,7 @@ def test_threads_that_want_the_same_compute_it_once() -> None:
 
 HELD = """
 from small_stages import slow_task
-from tasks.cache import FileLocks
+from tasks.locks import FileLocks
 slow_task(5)
 FileLocks().acquire_lock("{key}", "held until this program ends")
 print(1, flush=True)

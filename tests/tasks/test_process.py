@@ -14,10 +14,10 @@ import pytest
 from foreign_names import LIBRARIES, OURS, foreign_folder, marks
 from process_jobs import alive, fail, family, orphan, surroundings
 
-from dcap.scene.errors import InputError
+from dcap.scene.errors import InputError, MachineError
 from dcap.scene.settings import PROJECT_ROOT
 from tasks import process
-from tasks.process import StageProcessError, run_in_process
+from tasks.process import run_in_process
 
 wait_until = partial(patience.wait_until, seconds=60.0, every=0.02)
 PATHS = os.pathsep.join(map(str, (PROJECT_ROOT, PROJECT_ROOT / "tests" / "support")))
@@ -48,7 +48,7 @@ def test_a_job_that_hangs_is_killed_with_all_that_it_started(tmp_path: Path, mon
         hangs = pool.submit(run_in_process, family, str(tmp_path / "pids"), on_progress=quiet)
         wait_until((tmp_path / "pids").exists)
         assert run_in_process(surroundings, on_progress=quiet)[2]
-        with pytest.raises(StageProcessError, match="SIGKILL"):
+        with pytest.raises(MachineError, match="hangs"):
             hangs.result()
     job, _, grandchild = json.loads((tmp_path / "pids").read_text())
     wait_until(lambda: not alive(job) and not alive(grandchild))
