@@ -66,10 +66,12 @@ PARSED, LISTS = "sources.json", "code"
 """File and folder of the cache: what each source says, and lists of files by the digest of the list."""
 RULES = f"{sys.version_info[:2]} {hashlib.sha256(Path(__file__).read_bytes()).hexdigest()}"
 """What decides what a source says, besides its bytes."""
+MOST_GOES = 10
+"""How often a source is parsed that CPython fails to, since threads disturb each other there (cpython issue 106905)."""
 _known_lists: dict[str, Mapping[str, str]] = {}
 """Of the code of this process, by digest."""
 _lock = Lock()
-"""One thread builds trees at a time: CPython counts the recursion of all threads together (cpython issue 106905)."""
+"""One of our threads builds trees at a time, for the same reason."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,7 +197,7 @@ def _sources_at_begin(path: Path) -> _ParsedSources:
 
 def _parse(source: bytes, path: Path) -> dict[str, Any]:
     """Return the digest of a source without docstrings, what it imports, and the names of files in it."""
-    tree = ast.parse(source, filename=str(path))
+    tree = _tree_of(source, path)
     imports, texts = set[str](), set[str]()
     for node in ast.walk(tree):
         if isinstance(getattr(node, "body", None), list):
@@ -208,6 +210,14 @@ def _parse(source: bytes, path: Path) -> dict[str, Any]:
             texts.add(node.value)
     digest = hashlib.sha256(ast.dump(tree, annotate_fields=False).encode()).hexdigest()
     return {"digest": digest, "imports": sorted(imports), "texts": sorted(texts)}
+
+
+def _tree_of(source: bytes, path: Path) -> ast.Module:
+    """Return the syntax tree; again where another thread, as one of Prefect's, has built one meanwhile."""
+    for _ in range(MOST_GOES - 1):
+        with suppress(SystemError):
+            return ast.parse(source, filename=str(path))
+    return ast.parse(source, filename=str(path))
 
 
 def _is_docstring(node: ast.AST) -> bool:

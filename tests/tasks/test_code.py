@@ -1,5 +1,6 @@
 """What counts as the code behind a stage."""
 
+import ast
 import gc
 import time
 from collections.abc import Iterator
@@ -62,6 +63,23 @@ def test_reachable_files(root: Path) -> None:
     }  # fmt: skip
     assert one.libraries.keys() == {"python", "numpy"}
     assert one.libraries["numpy"] == np.__version__
+
+
+def test_a_source_is_parsed_again_that_another_thread_has_disturbed(
+    root: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """CPython fails in whichever thread builds a tree beside another; nothing is wrong with the source."""
+    parse, failed = ast.parse, set[str]()
+
+    def disturbed(source: bytes, filename: str) -> ast.Module:
+        if filename not in failed:
+            failed.add(filename)
+            raise SystemError("AST constructor recursion depth mismatch")
+        return parse(source, filename=filename)
+
+    monkeypatch.setattr(ast, "parse", disturbed)
+    assert found(root).files
+    assert failed
 
 
 CHANGES = [
