@@ -8,7 +8,7 @@ import pytest
 from dcap.scene.types.repair_report import Method, RepairReport
 from perf.repair import SAMPLES, SUPPORTS, PartRepair, room_rows, sample_rows, summaries
 
-WHOLE_SCANS = ("polycam_", "quest_")
+WHOLE_SCANS = ("hololens_", "polycam_", "quest_")
 """Rooms of the sample data that are one fused surface each."""
 
 
