@@ -36,7 +36,7 @@ def settle(
     drop: DropConfig,
 ) -> tuple[Ref[Particles], Ref[Settled]]:
     """Fill the bodies and drop the object; again on coarser cells where the drop broke down, and on finer ones where
-    the object came to rest where cells were not foreseen to be fine; on those it may roll on, so perhaps twice."""
+    the object came to rest where cells were not foreseen to be fine: up to FINER_GOES times, since it may roll on."""
     particles = particles_task(scene, item, intent, anchor, materials, config=cells, freed=freed)
     settled = drop_task(particles, anchor, intent, seed, config=drop)
     if broke_down(settled):

@@ -90,7 +90,7 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
         assert isinstance(particles, Particles)
         assert isinstance(settled, Settled)
         written = capsys.readouterr().out
-        assert not re.search(r"\bnan\b", written, re.IGNORECASE)  # nor is a number in a message none
+        assert not re.search(r"\bnan\b", written, re.IGNORECASE)  # in messages too
         return Placed(json.loads(written), particles, settled)
 
     return run

@@ -71,7 +71,7 @@ def test_a_number_that_json_does_not_have_is_null(number: float) -> None:
 
 
 @pytest.mark.parametrize("number", [float("nan"), np.float64("nan"), np.array([1.0, np.nan])])
-def test_a_number_that_is_none_is_a_mistake(number: object) -> None:
+def test_nan_is_a_mistake(number: object) -> None:
     """Null would hide it; the field is named."""
     with pytest.raises(ValueError, match="height is NaN"):
         to_json({"thing": {"height": number}})

@@ -183,7 +183,7 @@ def test_results_do_not_depend_on_the_number_of_threads(tmp_path):
     assert found[0] == found[1] == found[2]
 
 
-def test_a_result_with_a_number_that_is_none_is_not_written(tmp_path):
+def test_a_result_with_nan_is_not_written(tmp_path):
     """It is a mistake of ours; a file with NaN in it is no JSON."""
     with pytest.raises(ValueError, match="not JSON compliant"):
         write_case(tmp_path, {"contacts": [{"area_m2": float("nan")}]}, (), None)
