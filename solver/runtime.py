@@ -18,40 +18,46 @@ from taichi.lang.ast.ast_transformer_utils import ASTTransformerContext
 
 from solver.errors import ArchError
 
-LONGEST_PROBE = 120.0  # [s] for a driver that hangs; a healthy one takes a few
+LONGEST_PROBE = 300.0  # [s] for a driver that hangs; kernels that are not compiled yet take a minute
 PROBE = """
-import taichi as ti
-ti.init(arch=ti.cuda, enable_fallback=False, offline_cache=False)
-array = ti.ndarray(ti.f64, 8)
-array.fill(1.0)
-raise SystemExit(ti.lang.impl.current_cfg().arch != ti.cuda or array.to_numpy().sum() != 8.0)
+import sys
+from solver import runtime
+from solver.config import SolverConfig
+from solver.warmup import drop_little
+runtime.cuda_works = lambda: True
+drop_little(SolverConfig(arch=sys.argv[1], threads=1), soft=True)
 """
 
 _started: dict[str, str] = {}
 
 
 def available_arch(wanted: str) -> str:
-    """What `auto`, `cpu` or `cuda` stands for on this machine: `cpu` or `cuda`; auto is cuda where Taichi can start it.
+    """What `auto`, `cpu` or `cuda` stands for on this machine: `cpu` or `cuda`; auto is cuda where that works.
 
-    Raises ArchError for cuda where it cannot: nothing is replaced silently.
+    Raises ArchError for cuda where it does not: nothing is replaced silently.
     """
-    if wanted == "cpu" or (wanted == "auto" and not cuda_starts()):
+    if wanted == "cpu" or (wanted == "auto" and not cuda_works()):
         return "cpu"
-    if not cuda_starts():
-        raise ArchError("cuda: Taichi cannot start CUDA here (no driver or no working graphics card); use cpu or auto")
+    if not cuda_works():
+        raise ArchError(
+            "cuda: Taichi cannot run the solver's kernels here (no driver, no working graphics card, or one on which "
+            "they break); use cpu or auto"
+        )
     return "cuda"
 
 
 @cache
-def cuda_starts() -> bool:
-    """Whether Taichi can start CUDA and run something, tried in a process of its own: a failed start spoils one."""
+def cuda_works() -> bool:
+    """Whether the solver's kernels run on a graphics card: Taichi may start there and break in them."""
     ti.set_logging_level(ti.ERROR)  # that there is no driver is an answer, not worth a warning
-    if not ti._lib.core.with_cuda():
-        return False
+    return bool(ti._lib.core.with_cuda()) and kernels_run("cuda")
+
+
+def kernels_run(arch: str) -> bool:
+    """Whether a little drop runs on `arch`, tried in a process of its own: a failed start spoils one."""
+    command = [sys.executable, "-P", "-c", PROBE, arch]
     try:
-        done = subprocess.run(
-            [sys.executable, "-P", "-c", PROBE], capture_output=True, check=False, timeout=LONGEST_PROBE
-        )
+        done = subprocess.run(command, capture_output=True, check=False, timeout=LONGEST_PROBE)
     except subprocess.TimeoutExpired:
         return False
     return done.returncode == 0

@@ -18,15 +18,17 @@ OVERLAP = 1e-4  # they touch from the start [m]
 
 def warm_up(model: Model, config: SolverConfig) -> None:
     """Drop a little stack with the kinds of bodies of `model`; what it does does not matter."""
-    has_soft = bool(model.soft_bodies)
-    floor = replace(_cube("floor", SIDE, None), fixed=True)
-    middle = _cube("middle", 2.0 * SIDE - OVERLAP, _interior(2.0 * SIDE - OVERLAP) if has_soft else None)
-    lid = _cube("lid", 3.0 * SIDE - 2.0 * OVERLAP, None)
     with suppress(UnstableStep):
-        settle(
-            Model((floor, middle, lid), np.array([0.0, 0.0, -9.81])),
-            config.model_copy(update={"step_limit": 2, "rest_steps": 2}),
-        )
+        drop_little(config, soft=bool(model.soft_bodies))
+
+
+def drop_little(config: SolverConfig, *, soft: bool) -> None:
+    """Drop a stack of three cubes, the middle one `soft` or rigid, for two steps; raises what `settle` raises."""
+    floor = replace(_cube("floor", SIDE, None), fixed=True)
+    middle = _cube("middle", 2.0 * SIDE - OVERLAP, _interior(2.0 * SIDE - OVERLAP) if soft else None)
+    lid = _cube("lid", 3.0 * SIDE - 2.0 * OVERLAP, None)
+    stack = Model((floor, middle, lid), np.array([0.0, 0.0, -9.81]))
+    settle(stack, config.model_copy(update={"step_limit": 2, "rest_steps": 2}))
 
 
 def _corners(top: float) -> NDArray[np.float64]:

@@ -35,11 +35,6 @@ class PairFriction:
         found = NearestFace.of(b.vertices, b.faces, label.reshape(-1))
         return cls(own, kinds, found, model.given_friction(a, b))
 
-    @property
-    def resists_rolling(self) -> bool:
-        """Whether every place of both bodies has rolling resistance."""
-        return bool((self.own[:, 2] > 0.0).all() and (self.other[:, 2] > 0.0).all())
-
     def at(self, index: NDArray[np.int64], material: Array) -> Array:
         """Of the pair at some points (k,) that touch the other body at material points (k, 3) of its start pose [m],
         shape (k, 3)."""

@@ -2,10 +2,11 @@
 
 Points of one surface feel the signed distance of the other body, as in the implicit method and by the same law
 (solver/contact): a normal spring and Coulomb friction. A soft body is touched where its particles carry the nodes of
-its background grid, and its particles take the forces in the same shares. Springs are no stiffer than explicit steps
-allow. Where that lets a point in deeper than the penetration that is aimed at, its spring grows at the rate of the
-excess over CLOSING_SECONDS: an augmented Lagrangian [A91] whose multipliers grow along with the relaxation. A pair of
-which some place has no rolling resistance is left without: multipliers lag behind a body that rolls, and drive it on.
+its background grid, and its particles take the forces in the same shares. Near rest springs are stiffened until the
+mean penetration is the one that is aimed at. What is stiffer than explicit steps allow acts late: a point is pushed as
+if it were deeper, which grows over CLOSING_SECONDS to what the stiffness lacks, an augmented Lagrangian [A91] whose
+multipliers follow the relaxation. A point that comes out loses it faster than it grew, or what has rolled on would be
+pushed from behind.
 
 Which points are near another body is looked up once bodies have moved by SLACK.
 
@@ -25,7 +26,7 @@ from solver.config import SolverConfig
 from solver.contact.active import Pair, TouchingPoints
 from solver.contact.bonds import BondedPair, build_bonds
 from solver.contact.friction import point_forces
-from solver.contact.pairs import contact_pairs, most_stiffness
+from solver.contact.pairs import contact_pairs
 from solver.contact.query import ContactQuery
 from solver.kernels import query
 from solver.mls.body import SoftParticles
@@ -42,6 +43,8 @@ Index = NDArray[np.int64]
 STABLE = 0.5  # stiffness of contact times the squared step and the mobility of what it acts on [-]; 4 is the limit
 CLOSING_SECONDS = 0.04  # in which an excess of penetration fades by e; coming to rest takes ten times as long
 SLACK = 0.5  # smallest cells that bodies may move before near points are looked up again
+STIFFENED = 1.25  # times the penetration that is aimed at, from which on a pair is stiffened [-]
+RELEASE = 3.0  # of what a point is pushed besides its penetration, lost over the way by which it comes out [-]
 AROUND = 4.0  # cells around near points whose nodes are carried along
 STICK_SPEED = 1e-4  # a point at its friction limit that moves slower than this [m/s] has stopped: mu_s holds again
 
@@ -56,8 +59,10 @@ class PairTouch:
     """Points that may touch, shape (k,)."""
     counts: NDArray[np.bool_]
     """Points that count as contact at all, shape (n,)."""
-    closes: bool
-    """Whether too deep a penetration is taken back."""
+    allowed: Array
+    """Largest stiffness of each point's spring that the steps take [N/m], shape (n,)."""
+    stiffness: Array
+    """Normal stiffness that each point's force comes to [N/m], shape (n,)."""
     offset: Array
     """How far out of the other body each point is pushed besides its penetration [m], shape (n,)."""
     impulse: Array
@@ -76,15 +81,38 @@ class PairTouch:
     """Points that touched in the last step, shape (n,)."""
 
     @classmethod
-    def of(cls, pair: Pair) -> "PairTouch":
+    def of(cls, pair: Pair, allowed: Array) -> "PairTouch":
         """Nothing near yet."""
         count = len(pair.area)
         none = np.zeros(0, dtype=np.int64)
+        memory = replace(pair.fresh_memory(), stiffness=np.minimum(pair.stiffness, allowed))
         return cls(
-            pair, pair.fresh_memory(), none, np.ones(count, bool), pair.friction.resists_rolling, np.zeros(count),
+            pair, memory, none, np.ones(count, bool), allowed, pair.stiffness.copy(), np.zeros(count),
             np.zeros((count, 3)), np.zeros(count), np.zeros((count, 3)), np.zeros(count), np.zeros((count, 3)),
             np.zeros((count, 3)), np.zeros(count, bool),
         )  # fmt: skip
+
+    def stiffen(self, target: float, share: float) -> None:
+        """Stiffen where the mean penetration is more than `target` [m], by a share of what that takes."""
+        on = self.load > 0.0
+        if not on.any():
+            return
+        depth = float(-np.average(self.gap[on], weights=self.load[on]))
+        if depth > STIFFENED * target:
+            self.stiffness *= (depth / target) ** share
+            self.memory = replace(self.memory, stiffness=np.minimum(self.stiffness, self.allowed))
+
+    def follow(self, gap: Array, dt: float) -> None:
+        """Let what near points are pushed besides their penetration follow it; `gap` (k,) is theirs now [m]."""
+        near, spring = self.near, self.memory.stiffness
+        lacking = (self.stiffness / spring - 1.0)[near] * np.maximum(-gap, 0.0)
+        before = self.offset[near]
+        after = before + dt / CLOSING_SECONDS * (lacking - before)
+        came_out = np.where(self.touched[near], np.maximum(gap - self.gap[near], 0.0), 0.0)
+        after = np.maximum(np.minimum(after, before - RELEASE * came_out), np.minimum(lacking, after))
+        after[gap >= query.FAR] = before[gap >= query.FAR]  # no place was found for the point in this step
+        after[~self.counts[near]] = 0.0
+        self.offset[near] = after
 
 
 @dataclass(eq=False, slots=True)
@@ -104,13 +132,10 @@ class SurfaceContacts:
         config: SolverConfig,
     ) -> None:  # fmt: skip
         self.model, self.system, self.soft, self.rigid = model, system, soft, rigid
-        pairs = [
-            replace(p, stiffness=self._stiffness(p, config))
-            for p in contact_pairs(model, system, config, model.gravity_strength)
-            if p.a in soft or p.b in soft
-        ]
+        every = contact_pairs(model, system, config, model.gravity_strength)
+        pairs = [p for p in every if p.a in soft or p.b in soft]
         self.query = ContactQuery(model, system, pairs)
-        self.touches = [PairTouch.of(pair) for pair in pairs]
+        self.touches = [PairTouch.of(pair, self._allowed(pair, config)) for pair in pairs]
         self.bonds = [
             BondTouch(self._explicit(bond, config)) for bond in build_bonds(model, system, config.penetration_target)
         ]
@@ -125,12 +150,11 @@ class SurfaceContacts:
         self.moved = np.inf
         self.acting: list[Acting] = []
 
-    def _stiffness(self, pair: Pair, config: SolverConfig) -> Array:
-        """Normal stiffness of each point of a pair [N/m] that steps of this length can take, shape (n,)."""
-        one, two = self.model.bodies[pair.a], self.model.bodies[pair.b]
-        most = most_stiffness(one, two, config, self.model.gravity_strength)
+    def _allowed(self, pair: Pair, config: SolverConfig) -> Array:
+        """Largest normal stiffness of each point of a pair [N/m] that steps of this length can take, shape (n,)."""
         own = self.soft[pair.a].crowded_mobility if pair.a in self.soft else np.zeros(len(pair.area))
-        return np.minimum(most, STABLE / config.mls_step_seconds**2 / (own + self._crowded(pair.b, one.vertices)))
+        crowded = own + self._crowded(pair.b, self.model.bodies[pair.a].vertices)
+        return np.asarray(STABLE / config.mls_step_seconds**2 / crowded)
 
     def _crowded(self, index: int, points: Array) -> Array:
         """Velocity of a body's surface [m/s] by an impulse of 1 N s at each of those points (n, 3) that lie within a
@@ -336,13 +360,8 @@ class SurfaceContacts:
         slip = points - self._points(a, touch.near, self.before, self.start.get(a))
         slip -= self._moved(b, material, node, weight)
         self._keep_sides(touch, gap, normal, slip)
-        offset = touch.offset[touch.near]
-        pushed = gap - offset
-        if touch.closes:
-            grown = np.maximum(offset - dt / CLOSING_SECONDS * (gap + self.target), 0.0)
-            grown[gap >= query.FAR] = offset[gap >= query.FAR]  # no place was found for the point in this step
-            grown[~touch.counts[touch.near]] = 0.0
-            touch.offset[touch.near] = grown
+        touch.follow(gap, dt)
+        pushed = gap - touch.offset[touch.near]
         on = np.flatnonzero((pushed < 0.0) & touch.counts[touch.near])
         touched = np.zeros(len(touch.counts), dtype=bool)
         touched[touch.near[on]] = True
@@ -422,6 +441,13 @@ class SurfaceContacts:
                     self._push_soft(side.body, side.node, side.weight, sign * dt * force)
             every = np.tile(np.eye(3), (len(force), 1, 1))
             yield Acting(bond.a.body, bond.b.body, position, force, every, np.ones(len(force)))
+
+    def stiffen(self, moving: bool, seconds: float) -> None:
+        """Stiffen pairs that have penetrated more than is aimed at in the last `seconds`, while something moves only
+        those that did more than is safe."""
+        for touch in self.touches:
+            target = max(touch.pair.safe_depth, self.target) if moving else self.target
+            touch.stiffen(target, seconds / CLOSING_SECONDS)
 
     # what is told
 

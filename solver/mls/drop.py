@@ -115,7 +115,10 @@ class ExplicitDrop:
             left -= dt
             steps += 1
         self.steps += steps
-        self.monitor.record(self._signals(before, self._momenta(), seconds, steps), progress)
+        signals = self._signals(before, self._momenta(), seconds, steps)
+        self.monitor.record(signals, progress)
+        moving = signals.speed > self.config.moving_speed * np.sqrt(self.model.gravity_strength * self.length)
+        self.contacts.stiffen(moving, seconds)
         return self.contacts.hand_over(seconds)
 
     def _longest_step(self) -> float:

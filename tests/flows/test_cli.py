@@ -56,7 +56,7 @@ def test_a_graphics_card_that_is_not_there(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """`--arch cuda` is refused before anything is read; the processor does not silently take its place."""
-    monkeypatch.setattr("solver.runtime.cuda_starts", lambda: False)
+    monkeypatch.setattr("solver.runtime.cuda_works", lambda: False)
     (tmp_path / "case.yaml").write_text("")
     assert "--arch cuda" in failed(capsys, "drop", str(tmp_path / "case.yaml"), "--out", "out", "--arch", "cuda")
     assert "--arch cuda" in failed(capsys, "place", "a", "b", "put it", "--out", "out", "--arch", "cuda")

@@ -9,7 +9,21 @@ import pytest
 
 from solver import runtime
 from solver.errors import ArchError
-from solver.runtime import available_arch, start
+from solver.runtime import available_arch, kernels_run, start
+
+CORES_OF_THREADS = """
+import json, os, sys
+from solver.runtime import start
+
+start(int(sys.argv[1]))
+found = []
+for thread in map(int, os.listdir("/proc/self/task")):
+    try:
+        found.append([thread == os.getpid(), sorted(os.sched_getaffinity(thread))])
+    except ProcessLookupError:
+        pass  # a thread that has ended since
+print(json.dumps(found))
+"""
 
 
 @pytest.mark.parametrize(
@@ -17,15 +31,22 @@ from solver.runtime import available_arch, start
 )
 def test_auto_is_cuda_where_it_starts_and_the_processor_elsewhere(monkeypatch, wanted, cuda, found):
     """`cpu` stays what it is."""
-    monkeypatch.setattr(runtime, "cuda_starts", lambda: cuda)
+    monkeypatch.setattr(runtime, "cuda_works", lambda: cuda)
     assert available_arch(wanted) == found
 
 
 def test_cuda_where_there_is_none_is_an_error(monkeypatch):
     """Asked for by name it is not replaced."""
-    monkeypatch.setattr(runtime, "cuda_starts", lambda: False)
+    monkeypatch.setattr(runtime, "cuda_works", lambda: False)
     with pytest.raises(ArchError, match="cuda"):
         available_arch("cuda")
+
+
+@pytest.mark.slow
+def test_a_try_of_the_kernels_says_whether_they_run():
+    """On the processor they do. Without that answer a working graphics card would be refused as well."""
+    assert kernels_run("cpu")
+    assert not kernels_run("no such arch")
 
 
 def test_a_second_arch_in_one_process_is_an_error():
@@ -50,12 +71,9 @@ def test_worker_threads_get_cores_of_their_own_only_where_there_is_one_for_each(
     cores = sorted(os.sched_getaffinity(0))
     if len(cores) == 1:
         pytest.skip("one core")
-    code = (
-        f"import json, os; from solver.runtime import start; start({len(cores) - share}); "
-        "ids = os.listdir('/proc/self/task'); "
-        "print(json.dumps([[int(t) == os.getpid(), sorted(os.sched_getaffinity(int(t)))] for t in ids]))"
+    done = subprocess.run(
+        [sys.executable, "-c", CORES_OF_THREADS, str(len(cores) - share)], capture_output=True, text=True, check=True
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     masks = json.loads(done.stdout)
     assert [mask for main, mask in masks if main] == [cores], "the main thread stays free"
     own = {mask[0] for _, mask in masks if len(mask) == 1}

@@ -1,8 +1,6 @@
 """A study as raters see it: two of them in headless Chromium, and a server that is killed in the middle."""
 
-import os
 import re
-import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -45,7 +43,7 @@ class StudyProcess:
 
     def kill(self) -> None:
         """As a machine that loses its power does."""
-        os.kill(self.process.pid, signal.SIGKILL)
+        self.process.kill()
         self.process.wait()
 
 
@@ -130,10 +128,10 @@ def colors(page: Page, selector: str, path: Path) -> int:
     return len(np.unique(np.asarray(Image.open(path).convert("RGB")).reshape(-1, 3), axis=0))
 
 
-@pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A run of three methods."""
-    return many_methods_run(tmp_path_factory.mktemp("study") / "run")
+@pytest.fixture
+def run(tmp_path: Path) -> Path:
+    """A run of three methods, whose study nobody has answered yet."""
+    return many_methods_run(tmp_path / "run")
 
 
 @pytest.mark.long
@@ -207,8 +205,6 @@ def check_votes(run: Path, design: StudyDesign) -> None:
 def test_pictures_enlarge_and_models_turn(run: Path, tmp_path: Path, size: tuple[int, int]) -> None:
     """A click enlarges the view that is shown; in 3D both sides are drawn, and turn together when one is dragged;
     nothing is wider than the window."""
-    for votes in (run / STUDY_FOLDER).glob("votes.*"):
-        votes.unlink()
     troubles = list[str]()
     served = start(run, free_port())
     try:
