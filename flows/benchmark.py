@@ -313,10 +313,11 @@ def rerun_sample(run: str, sample_id: str, stage: str, max_cost: float | None = 
     asked = asked_of_run(folder)
     sample, config = asked.sample(sample_id), asked.config
     refreshed = stages_to_refresh(stage, sample, config)
-    language = replace(asked.language, max_cost=max_cost, batch=False)
+    budget = asked.language.max_cost if max_cost is None else max_cost
+    language = replace(asked.language, max_cost=budget, batch=False)
     if language.client is ClientName.REPLAY and language.config() != config.intent.language:
         raise InputError(f"--replay {language.replay}: the recording has changed since {folder.name}; run it again")
-    check_budget(config.intent.language.model, max_cost)
+    check_budget(config.intent.language.model, budget)
     session = replace(language.session(folder), fresh=True)
     console = console_on_stderr()
     result: FinishedSample | Exception

@@ -51,11 +51,8 @@ class LanguageOptions:
             raise InputError(f"--replay {self.replay} is for --language replay, not {client}")
         if client is not ClientName.ANTHROPIC and self.batch:
             raise InputError(f"--batch is for --language anthropic, not {client}")
-        if client not in APIS:
-            given = {"--record": self.record, "--max-cost": self.max_cost}
-            asks = next((option for option, value in given.items() if value), None)
-            if asks:
-                raise InputError(f"{asks} is for --language {' or '.join(APIS)}: {client} asks no model")
+        if client not in APIS and self.record:
+            raise InputError(f"--record is for --language {' or '.join(APIS)}: {client} asks no model")
         if client is ClientName.OFFLINE and self.model:
             raise InputError(
                 f"--model {self.model} is for --language {', '.join(APIS)} or replay: offline asks no model"

@@ -1,7 +1,7 @@
 """The work pool of a Prefect server: samples that are run as deployments by workers, on any machine. Imports Prefect.
 
-A worker that is lost with its machine tells nobody: a sample whose process is gone, or on whose machine no worker has
-answered for long, is given up and runs again.
+A worker that is lost with its machine tells nobody: a sample whose process is gone, whose worker has not answered for
+long, or that has not told for long which worker has begun it, is given up and runs again.
 """
 
 import os
@@ -50,9 +50,11 @@ POOL, SAMPLE = "dcap", "place/sample"
 """The pool, and the deployment that places one sample."""
 LOOK_SECONDS = 1.0
 LOST_SECONDS = 120.0
-"""After so long without a worker on its machine a sample is given up: a worker sends a heartbeat every 10 s."""
+"""After so long without its worker a sample is given up: a worker sends a heartbeat every 10 s."""
 CACHED, PROCESS = "Cached", "process:"
 """Name of the state of a sample of which nothing was computed; beginning of the tag that names its process."""
+WORKER = "DCAP_WORKER"
+"""The variable that tells a sample's process the name of its worker, HOST-NUMBER-RANDOM."""
 
 
 class LostWorkerError(DcapError):
@@ -111,7 +113,7 @@ def place_in_pool(job: SampleJob) -> object:
 def _final_state(run_id: UUID) -> State[Any]:
     """Wait for the final state of a flow run; LostWorkerError where its worker is gone, DcapError where the server is,
     or has the run no more."""
-    heard = alone_since = time.monotonic()
+    heard = seen = time.monotonic()
     while True:
         time.sleep(LOOK_SECONDS)
         with pass_over_server_errors() as lost, get_client(sync_client=True) as client:
@@ -122,11 +124,11 @@ def _final_state(run_id: UUID) -> State[Any]:
             heard = time.monotonic()
             if run.state is not None and run.state.is_final():
                 return run.state
-            host, pid = _process_of(run)
-            if _has_worker(client, host):
-                alone_since = time.monotonic()
-            begun = host != ""
-            if begun and (_is_gone(host, pid) or time.monotonic() - alone_since > LOST_SECONDS):
+            worker, pid = _process_of(run)
+            waits = run.state is None or run.state.is_scheduled()
+            if waits or _is_online(client, worker):
+                seen = time.monotonic()
+            if _is_gone(worker, pid) or time.monotonic() - seen > LOST_SECONDS:
                 client.set_flow_run_state(run_id, Crashed(message="its worker was lost"), force=True)
                 raise LostWorkerError("its worker was lost")
         if (lost and was_given_up()) or time.monotonic() - heard > LOST_SECONDS:
@@ -135,25 +137,25 @@ def _final_state(run_id: UUID) -> State[Any]:
             )
 
 
-def _has_worker(client: SyncPrefectClient, host: str) -> bool:
-    """Return whether a machine, or any if none is named, has a worker that answers; `dcap worker` names it so."""
+def _is_online(client: SyncPrefectClient, worker: str) -> bool:
+    """Return whether a worker of this name answers."""
     try:
         workers = client.read_workers_for_work_pool(POOL)
     except ObjectNotFound:  # somebody has deleted the pool
         return False
-    return any(one.status is WorkerStatus.ONLINE and one.name.startswith(f"{host}-" if host else "") for one in workers)
+    return any(one.status is WorkerStatus.ONLINE and one.name == worker for one in workers)
 
 
 def _process_of(run: FlowRun) -> tuple[str, int]:
-    """Return the machine and the process that a flow run has told of itself; an empty name before it has begun."""
+    """Return the worker and the process that a flow run has told of itself; an empty name before it has begun."""
     told = next((tag.removeprefix(PROCESS) for tag in run.tags if tag.startswith(PROCESS)), ":0")
-    host, _, pid = told.rpartition(":")
-    return host, int(pid)
+    worker, _, pid = told.rpartition(":")
+    return worker, int(pid)
 
 
-def _is_gone(host: str, pid: int) -> bool:
-    """Return whether a process of this machine has ended; of another machine nobody can tell."""
-    if host != platform.node():
+def _is_gone(worker: str, pid: int) -> bool:
+    """Return whether a process of a worker of this machine has ended; of another machine nobody can tell."""
+    if worker.rsplit("-", 2)[0] != platform.node():
         return False
     try:
         os.kill(pid, 0)
@@ -172,7 +174,7 @@ def place_for_pool(job: dict[str, Any]) -> State[Any]:
     if not mine.config.drop.threads:
         mine = replace(mine, config=with_threads(mine.config, available_cores()))
     with pass_over_server_errors(), get_client(sync_client=True) as client:
-        tags = [*sample_tags(mine.sample, mine.run), f"{PROCESS}{platform.node()}:{os.getpid()}"]
+        tags = [*sample_tags(mine.sample, mine.run), f"{PROCESS}{os.environ.get(WORKER, '')}:{os.getpid()}"]
         client.update_flow_run(UUID(flow_run.id), tags=tags)
     try:
         finished = run_job(mine)

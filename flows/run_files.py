@@ -9,6 +9,8 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from pydantic import ValidationError
+
 from dcap.evaluation.run_folder import sample_folder
 from dcap.language.protocol.client import LanguageConfig
 from dcap.scene.errors import InputError
@@ -116,7 +118,11 @@ def undamaged(path: Path) -> Iterator[None]:
     try:
         yield
     except (LookupError, TypeError, ValueError, AttributeError, AssertionError) as error:
-        raise InputError(f"{path}: {DAMAGED} ({type(error).__name__}: {shortened(str(error), SHOWN)})") from None
+        why = f"{type(error).__name__}: {shortened(str(error), SHOWN)}"
+        if isinstance(error, ValidationError):
+            first = error.errors(include_url=False)[0]
+            why = f"{'.'.join(map(str, first['loc']))}: {first['msg']}"
+        raise InputError(f"{path}: {DAMAGED} ({why})") from None
 
 
 def asked_of(run: str, sample: str | None) -> tuple[Asked, str]:

@@ -55,6 +55,7 @@ def prefect_server(port: int = PORT, *, only_there: bool = False) -> Iterator[st
 
     Where the port is taken, a new server gets a free one, or is refused if it may be `only_there`.
     """
+    reach_this_machine()
     given = os.environ.get(API_URL, "")
     if given and not is_healthy(given):
         raise DcapError(f"{API_URL}={redacted_url(given)}: {unanswered(given)}")
@@ -65,6 +66,7 @@ def prefect_server(port: int = PORT, *, only_there: bool = False) -> Iterator[st
 @contextmanager
 def watching_server() -> Iterator[str]:
     """As `prefect_server` where a server runs already; yields an empty string where none does."""
+    reach_this_machine()
     given = os.environ.get(API_URL, "")
     running = given if given and is_healthy(given) else "" if given else running_url()
     if not running:
@@ -72,6 +74,13 @@ def watching_server() -> Iterator[str]:
         return
     with _as_own_server(given or _joined_server(PORT, False)) as url:
         yield url
+
+
+def reach_this_machine() -> None:
+    """Let servers of this machine be asked without the proxy that the environment names for all others."""
+    known = urllib.request.getproxies_environment().get("no", "")
+    missing = [host for host in ("localhost", LOOPBACK) if host not in known.split(",")]
+    os.environ["no_proxy"] = ",".join(filter(None, (known, *missing)))
 
 
 def running_url() -> str:

@@ -59,6 +59,7 @@ SIDE, QUALITY, MOST = 320, 80, 3
 """Pictures on a sample's page: side [pixels], quality of the JPEG, and how many: 100 KB of the server's database."""
 SHOWN = ("settled", "closeup", "before_after", "asked", "clean", "candidates", "hole")
 """Pictures of a placement, the most telling first."""
+RUN_ID = re.compile(r"[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}")
 STEERING = re.compile(r"[\\`*_\[\]()#+!|~]")
 """Characters that steer a page of Markdown."""
 FAILED = "Failed"
@@ -314,7 +315,7 @@ def claimed_run() -> Iterator[Path]:
 def end_dead_runs(folder: Path) -> None:
     """Set the flow runs on this server whose programs were killed on this machine to Crashed, with the task runs at
     work in them and the samples that wait in the pool for them."""
-    for path in (one for one in folder.iterdir() if not one.suffix):
+    for path in (one for one in folder.iterdir() if RUN_ID.fullmatch(one.name)):
         with suppress(FileNotFoundError), path.open() as file:
             try:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

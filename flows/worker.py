@@ -26,7 +26,7 @@ STOP_SECONDS = 10.0
 def serve_pool(at_a_time: int, announce: Callable[[str], None]) -> None:
     """Serve the pool until interrupted; `announce` is given a line when the worker starts."""
     with prefect_server() as url, tempfile.TemporaryDirectory(prefix="dcap-worker-") as folder:
-        from flows.pool import POOL, register
+        from flows.pool import POOL, WORKER, register
 
         register()
         name = f"{platform.node()}-{os.getpid()}-{token_hex(3)}"  # a container that starts again has both again
@@ -35,6 +35,7 @@ def serve_pool(at_a_time: int, announce: Callable[[str], None]) -> None:
             | whole_places()
             | {
                 SHARE: str(max(1, available_cores() // at_a_time)),
+                WORKER: name,
                 "PYTHONSAFEPATH": "1",  # its processes take nothing from the working directory
                 "PREFECT_WORKER_HEARTBEAT_SECONDS": str(HEARTBEAT_SECONDS),
             }

@@ -153,19 +153,17 @@ class Store:
 
     def load(self, ref: Ref[ValueT]) -> ValueT | Infeasible:
         """Return the value of an artifact; MissingArtifactError if it is gone or does not match its digest."""
-        if not self.has(ref):
-            raise MissingArtifactError(f"{ref.kind} {ref.sha256[:12]} in {self.folder(ref)} is missing or damaged")
-        folder = self.folder(ref)
+        folder, missing = self.folder(ref), f"{ref.kind} {ref.sha256[:12]} in {self.folder(ref)} is missing or damaged"
         if ref.kind == Source.__name__:
+            if not self.has(ref):
+                raise MissingArtifactError(missing)
             tree = json.loads((folder / VALUE_FILE).read_bytes())
             return cast("ValueT", Source(folder / FILES / tree["main"], tree["folder"]))
-        try:
-            files = {path.name: path.read_bytes() for path in folder.iterdir()}
-            digest = digest_of({name: hashlib.sha256(data).hexdigest() for name, data in files.items()})
-        except OSError as error:
-            raise MissingArtifactError(f"{ref.kind} {ref.sha256[:12]} cannot be read: {error}") from error
-        if digest != ref.sha256:
-            raise MissingArtifactError(f"{ref.kind} {ref.sha256[:12]} in {folder} does not match its digest")
+        files = sound_files(folder, ref)
+        if files is None and self._fetch(ref):
+            files = sound_files(folder, ref)
+        if files is None:
+            raise MissingArtifactError(missing)
         return cast("ValueT | Infeasible", decode(files))
 
     def has(self, ref: Ref[Any], *, bring: bool = True) -> bool:
@@ -327,6 +325,16 @@ def digest_of_folder(folder: Path) -> str:
         return digest_of({path.relative_to(folder).as_posix(): digest_of_file(path) for path in files_in(folder)})
     except OSError:
         return ""
+
+
+def sound_files(folder: Path, ref: Ref[Any]) -> dict[str, bytes] | None:
+    """Return the files of an artifact; None if they are gone, or not what it was."""
+    try:
+        files = {path.name: path.read_bytes() for path in folder.iterdir()}
+    except OSError:
+        return None
+    sound = digest_of({name: hashlib.sha256(data).hexdigest() for name, data in files.items()}) == ref.sha256
+    return files if sound else None
 
 
 def stamps_of(folder: Path) -> tuple[tuple[str, int, int], ...]:

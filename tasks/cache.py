@@ -317,6 +317,7 @@ class Stage(Generic[P, ValueT_co]):
 
     def _compute(self, inputs: Mapping[str, Any]) -> Ref[Any]:
         """Run the function and save what it returns."""
+        check_data_files(self.code)  # before the work, too: what is computed from a changed one would be lost
         preload()  # later stages have processes of their own
         context = current_context()
         context.on_event(StageEvent(self.name, Event.STARTED))

@@ -60,7 +60,10 @@ LONGEST_NAME = 100
 """Letters of a string that may name a data file."""
 CARRIED = Path(FACE, settings.CARRIED)
 """Where an installed dcap has the data files that lie at the root of a clone."""
-DISTRIBUTIONS = {"PIL": "pillow", "igl": "libigl", "skimage": "scikit-image", "ruamel": "ruamel.yaml", "yaml": "PyYAML"}
+DISTRIBUTIONS = {
+    "PIL": "pillow", "igl": "libigl", "pxr": "usd-core", "ruamel": "ruamel.yaml", "skimage": "scikit-image",
+    "yaml": "PyYAML",
+}  # fmt: skip
 """Where the name to install differs from the name to import."""
 PARSED, LISTS = "sources.json", "code"
 """File and folder of the cache: what each source says, and lists of files by the digest of the list."""

@@ -111,7 +111,7 @@ def flattened(tree: Any, prefix: str = "") -> Iterator[tuple[str, object]]:
 
 @lru_cache(maxsize=1)
 def _records_by_stage(root: Path, modified_ns: int) -> dict[str, list[Record]]:
-    """Return all records by stage, newest last; read again when one has come or gone."""
+    """Return all records by stage, newest first; read again when one has come or gone."""
     found: dict[str, list[tuple[int, Record]]] = {}
     for path, ref in every_record():
         if ref is not None and ref.record is not None:

@@ -7,6 +7,7 @@ understood but infeasible, 4 some samples of a benchmark failed. An error that a
 
 import json
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -102,7 +103,12 @@ def place(
     for warning in warnings:
         print(f"note: {warning}", file=sys.stderr)
     print(json.dumps(tree, indent=2, ensure_ascii=False) if as_json else f"{result_line(tree)}\nresults: {folder}")
-    return 0 if tree["verdict"] in ("at_rest", "as_posed") else INFEASIBLE
+    return exit_code(tree)
+
+
+def exit_code(placement: Mapping[str, object]) -> int:
+    """Return the exit code of a placement.json."""
+    return 0 if placement["verdict"] in ("at_rest", "as_posed") else INFEASIBLE
 
 
 @app.command()
@@ -177,7 +183,7 @@ def rerun(
 
     tree, page = rerun_sample(run, sample, stage, max_cost)
     print(json.dumps(tree, indent=2, ensure_ascii=False) if as_json else f"{result_line(tree)}\nreport: {page}")
-    return 0 if tree["verdict"] == "at_rest" else INFEASIBLE
+    return exit_code(tree)
 
 
 @app.command()

@@ -104,7 +104,7 @@ def kept_runs(others: Sequence[Path]) -> tuple[list[Path], set[Ref[Any]], list[s
     A placement says itself what it needs (`records.json`). One that failed or is still computed is looked up.
     """
     from flows.run_files import asked_of, asked_of_run  # brings all stages, which the other commands do not wait for
-    from flows.sample_records import read_needs
+    from flows.sample_records import RECORDS, read_needs
     from flows.sample_run import plan_sample
 
     for folder in others:
@@ -115,8 +115,14 @@ def kept_runs(others: Sequence[Path]) -> tuple[list[Path], set[Ref[Any]], list[s
     for folder in folders:
         try:
             asked = asked_of_run(folder) if (folder / RUN).is_file() else asked_of(str(folder), None)[0]
-        except (InputError, OSError, ValueError) as error:
-            raise InputError(f"{error}; what it needs is not known: run it again, or remove {folder}") from None
+        except (
+            InputError,
+            OSError,
+            ValueError,
+        ) as error:  # of another version, or damaged: what is said of its samples
+            unknown.append(str(error))
+            needed |= {ref for one in folder.rglob(RECORDS) for ref in read_needs(one.parent) or ()}
+            continue
         for sample in asked.samples.values():
             refs = read_needs(asked.folder_of(sample.id))
             if refs is None:

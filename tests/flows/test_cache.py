@@ -149,17 +149,17 @@ def test_a_placement_elsewhere_is_kept_if_it_is_named(
     assert main(["cache", "gc", "--keep", str(tmp_path / "nothing")]) == 2
 
 
-def test_a_run_that_cannot_be_read_keeps_everything(data: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Nothing is deleted while nobody knows what a run needs; one line names its folder."""
-    mesh = recorded("mesh", 1.0)
-    (data / "runs" / "odd").mkdir(parents=True)
+def test_a_run_that_cannot_be_read_keeps_what_its_samples_name(data: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """As one of another version; it is told, and the rest is collected."""
+    mesh, other = recorded("mesh", 1.0), recorded("mesh", 2.0)
+    folder = a_run(data, "odd/samples/one", mesh)
+    (folder / "sample.json").unlink()
     (data / "runs" / "odd" / "run.json").write_text("{")
     age(data / "cache")
-    assert main(["cache", "gc", "--yes"]) == 2
-    said = capsys.readouterr().err
-    assert str(data / "runs" / "odd") in said
-    assert len(said.splitlines()) == 1
-    assert held() == {mesh}
+    told = told_by(capsys, "gc", "--yes")
+    assert str(data / "runs" / "odd") in told["unknown"][0]
+    assert other not in held()
+    assert mesh in held()
 
 
 @pytest.mark.slow

@@ -13,7 +13,9 @@ from uuid import uuid4
 import httpx
 import pytest
 import small_stages
+from prefect.client.schemas.objects import State, StateType, WorkerStatus
 from prefect.exceptions import ObjectNotFound
+from prefect.states import Completed
 
 from dcap.scene.errors import DcapError
 from dcap.scene.machine_errors import is_lost_server, pass_over_server_errors
@@ -99,6 +101,62 @@ def test_nobody_waits_for_a_sample_that_nobody_tells_of(monkeypatch: pytest.Monk
         monkeypatch.setattr(pool, "get_client", lambda sync_client, error=error: Answering(error))
         with pytest.raises(DcapError, match=words):
             pool._final_state(uuid4())
+
+
+class OfferingPool:
+    """A client of a pool with one flow run, and workers of some names that answer."""
+
+    def __init__(self, state: StateType, tags: list[str], online: list[str], looks: int) -> None:
+        self.run = SimpleNamespace(tags=tags, state=State(type=state))
+        self.workers = [SimpleNamespace(name=name, status=WorkerStatus.ONLINE) for name in online]
+        self.looks = looks
+
+    def __enter__(self) -> "OfferingPool":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Nothing is open."""
+
+    def read_flow_run(self, _: object) -> Any:
+        """The run, which is completed after some looks."""
+        self.looks -= 1
+        if not self.looks:
+            self.run.state = Completed()
+        return self.run
+
+    def read_workers_for_work_pool(self, _: str) -> Any:
+        """Those that answer."""
+        return self.workers
+
+    def set_flow_run_state(self, _: object, state: Any, force: bool) -> None:
+        """Take it."""
+        self.run.state = state
+
+
+@pytest.mark.parametrize(
+    ("state", "told", "online", "lost"),
+    [
+        (StateType.SCHEDULED, "", [], False),  # nobody has begun it: a worker may still come
+        (StateType.PENDING, "", ["far-1-aa"], True),  # lost before it told which worker it has
+        (StateType.RUNNING, "", [], True),
+        (StateType.RUNNING, "far-1-aa", ["far-1-aa"], False),
+        (StateType.RUNNING, "far-1-aa", ["far-1-bb", "far-1-aa-1-cc"], True),  # started again; a name that begins alike
+    ],
+)
+def test_a_sample_is_given_up_with_its_own_worker(
+    monkeypatch: pytest.MonkeyPatch, state: StateType, told: str, online: list[str], lost: bool
+) -> None:
+    """And not while that worker answers, nor before anybody has begun it."""
+    monkeypatch.setattr(pool, "LOOK_SECONDS", 0.01)
+    monkeypatch.setattr(pool, "LOST_SECONDS", 0.1)
+    client = OfferingPool(state, [f"process:{told}:1"] * bool(told), online, 40)
+    monkeypatch.setattr(pool, "get_client", lambda sync_client: client)
+    if lost:
+        with pytest.raises(pool.LostWorkerError):
+            pool._final_state(uuid4())
+        assert client.run.state.is_crashed()
+    else:
+        assert pool._final_state(uuid4()).is_completed()
 
 
 def test_a_refusal_at_the_end_loses_no_result(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -164,7 +164,6 @@ def outcome(folder: Path) -> dict[str, str]:
         (LanguageOptions("replay"), "--replay DIR"),
         (LanguageOptions("anthropic", replay="x"), "--language replay"),
         (LanguageOptions(record="x"), "--record"),
-        (LanguageOptions("offline", max_cost=1.0), "--max-cost"),
         (LanguageOptions(batch=True), "--batch"),
         (LanguageOptions(model="m"), "--model"),
         (LanguageOptions(replay="nowhere"), "no recorded replies"),

@@ -1,6 +1,8 @@
 """Samples placed by workers or clusters come to the same as those placed here, whatever is killed meanwhile."""
 
+import fcntl
 import json
+from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -40,6 +42,15 @@ def at_home(dataset: Path, tmp_path_factory: pytest.TempPathFactory, shared_serv
     return found
 
 
+@pytest.fixture
+def pool_alone(shared_server: str, tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Iterator[None]:
+    """Only one test at a time has workers on the server that all processes of tests share."""
+    root = tmp_path_factory.getbasetemp()
+    with ((root if worker_id == "master" else root.parent) / "pool.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+
+
 def placed(pages: PrefectPages) -> list[Row]:
     """Flow runs of the pool, those that this test has made first."""
     rows: list[Row] = pages.post("/flow_runs/filter", sort="START_TIME_DESC")
@@ -57,6 +68,7 @@ def test_a_cluster_gives_the_same(dataset: Path, at_home: object, server: str, t
         assert placed_results(dataset, "--runner", runner) == at_home
 
 
+@pytest.mark.usefixtures("pool_alone")
 @pytest.mark.slow
 @pytest.mark.long
 def test_workers_that_share_a_store_give_the_same(
@@ -79,6 +91,7 @@ def test_workers_that_share_a_store_give_the_same(
     assert marks(folder) == ""
 
 
+@pytest.mark.usefixtures("pool_alone")
 @pytest.mark.slow
 @pytest.mark.long
 @pytest.mark.timeout(900)
@@ -100,6 +113,7 @@ def test_samples_of_a_killed_worker_begin_again(dataset: Path, at_home: object, 
         assert kept_results() == at_home
 
 
+@pytest.mark.usefixtures("pool_alone")
 @pytest.mark.slow
 @pytest.mark.long
 @pytest.mark.timeout(900)

@@ -194,6 +194,17 @@ def test_prefect_reads_no_settings_of_a_working_directory(server: str, tmp_path:
     assert marks(folder) == ""
 
 
+def test_a_proxy_is_not_asked_for_a_server_of_this_machine(server: str) -> None:
+    """Many a company names one for everything else."""
+    program = "from flows.server import prefect_server\nwith prefect_server(): import os; print(os.environ['no_proxy'])"
+    others = {name: value for name, value in os.environ.items() if name.lower() != "no_proxy"}
+    environment = others | {"PREFECT_API_URL": server, "http_proxy": "http://127.0.0.1:9", "NO_PROXY": "example.org"}
+    done = subprocess.run(
+        [sys.executable, "-c", program], env=environment, cwd=PROJECT_ROOT, capture_output=True, text=True, check=False
+    )
+    assert (done.stdout, done.stderr) == ("example.org,localhost,127.0.0.1\n", "")
+
+
 def test_a_program_turns_to_the_server_that_is_named_now(
     server: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -2,7 +2,10 @@
 
 import ast
 import gc
+import itertools
+import re
 import time
+import tomllib
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -63,6 +66,20 @@ def test_reachable_files(root: Path) -> None:
     }  # fmt: skip
     assert one.libraries.keys() == {"python", "numpy"}
     assert one.libraries["numpy"] == np.__version__
+
+
+def test_every_library_behind_a_stage_is_known_by_the_name_it_is_installed_by(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else no key would have its version, and results of an older one would count."""
+    asked = set[str]()
+    monkeypatch.setattr(code, "installed_version", lambda name: asked.add(name) or "1")
+    code_of.cache_clear()
+    for one in STAGES:
+        code_of(one.file)
+    code_of.cache_clear()
+    project = tomllib.loads((PROJECT_ROOT / "pyproject.toml").read_text())["project"]
+    lines = [*project["dependencies"], *itertools.chain(*project["optional-dependencies"].values())]
+    known = {re.split(r"[^\w.-]", line)[0].lower() for line in lines}
+    assert {name.lower().replace("_", "-") for name in asked} - known == set()
 
 
 def test_a_source_is_parsed_again_that_another_thread_has_disturbed(
