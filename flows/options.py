@@ -126,7 +126,7 @@ class PhysicsOptions(Options):
     threads: Annotated[NonNegativeInt, Setting("run.threads")] = 0
     """Threads of each heavy stage, 0: all cores, in a benchmark its workers' share of them; never changes a result."""
     arch: Annotated[Literal["auto", "cpu", "cuda"], Setting("run.arch")] = "cpu"
-    """Where the solver runs: cpu, cuda (a graphics card) or auto (cuda if it starts)."""
+    """Where the solver runs: cpu, cuda (a graphics card) or auto (cuda if it works)."""
     stability: Annotated[bool, Setting("drop.solver.stability")] = False
     """Push what is at rest and grade how much it withstands."""
     load_aware: Annotated[bool, Setting("materials.load_aware")] = False

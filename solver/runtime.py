@@ -25,7 +25,8 @@ from solver import runtime
 from solver.config import SolverConfig
 from solver.warmup import drop_little
 runtime.cuda_works = lambda: True
-drop_little(SolverConfig(arch=sys.argv[1], threads=1), soft=True)
+for method in ("tl", "mls"):
+    drop_little(SolverConfig(arch=sys.argv[1], method=method, threads=1), soft=True)
 """
 
 _started: dict[str, str] = {}
@@ -54,7 +55,7 @@ def cuda_works() -> bool:
 
 
 def kernels_run(arch: str) -> bool:
-    """Whether a little drop runs on `arch`, tried in a process of its own: a failed start spoils one."""
+    """Whether a small drop by each method runs on `arch`, tried in a process of its own: a failed start spoils one."""
     command = [sys.executable, "-P", "-c", PROBE, arch]
     try:
         done = subprocess.run(command, capture_output=True, check=False, timeout=LONGEST_PROBE)

@@ -85,11 +85,8 @@ def show_collection(
         note(f"cannot be looked up: {line}")
     if what.usage:
         console.print(usage_table(what.usage, "deleted" if deleted else "no run needs"))
-    age = (
-        f"; {young} things that none of them needs have changed in the last {older_than_days * 24:g} hours"
-        if young
-        else ""
-    )
+    hours = 24.0 * older_than_days
+    age = f"; {young} things that none of them needs have changed in the last {hours:g} hours" if young else ""
     console.print(f"{runs} runs and placements are kept{age}")
     if what.count:
         words = "were deleted" if deleted else "would be deleted; --yes does it"
@@ -115,11 +112,8 @@ def kept_runs(others: Sequence[Path]) -> tuple[list[Path], set[Ref[Any]], list[s
     for folder in folders:
         try:
             asked = asked_of_run(folder) if (folder / RUN).is_file() else asked_of(str(folder), None)[0]
-        except (
-            InputError,
-            OSError,
-            ValueError,
-        ) as error:  # of another version, or damaged: what is said of its samples
+        except (InputError, OSError, ValueError) as error:
+            # another version wrote it, or it is damaged; its samples still say what they were made of
             unknown.append(str(error))
             needed |= {ref for one in folder.rglob(RECORDS) for ref in read_needs(one.parent) or ()}
             continue

@@ -10,6 +10,7 @@ from solver.model.bodies import Body, Model, RigidBody, SoftBody
 from solver.model.soft import SoftSystem
 
 CELL_STIFFNESS = 4.0  # first guess of the contact stiffness per area, in E / cell size; adapted to the target near rest
+STIFFENED = 1.25  # times the penetration that is aimed at, from which on a pair is stiffened [-]
 SAFE_DEPTH = 0.125  # of half of the largest thickness that is pushed into; past a half the way out is the other side
 
 

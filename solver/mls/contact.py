@@ -26,7 +26,7 @@ from solver.config import SolverConfig
 from solver.contact.active import Pair, TouchingPoints
 from solver.contact.bonds import BondedPair, build_bonds
 from solver.contact.friction import point_forces
-from solver.contact.pairs import contact_pairs
+from solver.contact.pairs import STIFFENED, contact_pairs
 from solver.contact.query import ContactQuery
 from solver.kernels import query
 from solver.mls.body import SoftParticles
@@ -43,8 +43,7 @@ Index = NDArray[np.int64]
 STABLE = 0.5  # stiffness of contact times the squared step and the mobility of what it acts on [-]; 4 is the limit
 CLOSING_SECONDS = 0.04  # in which an excess of penetration fades by e; coming to rest takes ten times as long
 SLACK = 0.5  # smallest cells that bodies may move before near points are looked up again
-STIFFENED = 1.25  # times the penetration that is aimed at, from which on a pair is stiffened [-]
-RELEASE = 3.0  # of what a point is pushed besides its penetration, lost over the way by which it comes out [-]
+RELEASE = 3.0  # how much of its offset a point loses over the way by which it comes out [-]
 AROUND = 4.0  # cells around near points whose nodes are carried along
 STICK_SPEED = 1e-4  # a point at its friction limit that moves slower than this [m/s] has stopped: mu_s holds again
 
@@ -93,7 +92,7 @@ class PairTouch:
         )  # fmt: skip
 
     def stiffen(self, target: float, share: float) -> None:
-        """Stiffen where the mean penetration is more than `target` [m], by a share of what that takes."""
+        """Stiffen the pair if its mean penetration is more than `target` [m], by a share of what that takes."""
         on = self.load > 0.0
         if not on.any():
             return
@@ -103,7 +102,8 @@ class PairTouch:
             self.memory = replace(self.memory, stiffness=np.minimum(self.stiffness, self.allowed))
 
     def follow(self, gap: Array, dt: float) -> None:
-        """Let what near points are pushed besides their penetration follow it; `gap` (k,) is theirs now [m]."""
+        """Advance the offsets of the near points by dt [s] towards what their springs lack; `gap` (k,) is theirs now
+        [m]."""
         near, spring = self.near, self.memory.stiffness
         lacking = (self.stiffness / spring - 1.0)[near] * np.maximum(-gap, 0.0)
         before = self.offset[near]
@@ -443,8 +443,8 @@ class SurfaceContacts:
             yield Acting(bond.a.body, bond.b.body, position, force, every, np.ones(len(force)))
 
     def stiffen(self, moving: bool, seconds: float) -> None:
-        """Stiffen pairs that have penetrated more than is aimed at in the last `seconds`, while something moves only
-        those that did more than is safe."""
+        """Stiffen pairs whose mean penetration in the last `seconds` was more than is aimed at; while a body is
+        `moving`, only those where it was more than is safe."""
         for touch in self.touches:
             target = max(touch.pair.safe_depth, self.target) if moving else self.target
             touch.stiffen(target, seconds / CLOSING_SECONDS)

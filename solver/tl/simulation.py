@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from solver.config import SolverConfig
 from solver.contact.active import Contacts
 from solver.contact.bonds import build_bonds
-from solver.contact.pairs import contact_pairs
+from solver.contact.pairs import STIFFENED, contact_pairs
 from solver.contact.predict import contact_stiffness
 from solver.contact.query import ContactQuery
 from solver.contact.rolling import RollingLaw, law_stiff
@@ -147,7 +147,7 @@ class Simulation:
             target = (
                 max(t.pair.safe_depth, self.config.penetration_target) if moving else self.config.penetration_target
             )
-            if depth > 1.25 * target:
+            if depth > STIFFENED * target:
                 if not self.config.inertia:
                     normal = load @ t.normal
                     stiffened += [(i, normal / np.linalg.norm(normal)) for i in t.pair.key]

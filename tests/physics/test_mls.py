@@ -255,7 +255,7 @@ def test_what_springs_give_is_taken_back(lab):
     assert result.contacts[0].max_penetration_m < 3.0 * SolverConfig().penetration_target
 
 
-def test_a_point_comes_to_its_full_stiffness_late_and_loses_it_at_once(lab):
+def test_a_point_comes_to_its_full_stiffness_late_and_loses_it_sooner(lab):
     """Held at a depth d, a point whose spring has a quarter of its stiffness is pushed as if at 4 d. Where it comes out
     it loses three times the way, so that what has rolled on is not pushed from behind."""
     touch = stepping(lab, blob(lab, 0.051), lab.floor()).contacts.touches[0]

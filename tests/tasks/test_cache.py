@@ -29,6 +29,8 @@ from tasks.locks import FileLocks
 from tasks.process import StageProcessError
 from tasks.records import find_record, key_of
 
+Caller = Callable[[Callable[[], Ref[Mesh]]], Ref[Mesh]]
+
 FOAM = Material("foam", 30.0, 1e4, 0.3, 0.6, 0.5, 0.0, "soft", "test")
 
 
@@ -40,7 +42,7 @@ def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture(params=[Mode.DIRECT, pytest.param(Mode.WATCHED, marks=pytest.mark.slow)])
-def called(request: pytest.FixtureRequest) -> Callable[[Callable[[], Ref[Mesh]]], Ref[Mesh]]:
+def called(request: pytest.FixtureRequest) -> Caller:
     """Calls a stage as a placement does that nobody watches, and as Prefect does."""
     if request.param is Mode.DIRECT:
         return lambda call: call()
@@ -177,7 +179,7 @@ DAMAGES: dict[str, Callable[[Path], object]] = {
 }
 
 
-def test_a_damaged_record_is_passed_over(data: Path, called: Callable[[Callable[[], Ref[Mesh]]], Ref[Mesh]]) -> None:
+def test_a_damaged_record_is_passed_over(data: Path, called: Caller) -> None:
     """The stage runs again, under the next name, and is cached there; a pickle is never read."""
     first = small_stages.make_task(0, MakeConfig())
     path = record_of(first)
@@ -285,7 +287,7 @@ def test_a_stage_has_a_process_of_its_own() -> None:
 
 
 @pytest.mark.slow
-def test_a_stage_whose_process_dies_runs_once_more(called: Callable[[Callable[[], Ref[Mesh]]], Ref[Mesh]]) -> None:
+def test_a_stage_whose_process_dies_runs_once_more(called: Caller) -> None:
     """Memory may have been short; after that it is an error that names the signal and the last words."""
     assert called(lambda: small_stages.die_task(a_mesh(), 1)) == a_mesh()
     assert computed() == ["die", "die"]
