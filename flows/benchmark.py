@@ -35,14 +35,14 @@ from dcap.scene.types.sample import Sample
 from dcap.scene.whole_files import write_whole
 from flows.display import Display, console_on_stderr, print_lines, print_table, summary_line
 from flows.failed_before import failed_before
-from flows.find_run import RUN, find_run
+from flows.find_run import ASKED_VERSION, RUN, find_run, read_asked, read_keys
 from flows.judge_run import judged_rows, write_rows
 from flows.language_options import LEDGER, LanguageOptions
 from flows.measures_file import write_measures
 from flows.output import readable_json, write_placement
 from flows.place import PlaceConfig
 from flows.place_one import stage_lines
-from flows.run_files import asked_of_run, kept, located, read_result, sample_from_json, undamaged
+from flows.run_files import asked_of_run, located, read_result, sample_from_json, undamaged
 from flows.run_names import benchmark_tags
 from flows.runners import RunnerName, SampleRunner
 from flows.sample_run import OVERVIEW, STAGE_NAMES, FailedSample, FinishedSample, plan_sample
@@ -258,6 +258,7 @@ def new_run_folder(dataset: Path, samples: Sequence[Sample], config: PlaceConfig
         suffix += 1
     folder.mkdir(parents=True)
     asked = {
+        "version": ASKED_VERSION,
         "dataset": str(dataset.resolve()),
         "versions": versions(),
         "started": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -351,7 +352,7 @@ def stages_to_refresh(stage: str, sample: Sample, config: PlaceConfig) -> frozen
 def rewrite_report(run: str) -> Path:
     """Read a run's folder again and write its table and report."""
     folder = find_run(run)
-    asked = kept(folder / RUN)
+    asked = read_asked(folder / RUN)
     with undamaged(folder / RUN):
         dataset, samples = Path(asked["dataset"]), [sample_from_json(one) for one in asked["samples"]]
     return rewrite_page(folder, scored_rows(folder, samples, dataset))
@@ -359,6 +360,6 @@ def rewrite_report(run: str) -> Path:
 
 def rewrite_page(folder: Path, rows: Sequence[SampleOutcome]) -> Path:
     """Write tables, summary and report of known rows again."""
-    before = kept(folder / "summary.json") if (folder / "summary.json").is_file() else {}
+    before = read_keys(folder / "summary.json") if (folder / "summary.json").is_file() else {}
     finish(folder, rows, float(before.get("wall_s", 0.0)))
     return folder / "report.html"

@@ -14,8 +14,7 @@ from dcap.evaluation.run_diff import Pose, RunDiff, RunFacts, SampleFacts, diff_
 from dcap.evaluation.run_folder import sample_folder
 from dcap.scene.errors import InputError
 from dcap.scene.settings import runs_root
-from flows.find_run import RUN, find_run
-from flows.results import read_json
+from flows.find_run import RUN, find_run, read_asked, read_keys
 from flows.run_files import PLACEMENT, UNFINISHED, sample_from_json
 from flows.scoring import scored_row
 from tasks.cache import deciding
@@ -51,7 +50,7 @@ def run_facts(folder: Path) -> RunFacts:
     """What a folder says."""
     if not (folder / RUN).is_file():
         return placement_facts(folder)
-    tree = read_json(folder / RUN)
+    tree = read_asked(folder / RUN)
     rows = rows_of(folder)
     samples = {}
     for asked in listed(tree, "samples", folder / RUN):
@@ -62,7 +61,7 @@ def run_facts(folder: Path) -> RunFacts:
 
 def placement_facts(folder: Path) -> RunFacts:
     """What the folder of one placement says."""
-    tree = read_json(folder / PLACEMENT) if (folder / PLACEMENT).is_file() else {}
+    tree = read_asked(folder / PLACEMENT) if (folder / PLACEMENT).is_file() else {}
     asked = tree.get("sample") or {}
     return RunFacts(str(folder), {str(asked.get("id", "placement")): sample_facts(asked, None, folder)},
                     settings_of(tree) if tree else {}, {})  # fmt: skip
@@ -96,7 +95,7 @@ def sample_id(row: Mapping[str, Any]) -> str:
 
 def sample_facts(asked: Mapping[str, Any], row: Mapping[str, Any] | None, folder: Path) -> SampleFacts:
     """What is said of a sample, whose files lie in a folder."""
-    tree = read_json(folder / RESULT) if (folder / RESULT).is_file() else None
+    tree = read_keys(folder / RESULT) if (folder / RESULT).is_file() else None
     if row is None:
         row = row_without_table(asked, tree, folder)
     told = {name: value for name, value in row.items() if name not in NO_WORDS}

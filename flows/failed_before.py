@@ -1,6 +1,5 @@
 """Which samples `benchmark --only-failed` takes: of the newest run of the same dataset by the same methods."""
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ from dcap.scene.settings import runs_root
 from dcap.scene.spelling import first_of
 from dcap.scene.types.sample import Sample
 from flows.display import print_lines
-from flows.find_run import RUN
+from flows.find_run import RUN, read_asked
 from flows.place import PlaceConfig
 from flows.run_files import UNFINISHED, read_result
 from flows.sample_run import plan_sample
@@ -44,7 +43,7 @@ def last_run(dataset: Path, methods: set[str]) -> tuple[Path, set[str]]:
     """The newest run of a dataset by these methods, and the ids of its samples."""
     found = []
     for path in runs_root().glob(f"*/{RUN}"):
-        tree = run_tree(path)
+        tree = readable_run(path)
         same = tree.get("dataset") == str(dataset.resolve()) and set(tree.get("methods", ())) == methods
         if same and not path.parent.is_symlink():
             found.append((str(tree.get("started")), path.stat().st_mtime_ns, path.parent, tree))
@@ -56,13 +55,12 @@ def last_run(dataset: Path, methods: set[str]) -> tuple[Path, set[str]]:
     return folder, {str(one["id"]) for one in tree["samples"]}
 
 
-def run_tree(path: Path) -> dict[str, Any]:
+def readable_run(path: Path) -> dict[str, Any]:
     """What a run says of itself; nothing where it cannot be read."""
     try:
-        tree = json.loads(path.read_bytes())
-    except (OSError, ValueError):
+        return read_asked(path)
+    except (InputError, OSError):
         return {}
-    return tree if isinstance(tree, dict) else {}
 
 
 def taken_lines(run: str, left: Mapping[str, str], cached: int, changed: int) -> list[str]:

@@ -1,18 +1,40 @@
 """Which folder a run has: what a command can tell at once, before anything is imported that computes."""
 
 from pathlib import Path
+from typing import Any
 
 from dcap.scene.errors import InputError
+from dcap.scene.readers.files.json_text import read_json
 from dcap.scene.settings import runs_root
 
 RUN = "run.json"
 """What was asked of a run."""
+ASKED_VERSION = 1
+"""Of `run.json` and `sample.json`: raised where what earlier versions wrote can no longer be read."""
+DAMAGED = "the file is damaged, or of another version of dcap; run it again"
 
 
 def find_run(run: str) -> Path:
-    """Folder of a run by name, path or `last`."""
+    """Folder of a run by name, path or `last`; InputError where there is none, or another version of dcap wrote it."""
     for folder in (runs_root() / run, Path(run)):
         if (folder / RUN).is_file():
+            read_asked(folder / RUN)
             return folder.resolve()
     known = sorted(path.parent.name for path in runs_root().glob(f"*/{RUN}"))
     raise InputError(f"{run!r} is not a run; there are {', '.join(known) or 'none'} in {runs_root()}")
+
+
+def read_asked(path: Path) -> dict[str, Any]:
+    """What a `run.json` or `sample.json` says; InputError where it is damaged or another version of dcap wrote it."""
+    tree = read_keys(path)
+    if tree.get("version") != ASKED_VERSION:
+        raise InputError(f"{path}: another version of dcap made this; run it again")
+    return tree
+
+
+def read_keys(path: Path) -> dict[str, Any]:
+    """The keys of a file that dcap wrote; InputError where the file is damaged."""
+    tree = read_json(path)
+    if not isinstance(tree, dict):
+        raise InputError(f"{path}: {DAMAGED}")
+    return tree

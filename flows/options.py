@@ -246,6 +246,15 @@ class BenchmarkOptions(DatasetOptions):
     """Most stages at a time that ask a model, on all machines of a server; default: as many as there are."""
 
 
+class RerunOptions(Options):
+    """Options of `rerun`; none has a key, because the run says what was asked."""
+
+    stage: Phrase
+    """Stage to compute again."""
+    max_cost: Cost | None = None
+    """Spend at most this on a model [USD]; default: the run's limit."""
+
+
 class JudgeOptions(Options):
     """Options of `judge`; none has a key, because who judges need not be who reads the sentences."""
 
@@ -268,6 +277,13 @@ class UiOptions(Options):
 
     port: Annotated[int, Field(ge=1, le=65535), Setting("server.port")] = 4200
     """Port of Prefect's pages on this machine."""
+
+
+class WorkerOptions(Options):
+    """Options of `worker`."""
+
+    limit: Annotated[int, Field(ge=1, le=64)] = 1
+    """Samples at a time."""
 
 
 class AllSettings(BenchmarkOptions, UiOptions):

@@ -17,10 +17,9 @@ from dcap.language.model.reply_folder import ReplyFolder
 from dcap.scene.errors import InputError
 from dcap.scene.settings import data_root, replies_root, runs_root
 from dcap.scene.whole_files import digest_of_file
-from flows.find_run import RUN
+from flows.find_run import RUN, read_asked, read_keys
 from flows.language_options import LEDGER
 from flows.place import SECTIONS, PlaceConfig
-from flows.results import read_json
 from flows.run_files import PLACEMENT
 from flows.sample_records import RECORDS
 from tasks.artifact import FILES, Record, Ref, Source, Store, files_in
@@ -160,7 +159,7 @@ def ref_of_digest(digest: str) -> Ref[Any]:
 
 def of_sample(artifact: str, folder: Path) -> Lineage:
     """What lies behind the files of a sample's folder."""
-    rows = read_json(folder / RECORDS).get("records")
+    rows = read_keys(folder / RECORDS).get("records")
     try:
         refs = [(Ref.from_json(row), str(row["key"])) for row in rows or ()]
     except (KeyError, TypeError) as error:
@@ -178,8 +177,8 @@ def of_sample(artifact: str, folder: Path) -> Lineage:
 def asked_of_sample(folder: Path, run: Path | None) -> Mapping[str, Any] | None:
     """What was asked of the sample in a folder."""
     if (folder / PLACEMENT).is_file():
-        return dict(read_json(folder / PLACEMENT).get("sample") or {})
-    rows = read_json(run / RUN).get("samples") if run else None
+        return dict(read_asked(folder / PLACEMENT).get("sample") or {})
+    rows = read_asked(run / RUN).get("samples") if run else None
     mine = (dict(row) for row in rows or () if run and sample_folder(run, str(row.get("id"))) == folder)
     return next(mine, None)
 

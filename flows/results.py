@@ -17,6 +17,7 @@ from pydantic_core import CoreSchema, core_schema
 
 from dcap.scene.errors import InputError
 from dcap.scene.types.settled import PlacementChecks, SettledMaterial
+from flows.find_run import read_keys
 from solver.certificate import Certificate, ContactRow
 
 Value = TypeVar("Value")
@@ -233,7 +234,7 @@ class Placement:
     @classmethod
     def read(cls, folder: str | Path) -> "Placement":
         """The placement that `place` wrote into a folder earlier."""
-        return cls.of(read_json(Path(folder) / "placement.json"), Path(folder))
+        return cls.of(read_keys(Path(folder) / "placement.json"), Path(folder))
 
     def to_json(self) -> str:
         """The text of placement.json."""
@@ -305,7 +306,7 @@ class Result:
     @classmethod
     def read(cls, folder: str | Path) -> "Result":
         """The result that `drop` wrote into a folder earlier."""
-        return cls.of(read_json(Path(folder) / "result.json"), Path(folder))
+        return cls.of(read_keys(Path(folder) / "result.json"), Path(folder))
 
     @property
     def artifacts(self) -> NamedValues[Path]:
@@ -340,19 +341,6 @@ def built(kind: type, values: Mapping[str, Any], path: Path) -> Any:
         where = ".".join(str(part) for part in first["loc"])
         raise InputError(f"{path}: {where}: {first['msg']} (got {first['input']!r})") from None
     return result
-
-
-def read_json(path: Path) -> dict[str, Any]:
-    """The content of a result's file."""
-    try:
-        tree = json.loads(path.read_bytes())
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
-    except ValueError as error:
-        raise InputError(f"{path}: is not JSON: {error}") from None
-    if not isinstance(tree, dict):
-        raise InputError(f"{path}: holds no keys")
-    return tree
 
 
 def rounded(position: Vector) -> list[float]:

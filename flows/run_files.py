@@ -16,11 +16,10 @@ from dcap.language.protocol.client import LanguageConfig
 from dcap.scene.errors import InputError
 from dcap.scene.given_text import shortened
 from dcap.scene.json_tree import JsonObject
-from dcap.scene.readers.files.json_text import read_json
 from dcap.scene.settings import runs_root
 from dcap.scene.types.sample import GivenPlace, KnownHeight, Sample, SourceOptions
 from dcap.scene.whole_files import write_whole
-from flows.find_run import RUN, find_run
+from flows.find_run import ASKED_VERSION, DAMAGED, RUN, find_run, read_asked, read_keys
 from flows.language_options import LanguageOptions
 from flows.output import load_values, readable_json
 from flows.place import PlaceConfig
@@ -31,7 +30,6 @@ from tasks.artifact import Store
 PLACEMENT = "sample.json"
 UNFINISHED = "did not finish"
 """What there is to say of a sample that was not placed to its end."""
-DAMAGED = "the file is damaged, or of another version of dcap; run it again"
 SHOWN = 200
 """Characters of what is wrong with a file that are shown."""
 
@@ -73,9 +71,7 @@ class FinishedPlacement:
 
 def asked_of_run(folder: Path) -> Asked:
     """What was asked of the run in a folder."""
-    tree = kept(folder / RUN)
-    if "language" not in tree:
-        raise InputError(f"{folder.name} was made by an older version of dcap; run the benchmark again")
+    tree = read_asked(folder / RUN)
     with undamaged(folder / RUN):
         samples = {str(one["id"]): sample_from_json(one) for one in tree["samples"]}
         config = PlaceConfig.model_validate(tree["config"])
@@ -91,25 +87,17 @@ def read_result(folder: Path) -> tuple[JsonObject | None, str]:
     if not (folder / "placement.json").is_file():
         return None, UNFINISHED
     try:
-        return kept(folder / "placement.json"), ""
+        return read_keys(folder / "placement.json"), ""
     except InputError as damaged:
         return None, str(damaged)
 
 
 def chooser_of(folder: Path) -> LanguageConfig:
     """Who answered the questions of the placements of the run in a folder."""
-    tree = kept(folder / RUN)
+    tree = read_asked(folder / RUN)
     with undamaged(folder / RUN):
         known = tree.get("config", {}).get("intent", {}).get("language", {})
         return LanguageConfig.model_validate(known)
-
-
-def kept(path: Path) -> dict[str, Any]:
-    """What a run or a placement keeps of what was asked; InputError where the file is damaged."""
-    tree = read_json(path)
-    if not isinstance(tree, dict):
-        raise InputError(f"{path}: {DAMAGED}")
-    return tree
 
 
 @contextmanager
@@ -129,7 +117,7 @@ def asked_of(run: str, sample: str | None) -> tuple[Asked, str]:
     """What was asked, and the sample's id, of a sample of a run; or of the folder of a placement, without a sample."""
     for folder in (Path(run), runs_root() / run):
         if (folder / PLACEMENT).is_file() and not (folder / RUN).is_file():
-            tree = kept(folder / PLACEMENT)
+            tree = read_asked(folder / PLACEMENT)
             with undamaged(folder / PLACEMENT):
                 one = sample_from_json(tree["sample"])
                 config = PlaceConfig.model_validate(tree["config"])
@@ -164,6 +152,7 @@ def finished_placement(run: str, sample: str | None) -> FinishedPlacement:
 def write_asked(folder: Path, sample: Sample, config: PlaceConfig, language: LanguageOptions) -> None:
     """Lay what was asked of a placement beside its files."""
     tree = {
+        "version": ASKED_VERSION,
         "sample": asdict(located(sample)),
         "config": config.model_dump(mode="json"),
         "language": asdict(language.located()),

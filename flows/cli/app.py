@@ -28,7 +28,9 @@ from flows.options import (
     DropOptions,
     PlaceOptions,
     PlanOptions,
+    RerunOptions,
     UiOptions,
+    WorkerOptions,
     check_case,
     check_out,
     check_prompt,
@@ -170,18 +172,18 @@ def plan(options: PlanOptions, as_json: Json = False) -> int:
 
 
 @app.command()
+@with_options(RerunOptions)
 def rerun(
     run: Run,
     sample: Annotated[str, typer.Argument(help="Id of a sample.")],
-    stage: Annotated[str, typer.Option(help="Stage to compute again.")],
-    max_cost: Annotated[float | None, typer.Option(help="Spend at most this on a model [USD].")] = None,
+    options: RerunOptions,
     as_json: Json = False,
 ) -> int:
     """Compute one stage of one sample again; later stages only where their inputs changed."""
     from flows.benchmark import rerun_sample
     from flows.output import result_line
 
-    tree, page = rerun_sample(run, sample, stage, max_cost)
+    tree, page = rerun_sample(run, sample, options.stage, options.max_cost)
     print(json.dumps(tree, indent=2, ensure_ascii=False) if as_json else f"{result_line(tree)}\nreport: {page}")
     return exit_code(tree)
 
@@ -209,11 +211,12 @@ def ui(options: UiOptions) -> int:
 
 
 @app.command()
-def worker(limit: Annotated[int, typer.Option(min=1, max=64, help="Flow runs at a time.")] = 1) -> int:
+@with_options(WorkerOptions)
+def worker(options: WorkerOptions) -> int:
     """Serve the pool of a Prefect server, own or $PREFECT_API_URL's, until interrupted."""
     from flows.worker import serve_pool
 
-    serve_pool(limit, lambda line: print(f"{line}  (stop with Ctrl-C)", flush=True))
+    serve_pool(options.limit, lambda line: print(f"{line}  (stop with Ctrl-C)", flush=True))
     return 0
 
 

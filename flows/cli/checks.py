@@ -74,7 +74,8 @@ def option_parameter(name: str, field: FieldInfo) -> inspect.Parameter:
     )  # fmt: skip
     kind = plain_type(field.annotation)
     annotation: Any = Annotated[kind if field.default is not None else kind | None, option]
-    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=field.default, annotation=annotation)
+    default = inspect.Parameter.empty if field.is_required() else field.default
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
 
 
 def plain_type(annotation: Any) -> Any:

@@ -42,7 +42,7 @@ def dataset_make(
 
 
 @dataset_app.command("prepare-sugar")
-@with_options(PlaceOptions, "up", "unit")
+@with_options(PlaceOptions, "up", "unit", "threads")
 def dataset_prepare_sugar(
     scene: Annotated[Path, typer.Argument(help="Folder (InteriorGS, or one with splats) or PLY of Gaussian splats.")],
     out: Annotated[Path | None, typer.Option(help="Folder for the results; default: data/runs/sugar/NAME.")] = None,
@@ -52,7 +52,6 @@ def dataset_prepare_sugar(
     *,
     options: PlaceOptions,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the cameras' places.")] = 0,
-    threads: Annotated[int, typer.Option(min=0, help="Threads, 0: all cores; never changes a result.")] = 0,
     as_json: Json = False,
 ) -> int:
     """Render posed views of a scene of splats and write what SuGaR takes to make a mesh of them."""
@@ -65,7 +64,7 @@ def dataset_prepare_sugar(
 
     config = PathConfig(views=views, width=width, height=height, seed=seed)
     folder, record = prepare_sugar(
-        scene, out, SourceOptions(options.up, options.unit), config, threads=threads, quiet=as_json
+        scene, out, SourceOptions(options.up, options.unit), config, threads=options.threads, quiet=as_json
     )
     tree = object_to_json(record)
     print(json.dumps(tree, indent=2, ensure_ascii=False) if as_json else summary(folder, record))

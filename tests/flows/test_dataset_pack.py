@@ -13,6 +13,7 @@ from dcap.scene.errors import InputError
 from dcap.scene.types.sample import Sample
 from flows.cli.app import main
 from flows.dataset_pack import OWN, UNKNOWN, pack_run
+from flows.find_run import ASKED_VERSION
 from flows.language_options import LanguageOptions
 from flows.place import PlaceConfig
 from flows.samples import EMBEDDED
@@ -42,7 +43,7 @@ def run_of(folder: Path, dataset: Path, samples: dict[str, str]) -> Path:
             (own / "notes.txt").write_text("mine")
             (own / "settled.png").symlink_to(own / "notes.txt")
     tree = {
-        "dataset": str(dataset), "config": PlaceConfig().model_dump(mode="json"),
+        "version": ASKED_VERSION, "dataset": str(dataset), "config": PlaceConfig().model_dump(mode="json"),
         "language": asdict(LanguageOptions()), "samples": [asdict(one) for one in asked],
     }  # fmt: skip
     run.mkdir(exist_ok=True)

@@ -109,10 +109,10 @@ def test_two_placements_are_compared_whatever_their_files_are_called(
 @pytest.mark.parametrize(
     ("name", "text", "words"),
     [
-        ("run.json", "{", "run.json: is not JSON"),
-        ("run.json", "{}", "samples is no list of objects"),
+        ("run.json", "{", "run.json: broken JSON"),
+        ("run.json", '{"version": 1}', "samples is no list of objects"),
         ("results.parquet", "no table", "results.parquet: cannot be read"),
-        ("samples/one/placement.json", "[1]", "placement.json: holds no keys"),
+        ("samples/one/placement.json", "[1]", "placement.json: the file is damaged"),
     ],
 )
 def test_a_damaged_run_is_one_line(

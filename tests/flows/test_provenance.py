@@ -13,6 +13,7 @@ from known_records import known_code, known_result
 from dcap.scene.json_tree import object_to_json
 from dcap.scene.types.sample import Sample
 from flows.cli.app import main
+from flows.find_run import ASKED_VERSION
 from flows.place import PlaceConfig
 from flows.provenance import Lineage, provenance_lines, provenance_of
 from tasks.artifact import Ref, Store
@@ -46,7 +47,7 @@ def sample_folder_of(run: Path, refs: dict[str, Ref[Any]]) -> Path:
     """A run with one sample, as a benchmark leaves it."""
     folder = run / "samples" / "one"
     folder.mkdir(parents=True)
-    (run / "run.json").write_text(json.dumps({"samples": [asdict(SAMPLE)]}))
+    (run / "run.json").write_text(json.dumps({"version": ASKED_VERSION, "samples": [asdict(SAMPLE)]}))
     rows = [{"stage": stage, "key": "", **ref.to_json()} for stage, ref in refs.items() if stage != "source"]
     (folder / "records.json").write_text(json.dumps({"version": 1, "records": rows, "inputs": []}))
     (folder / "object.ply").write_text("ply")

@@ -21,6 +21,7 @@ from dcap.evaluation.run_folder import sample_folder
 from dcap.scene.types.judged_views import PLACED
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.writers.glb import Node, glb_bytes
+from flows.find_run import ASKED_VERSION
 
 METHODS = ("dcap", "fireplace", "layoutgpt")
 SAMPLES = {
@@ -103,7 +104,7 @@ def many_methods_run(
             rows.append(row(method, sample, prompt))
     write_rows(folder, rows)
     samples = [{"id": sample, "prompt": prompt} for sample, prompt in prompts.items()]
-    asked: dict[str, object] = {"methods": list(methods), "samples": samples}
+    asked: dict[str, object] = {"version": ASKED_VERSION, "methods": list(methods), "samples": samples}
     if chooser:
         asked["config"] = {"intent": {"language": {"client": "anthropic", "model": chooser}}}
     (folder / "run.json").write_text(json.dumps(asked))
