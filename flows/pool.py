@@ -39,7 +39,7 @@ from flows.watched import (
     PlacedSample,
     SampleJob,
     ending_of,
-    run_job,
+    run_watched,
     sample_run_name,
     show_pictures,
     tag_task_run,
@@ -177,7 +177,7 @@ def place_for_pool(job: dict[str, Any]) -> State[Any]:
         tags = [*sample_tags(mine.sample, mine.run), f"{PROCESS}{os.environ.get(WORKER, '')}:{os.getpid()}"]
         client.update_flow_run(UUID(flow_run.id), tags=tags)
     try:
-        finished = run_job(mine)
+        finished = run_watched(mine)
     except Exception as error:
         return Failed(message=error_line(error))
     show_pictures(finished)

@@ -70,13 +70,13 @@ class SampleRunner:
         return runner
 
 
-PACKAGES = {RunnerName.DASK: "prefect_dask", RunnerName.RAY: "prefect_ray"}
+RUNNER_PACKAGES = {RunnerName.DASK: "prefect_dask", RunnerName.RAY: "prefect_ray"}
 """What must be installed."""
 
 
 def check_runner(name: RunnerName, cluster: str, *, batch: bool) -> None:
     """InputError for a runner that cannot work here, before anything is computed."""
-    package = PACKAGES.get(name)
+    package = RUNNER_PACKAGES.get(name)
     if package is not None and find_spec(package) is None:
         raise InputError(f"--runner {name} needs {package.replace('_', '-')}; pip install 'dcap[{name}]'")
     if cluster and package is None:

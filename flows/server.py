@@ -45,7 +45,7 @@ START_SECONDS = 120.0
 """A first start creates the database, which takes 8 s on two idle cores."""
 STOP_SECONDS, POLL_SECONDS = 10.0, 0.5
 LOOK_SECONDS, MOST_MISSED = 5.0, 2
-_patience: dict[str, str] = {}
+_retries_before: dict[str, str] = {}
 """RETRIES as it was before a server was given up; empty while none is."""
 
 
@@ -143,14 +143,14 @@ def own_server_has_ended() -> bool:
 def give_up_server() -> None:
     """Let Prefect ask a lost server no more than once a time, until another one is used."""
     if not was_given_up():
-        _patience.setdefault(RETRIES, os.environ.get(RETRIES, "0"))  # threads may lose a server together
+        _retries_before.setdefault(RETRIES, os.environ.get(RETRIES, "0"))  # threads may lose a server together
         os.environ[RETRIES] = "0"
         apply_settings()
 
 
 def was_given_up() -> bool:
     """Return whether the server was lost: what Prefect still has to tell it would keep the program from ending."""
-    return bool(_patience)
+    return bool(_retries_before)
 
 
 def pages_of(url: str) -> str:
@@ -197,8 +197,8 @@ def _as_own_server(url: str) -> Iterator[str]:
         own[LOGIN] = os.environ[SERVER_LOGIN]
     os.environ.update(own)
     if was_given_up():
-        os.environ |= _patience
-        _patience.clear()
+        os.environ |= _retries_before
+        _retries_before.clear()
     logging.raiseExceptions = False  # what a lost server does not take of logs is dropped without a word
     try:
         apply_settings()

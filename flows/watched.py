@@ -100,7 +100,7 @@ def sample_run_name() -> str:
 def place_sample(job: SampleJob) -> object:
     """Place a sample; its stages are tasks in this one."""
     tag_task_run(job)
-    finished = run_job(job)
+    finished = run_watched(job)
     show_pictures(finished)
     name, why = ending_of(finished)
     return Completed(name=name, message=why or None, data=PlacedSample(finished))
@@ -113,7 +113,7 @@ def tag_task_run(job: SampleJob) -> None:
     context.task_run.tags = list(sample_tags(job.sample, job.run))
 
 
-def run_job(job: SampleJob) -> FinishedSample:
+def run_watched(job: SampleJob) -> FinishedSample:
     """Run the stages of a sample as tasks, each of which commits its result when it ends."""
     around = current_context()  # of the program that asked, if it is this one
     context = replace(
@@ -199,7 +199,7 @@ def place_in_flow(sample: Sample, config: PlaceConfig, context: RunContext, run:
 
     def work() -> tuple[str, str]:
         try:
-            placed.append(run_job(SampleJob(sample, config, context.session, run, refresh=context.refresh)))
+            placed.append(run_watched(SampleJob(sample, config, context.session, run, refresh=context.refresh)))
         except Exception as error:
             failed.append(error)
             return FAILED, error_line(error)

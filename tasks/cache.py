@@ -340,7 +340,7 @@ class Stage(Generic[P, ValueT_co]):
                     on_progress=self._progress_listener(),
                 )
             else:
-                done = self.run(given, config, context.session, partial(_lent, context.slots))
+                done = self.run(given, config, context.session, partial(_slot_lent, context.slots))
         kind, sha256, seconds, size = done
         self._log(
             f"{kind} {sha256[:12]}, {seconds:.2f} s ({time.perf_counter() - begin:.2f} s with loading and saving)"
@@ -488,7 +488,7 @@ def _process_died(task: "Task[..., Any]", task_run: "TaskRun", state: "State[Any
 
 
 @contextmanager
-def _lent(slots: threading.Semaphore | None) -> Iterator[None]:
+def _slot_lent(slots: threading.Semaphore | None) -> Iterator[None]:
     """Give the slot that this thread holds away inside of the block."""
     if slots is None:
         yield

@@ -69,7 +69,7 @@ PARSED, LISTS = "sources.json", "code"
 """File and folder of the cache: what each source says, and lists of files by the digest of the list."""
 RULES = f"{sys.version_info[:2]} {hashlib.sha256(Path(__file__).read_bytes()).hexdigest()}"
 """What decides what a source says, besides its bytes."""
-MOST_GOES = 10
+MOST_TRIES = 10
 """How often a source is parsed that CPython fails to, since threads disturb each other there (cpython issue 106905)."""
 _known_lists: dict[str, Mapping[str, str]] = {}
 """Of the code of this process, by digest."""
@@ -217,7 +217,7 @@ def _parse(source: bytes, path: Path) -> dict[str, Any]:
 
 def _tree_of(source: bytes, path: Path) -> ast.Module:
     """Return the syntax tree; again where another thread, as one of Prefect's, has built one meanwhile."""
-    for _ in range(MOST_GOES - 1):
+    for _ in range(MOST_TRIES - 1):
         with suppress(SystemError):
             return ast.parse(source, filename=str(path))
     return ast.parse(source, filename=str(path))

@@ -153,7 +153,8 @@ def repair(found: Sequence[Damage]) -> None:
 def litter_in(store: Store, older_than_s: float) -> list[Path]:
     """Return what is half-made, or tells of files that have gone, of at least an age [s]."""
     drafts = store.root / DRAFTS
-    left = [*drafts.glob("*"), *cache_root().glob(".writing-*"), *lost_notes()]
+    earlier = cache_root() / "damaged"  # where the repair of an earlier version moved things
+    left = [*drafts.glob("*"), *earlier.glob("*"), *cache_root().glob(".writing-*"), *lost_notes()]
     return sorted(path for path in left if age(path) >= older_than_s)
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import dcap
-from flows.cli.app import main
+from flows.cli.app import exit_code, main
 from flows.configure import configured
 from flows.options import PlaceOptions
 from flows.server import prefect_server
@@ -183,3 +183,11 @@ def test_an_empty_cache(capsys: pytest.CaptureFixture[str], tmp_path: Path, monk
 def test_a_prompt_that_is_no_text(capsys: pytest.CaptureFixture[str]) -> None:
     """A byte that the terminal did not decode is refused, not a traceback."""
     assert "UTF-8" in failed(capsys, "place", "a", "b", "put it \udcff there")
+
+
+def test_the_exit_code_of_a_placement() -> None:
+    """What a method poses without physics is done, as what is at rest; `place` and `rerun` say so."""
+    codes = {
+        verdict: exit_code({"verdict": verdict}) for verdict in ("at_rest", "as_posed", "infeasible", "no_equilibrium")
+    }
+    assert codes == {"at_rest": 0, "as_posed": 0, "infeasible": 3, "no_equilibrium": 3}

@@ -202,6 +202,9 @@ def test_a_claim_holds_until_the_run_has_ended(tmp_path: Path, monkeypatch: pyte
         return False
 
     held: list[bool] = []
+    foreign = claim.with_name("notes.txt")
+    foreign.parent.mkdir(parents=True)
+    foreign.write_text("somebody else's")
 
     def shown(return_state: bool) -> None:
         watched.do_work()
@@ -210,6 +213,7 @@ def test_a_claim_holds_until_the_run_has_ended(tmp_path: Path, monkeypatch: pyte
     watched.in_flow(shown, (), lambda: ("Completed", ""))
     assert held == [True]
     assert not claim.exists()
+    assert foreign.exists()
 
 
 def test_a_slow_server_is_not_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

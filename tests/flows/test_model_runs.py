@@ -141,6 +141,16 @@ def test_a_rerun_asks_again_and_keeps_what_it_hears(dataset: Path, api: FakeApi)
     assert [question_of(body) for body in api.asked] == [*asked, "intent"]
     assert json.loads((first / "summary.json").read_text())["language"]["asked"] == len(asked) + 1
 
+    said = (first / "run.json").read_text()
+    tree = json.loads(said)
+    tree["language"]["max_cost"] = 0.001
+    (first / "run.json").write_text(json.dumps(tree))
+    assert (
+        dcap(dataset, "rerun", "last", "lacks", "--stage", "intent", expected=2) == first
+    )  # its limit, without another
+    (first / "run.json").write_text(said)
+    assert len(api.asked) == len(asked) + 1
+
     api.answers = [fails(500, "nobody_may_ask")]
     later = run(dataset, *asking)
     assert later != first

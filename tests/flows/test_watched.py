@@ -186,6 +186,38 @@ def test_a_killed_benchmark_goes_on(tmp_path: Path, pages: PrefectPages, busy: P
 
 
 @pytest.mark.slow
+@pytest.mark.long
+def test_a_benchmark_killed_in_each_stage_goes_on(tmp_path: Path, pages: PrefectPages) -> None:
+    """And in the middle of a record: each run goes on where the one before was killed, and repeats nothing that was
+    finished."""
+    busy, finished = tmp_path / "busy", dict[str, Any]()
+    for where in ("mesh", "segment", "record", "intent", "anchor", "drop", "render"):
+        busy.write_text(where)
+        (tmp_path / "begun").unlink(missing_ok=True)
+        killed = fake_benchmark(tmp_path, ["put the ball on the table"], pages.url)
+        try:
+            begun(tmp_path, killed)
+            os.kill(killed.pid, signal.SIGKILL)
+        finally:
+            end(killed)
+        records = kept_records(tmp_path / "data")
+        assert records.items() >= finished.items(), where
+        assert len(records) == len(finished) + (where != "mesh"), where
+        finished = records
+    busy.unlink()
+    last = fake_benchmark(tmp_path, ["put the ball on the table"], pages.url)
+    try:
+        out, err = last.communicate(timeout=PATIENCE)
+    finally:
+        end(last)
+    assert last.returncode == 0, err
+    assert json.loads(out)["at_rest"] == 1
+    records = kept_records(tmp_path / "data")
+    assert records.items() >= finished.items()
+    assert len(records) == len(finished) + 1
+
+
+@pytest.mark.slow
 def test_samples_go_on_without_their_server(tmp_path: Path, busy: Path) -> None:
     """It is killed while one is placed: all are placed, the report is written, one line says what is incomplete, and
     the exit code is that of the samples."""

@@ -1,7 +1,8 @@
 """A benchmark of the fake pipeline in a process of its own, to be watched, interrupted and killed.
 
 A sample whose prompt says `slow` has a stage that goes on as long as the file `busy` is there, a minute at most: in a
-thread, or in a process of its own where the prompt says `heavy`.
+thread, or in a process of its own where the prompt says `heavy`. So does the stage that the file names, and where it
+says `record`, the first result's record stops in the middle.
 """
 
 import os
@@ -15,26 +16,45 @@ from fake_pipeline_code import PIPELINE
 from dcap.scene.settings import PROJECT_ROOT
 
 SLOW = """
-def intent_after(scene: Segmentation, prompt: str) -> Intent | Infeasible:
-    import os, pathlib, time
-    busy = pathlib.Path(__file__).with_name("busy")
-    if "slow" in prompt:
-        busy.with_name("begun").write_text(str(os.getpid()))
-        for _ in range(1200):
-            if not busy.exists():
-                break
-            time.sleep(0.05)
-    return intent(scene, prompt)
+import functools, os, time
 
-stages[2] = stage(intent_after, name="intent", process=lambda scene, prompt: "heavy" in prompt)
+BUSY = Path(__file__).with_name("busy")
+
+def stay():
+    BUSY.with_name("begun").write_text(str(os.getpid()))
+    for _ in range(1200):
+        if not BUSY.exists():
+            break
+        time.sleep(0.05)
+
+def slowed(function):
+    @functools.wraps(function)
+    def run(**inputs):
+        if BUSY.exists() and (BUSY.read_text() == function.__name__ or "slow" in inputs.get("prompt", "")):
+            stay()
+        return function(**inputs)
+    return run
+
+mesh, segment, intent, anchor, drop, render = map(slowed, (mesh, segment, intent, anchor, drop, render))
+stages = [stage(one) for one in (mesh, segment, intent, anchor, drop, render)]
+stages[2] = stage(intent, process=lambda scene, prompt: "heavy" in prompt)
+stages[4] = stage(drop, process=True)
 """
 PROGRAM = """
 import signal, sys
 from dcap import packages
 import flows.sample_run
 signal.signal(signal.SIGINT, signal.default_int_handler)  # which a shell in the background ignores, and its programs
-from fake_pipeline import place
-flows.sample_run.place_by = place
+import fake_pipeline
+from prefect.filesystems import LocalFileSystem
+write = LocalFileSystem.write_path
+def cut(storage, path, content, **how):
+    if fake_pipeline.BUSY.exists() and fake_pipeline.BUSY.read_text() == "record":
+        write(storage, path, content[:len(content) // 2], **how)
+        fake_pipeline.stay()
+    return write(storage, path, content, **how)
+LocalFileSystem.write_path = cut
+flows.sample_run.place_by = fake_pipeline.place
 from flows.cli import main
 sys.exit(main())
 """

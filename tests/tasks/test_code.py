@@ -1,13 +1,9 @@
 """What counts as the code behind a stage."""
 
 import ast
-import gc
 import itertools
 import re
-import time
 import tomllib
-from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -206,27 +202,3 @@ def test_who_answers_counts() -> None:
         assert files >= lexicon | {"dcap/language/offline/client.py", "dcap/language/model/client.py"}, one.name
         assert "prompts/common.j2" in files
         assert not files & {"dcap/language/model/batch.py", "tasks/cache.py"}
-
-
-@pytest.fixture
-def threads_change_in_collections() -> Iterator[None]:
-    """Every garbage collection lets another thread run, as finalizers that wait do."""
-
-    def step_aside(_phase: str, _info: dict[str, int]) -> None:
-        time.sleep(0)
-
-    gc.callbacks.append(step_aside)
-    yield
-    gc.callbacks.remove(step_aside)
-
-
-@pytest.mark.usefixtures("threads_change_in_collections")
-def test_samples_look_their_code_up_at_once(root: Path) -> None:
-    """Samples run in threads of one process, and each parses what no one parsed before."""
-    source = "\n".join(f"def f{k}(x):\n    return (x + {k}) * [x, (x, {{x: -x}})][0]" for k in range(300))
-    paths = [root / f"{name}.py" for name in "abcdefgh"]
-    for path in paths:
-        path.write_text(source)
-    with ThreadPoolExecutor(4) as threads:
-        codes = list(threads.map(lambda path: code_of(path, root), paths))
-    assert [list(one.files) for one in codes] == [[path.name] for path in paths]
