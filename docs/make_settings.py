@@ -13,8 +13,11 @@ TABLE = re.compile(r"(?<=^## `)(\w+)`\n\n(?:\|.*\n)*", re.MULTILINE)
 
 
 def page_with_tables(page: str) -> str:
-    """Return the page with the settings that there are in the table below the heading of each section."""
-    return TABLE.sub(lambda found: f"{found[1]}`\n\n{section_table(found[1])}", page)
+    """Return the page with the settings that there are in the table below the heading of each section; a section that
+    it has not yet comes at its end."""
+    known = TABLE.sub(lambda found: f"{found[1]}`\n\n{section_table(found[1])}", page)
+    sections = dict.fromkeys(section_of(one.key) for one in setting_keys())
+    return known + "".join(f"\n## `{one}`\n\n{section_table(one)}" for one in sections if f"## `{one}`\n" not in page)
 
 
 def section_table(section: str) -> str:

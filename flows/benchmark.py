@@ -50,9 +50,9 @@ from flows.samples import EMBEDDED, SPLAT_ROOMS, TRUTH, load_samples, load_yaml
 from flows.scene_lists import of_scenes
 from flows.scoring import scored_row
 from flows.server import pages_of, prefect_server
-from tasks.cache import RunContext, use_context
 from tasks.code import installed_version
 from tasks.mesh.stage import mesh_object_task, mesh_scene_task
+from tasks.run_context import RunContext, use_context
 
 if TYPE_CHECKING:
     from flows.watched import BenchmarkPage, SampleJob

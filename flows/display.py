@@ -19,7 +19,7 @@ from dcap.evaluation.outcome_table import SampleOutcome
 from dcap.evaluation.run_summary import RunSummary
 from dcap.language.model.ledger import in_words
 from dcap.scene.types.sample import Sample
-from tasks.cache import Event, OnEvent, StageEvent
+from tasks.run_context import Event, OnEvent, StageEvent
 
 SHOWN_WIDTH = 46
 WIDTH = 160

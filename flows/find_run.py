@@ -14,6 +14,10 @@ ASKED_VERSION = 1
 DAMAGED = "the file is damaged, or of another version of dcap; run it again"
 
 
+class EarlierRunError(InputError):
+    """An earlier version of dcap made a run, whose results this one cannot use."""
+
+
 def find_run(run: str) -> Path:
     """Folder of a run by name, path or `last`; InputError where there is none, or another version of dcap wrote it."""
     for folder in (runs_root() / run, Path(run)):
@@ -27,8 +31,10 @@ def find_run(run: str) -> Path:
 def read_asked(path: Path) -> dict[str, Any]:
     """What a `run.json` or `sample.json` says; InputError where it is damaged or another version of dcap wrote it."""
     tree = read_keys(path)
-    if tree.get("version") != ASKED_VERSION:
-        raise InputError(f"{path}: another version of dcap made this; run it again")
+    version = tree.get("version", 0)
+    if version != ASKED_VERSION:
+        kind = EarlierRunError if isinstance(version, int) and version < ASKED_VERSION else InputError
+        raise kind(f"{path}: another version of dcap made this; run it again")
     return tree
 
 

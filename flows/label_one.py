@@ -28,9 +28,9 @@ from flows.place import PlaceConfig, SceneRefs, scene_of
 from flows.place_one import sample_of, stage_lines
 from flows.sample_run import sample_context
 from tasks.artifact import Store
-from tasks.cache import RunContext
 from tasks.requests.badges import paint
 from tasks.requests.marks import MarkedScene, marked, numbers_of, plan_picture, room_pictures, thumbnail
+from tasks.run_context import RunContext
 
 LABELS, PAGE, PLAN = "labels.json", "labels.html", "plan.png"
 LEAST_GUESS, MOST_GUESSES = 0.05, 3

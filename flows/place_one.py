@@ -33,7 +33,7 @@ from flows.sample_run import STAGE_NAMES, FinishedSample, run_sample
 from flows.server import watching_server
 from tasks.arch import chosen_arch
 from tasks.artifact import Store
-from tasks.cache import Event, OnEvent, RunContext, StageEvent
+from tasks.run_context import Event, OnEvent, RunContext, StageEvent
 
 
 def place_files(scene: str, thing: str, prompt: str, options: PlaceOptions, out: Path, *, quiet: bool) -> JsonObject:

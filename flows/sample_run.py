@@ -14,8 +14,8 @@ from flows.methods import place_by
 from flows.place import SECTIONS, STAGES, PlaceConfig, PlacementRefs
 from flows.run_names import sample_tags
 from tasks.artifact import FILES, Record, Ref, Store
-from tasks.cache import Event, Mode, OnEvent, RunContext, StageEvent, use_context
 from tasks.overview import overview_task
+from tasks.run_context import Event, Mode, OnEvent, RunContext, StageEvent, use_context
 from tasks.why import why_not_cached
 
 STAGE_NAMES = tuple(stage.name for stage in STAGES)

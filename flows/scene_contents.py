@@ -19,8 +19,8 @@ from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
 from flows.place import PlaceConfig
 from flows.sample_run import sample_context
 from tasks.artifact import Ref, Store
-from tasks.cache import RunContext
 from tasks.mesh.stage import mesh_object_task, mesh_scene_task
+from tasks.run_context import RunContext
 from tasks.segment.stage import segment_object_task, segment_task
 
 RefT = TypeVar("RefT")

@@ -48,8 +48,9 @@ from flows.run_names import sample_tags
 from flows.sample_run import FinishedSample, error_line, run_sample
 from flows.server import give_up_server, own_server_has_ended
 from tasks.artifact import Store
-from tasks.cache import INFEASIBLE, Mode, OnEvent, RunContext, current_context, reason_line, use_context
+from tasks.cache import INFEASIBLE, reason_line
 from tasks.codec import picture_from_png
+from tasks.run_context import Mode, OnEvent, RunContext, current_context, use_context
 
 if TYPE_CHECKING:
     from prefect import Task

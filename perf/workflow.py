@@ -16,7 +16,8 @@ from rich.table import Table
 from dcap.scene.types.materials import Material
 from flows.server import prefect_server
 from tasks.artifact import Ref
-from tasks.cache import Mode, RunContext, stage, use_context
+from tasks.cache import stage
+from tasks.run_context import Mode, RunContext, use_context
 
 STAGES, REPEATS = 18, 5
 """As a measured placement has; and of each the median of so many."""

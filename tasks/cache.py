@@ -17,9 +17,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
-from contextvars import ContextVar
-from dataclasses import dataclass, field, replace
-from enum import StrEnum
+from dataclasses import replace
 from functools import cached_property, partial
 from importlib import import_module
 from pathlib import Path
@@ -47,6 +45,7 @@ from tasks.records import (
     share_record,
     write_record,
 )
+from tasks.run_context import Event, Mode, RunContext, StageEvent, current_context, use_context
 
 if TYPE_CHECKING:
     from prefect import Task
@@ -65,85 +64,10 @@ INFEASIBLE = "Infeasible"
 """Name of the completed state of a stage, or a sample, that found no way: its reason is a result like any other."""
 RETRIES = 1
 """How often a stage runs again whose process has died: memory may have been short."""
-
-
-class Mode(StrEnum):
-    """How stages are run."""
-
-    WATCHED = "watched"
-    DIRECT = "direct"
-    LOOKUP = "lookup"
-
-
-class Event(StrEnum):
-    """What can happen to a stage while a sample is placed."""
-
-    STARTED = "started"
-    PROGRESS = "progress"
-    FINISHED = "finished"
-    CACHED = "cached"
-    MISSING = "missing"
-    """Only in a lookup: it would run, or wait for a stage that would."""
-
-
-@dataclass(frozen=True, slots=True)
-class StageEvent:
-    """One thing that happened to a stage."""
-
-    stage: str
-    event: Event
-    part: float = 0.0
-    """Share of the work that is done, 0..1, where the stage knows it."""
-    text: str = ""
-    ref: Ref[Any] | None = None
-    """The result, once there is one."""
-    recipe: Mapping[str, Any] = field(default_factory=dict)
-    """Of a missing result: what it would be made of; empty if it waits for another stage."""
-
-
-OnEvent = Callable[[StageEvent], None]
-
-
-@dataclass(frozen=True, slots=True)
-class RunContext:
-    """How the stages that are called inside `use_context` run. It decides no result."""
-
-    mode: Mode = Mode.DIRECT
-    on_event: OnEvent = lambda event: None
-    session: Session = field(default_factory=Session)
-    """How questions are asked."""
-    refresh: frozenset[str] = frozenset()
-    """Stages to compute again although they have a record."""
-    bring: bool = True
-    """Whether a look-up copies what the shared store has."""
-    slots: threading.Semaphore | None = None
-    """How many stages may compute at a time; a stage that waits for a reply lends its slot to another."""
-    limits: frozenset[str] = frozenset()
-    """Prefect's global concurrency limits that hold."""
-    tags: tuple[str, ...] = ()
-    """Of the task runs."""
-
-
 STAGE_FILES: dict[Path, None] = {}
 """Modules of the stages that were made."""
 _hashed: list[bool] = []
 """Whether those that were known when the first stage was called are hashed."""
-_context: ContextVar[RunContext] = ContextVar("run context")
-
-
-def current_context() -> RunContext:
-    """Return the context of this thread's run; a plain one outside of any."""
-    return _context.get(None) or RunContext()
-
-
-@contextmanager
-def use_context(context: RunContext) -> Iterator[RunContext]:
-    """Let stages called in this block and thread run as `context` says."""
-    token = _context.set(context)
-    try:
-        yield context
-    finally:
-        _context.reset(token)
 
 
 class Stage(Generic[P, ValueT_co]):

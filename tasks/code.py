@@ -48,6 +48,7 @@ MACHINERY = frozenset(
         "tasks.codec",
         "tasks.locks",
         "tasks.process",
+        "tasks.run_context",
         "tasks.shared_store",
     }
 )

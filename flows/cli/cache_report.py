@@ -15,7 +15,7 @@ from rich.table import Table
 from dcap.scene.errors import InputError
 from dcap.scene.settings import cache_root, runs_root
 from flows.cli.checks import note
-from flows.find_run import RUN
+from flows.find_run import RUN, EarlierRunError
 from tasks.artifact import Ref, Store, exclusive_use
 from tasks.records import every_record
 from tasks.upkeep import CacheUsage, Unneeded, damages, delete, repair, unneeded, usages
@@ -86,11 +86,11 @@ def show_collection(
     if what.usage:
         console.print(usage_table(what.usage, "deleted" if deleted else "no run needs"))
     hours = 24.0 * older_than_days
-    age = f"; {young} things that none of them needs have changed in the last {hours:g} hours" if young else ""
-    console.print(f"{runs} runs and placements are kept{age}")
+    age = f"; changed in the last {hours:g} hours, and needed by none: {young}" if young else ""
+    console.print(f"runs and placements that are kept: {runs}{age}")
     if what.count:
         words = "were deleted" if deleted else "would be deleted; --yes does it"
-        console.print(f"{what.count} things, {mebibytes(what.size)} MiB, {words}")
+        console.print(f"needed by none: {what.count}, {mebibytes(what.size)} MiB, {words}")
     else:
         console.print("nothing to delete")
 
@@ -109,11 +109,15 @@ def kept_runs(others: Sequence[Path]) -> tuple[list[Path], set[Ref[Any]], list[s
             raise InputError(f"--keep {folder}: no run and no placement lies there; give the folder of one")
     folders = sorted({folder for root in (runs_root(), *others) for folder in run_folders(root)})
     needed, unknown = set[Ref[Any]](), []
-    for folder in folders:
+    for folder in list(folders):
         try:
             asked = asked_of_run(folder) if (folder / RUN).is_file() else asked_of(str(folder), None)[0]
+        except EarlierRunError as error:
+            unknown.append(str(error))
+            folders.remove(folder)
+            continue
         except (InputError, OSError, ValueError) as error:
-            # another version wrote it, or it is damaged; its samples still say what they were made of
+            # a later version wrote it, or it is damaged; its samples still say what they were made of
             unknown.append(str(error))
             needed |= {ref for one in folder.rglob(RECORDS) for ref in read_needs(one.parent) or ()}
             continue

@@ -155,7 +155,7 @@ class ExplicitDrop:
         for i in self.watched:
             if i in self.soft:
                 m = self.soft[i].motion()
-                out[i] = Momentum(m.center, m.mass * m.velocity, m.angular_momentum)
+                out[i] = Momentum(m.center, self.mass[i] * m.velocity, m.angular_momentum)
             else:
                 q = self.rigid.mass_matrix(i) @ self.rigid.velocity(i)
                 out[i] = Momentum(self.rigid.state.center[i].copy(), q[:3], q[3:])

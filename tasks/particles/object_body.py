@@ -126,7 +126,7 @@ def object_mass(setup: DropSetup, natural: float) -> float:
                 f"which is usual for its size; within a factor of {trust:g} the material counts (--mass overrides both)"
             )
         return natural
-    if setup.body == OBJECT:  # what was placed before has the mass that it had
+    if setup.body == OBJECT and abs(ratio - 1.0) > TOLD:  # what was placed before has the mass that it had
         setup.notes.append(
             f"object: density scaled by {1.0 / ratio:.3g} so that it weighs {intent.mass:.3g} kg, not {natural:.3g} kg"
         )

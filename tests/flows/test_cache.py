@@ -150,7 +150,8 @@ def test_a_placement_elsewhere_is_kept_if_it_is_named(
 
 
 def test_a_run_that_cannot_be_read_keeps_what_its_samples_name(data: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """As one of another version; it is told, and the rest is collected."""
+    """As one of a later version; it is told, and the rest is collected. One of an earlier version keeps nothing: no
+    command can use it."""
     mesh, other = recorded("mesh", 1.0), recorded("mesh", 2.0)
     folder = a_run(data, "odd/samples/one", mesh)
     (folder / "sample.json").unlink()
@@ -160,6 +161,11 @@ def test_a_run_that_cannot_be_read_keeps_what_its_samples_name(data: Path, capsy
     assert str(data / "runs" / "odd") in told["unknown"][0]
     assert other not in held()
     assert mesh in held()
+    (data / "runs" / "odd" / "run.json").write_text("{}")
+    told = told_by(capsys, "gc", "--yes")
+    assert "another version" in told["unknown"][0]
+    assert told["runs"] == []
+    assert mesh not in held()
 
 
 @pytest.mark.slow

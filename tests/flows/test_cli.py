@@ -3,7 +3,6 @@
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -12,44 +11,46 @@ import dcap
 from flows.cli.app import exit_code, main
 from flows.configure import configured
 from flows.options import PlaceOptions
-from flows.server import prefect_server
 from tasks.cache import deciding
 
 
 def failed(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
     """What a refused command line says."""
-    assert main(list(arguments)) == 2
+    code = main(list(arguments))
     captured = capsys.readouterr()
+    assert code == 2
     assert captured.out == ""
     assert captured.err.count("\n") == 1
     assert captured.err.startswith("dcap: ")
     return captured.err
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["place", "a", "b", "c", "--bogus"], "--bogus"),
-        (["--bogus"], "--bogus"),
-        (["fly"], "fly"),
-        (["place", "a"], "object"),
-        (["place", "a", "b", "  "], "PROMPT is empty"),
-        (["place", "a", "b", "c", "--mass", "-1"], "--mass"),
-        (["place", "a", "b", "c", "--mass", "nan"], "--mass"),
-        (["place", "a", "b", "c", "--up", "x"], "--up 'x' is not one of"),
-        (["place", "a", "b", "c", "--unit", "ft"], "--unit 'ft'"),
-        (["place", "a", "b", "c", "--seed", "one"], "--seed"),
-        (["drop", "nothing.yaml", "--out", "out"], "nothing.yaml: no such file"),
-        (["place", "a", "b", "c", "--arch", "gpu"], "--arch 'gpu' is not one of"),
-        (["place", "a", "b", "c", "--stability", "--solver", "mls"], "--stability needs --solver tl"),
-        (["place", "a", "b", "c", "--method", "magic"], "--method 'magic' is not one of"),
-        (["benchmark", "--methods", "magic"], "--methods 'magic'"),
-        (["benchmark", "--workers", "0"], "--workers"),
-    ],
-)
-def test_bad_usage(capsys: pytest.CaptureFixture[str], arguments: list[str], words: str) -> None:
+BAD_USAGE = [
+    (["place", "a", "b", "c", "--bogus"], "--bogus"),
+    (["--bogus"], "--bogus"),
+    (["fly"], "fly"),
+    (["place", "a"], "object"),
+    (["place", "a", "b", "  "], "PROMPT is empty"),
+    (["place", "a", "b", "c", "--mass", "-1"], "--mass"),
+    (["place", "a", "b", "c", "--mass", "nan"], "--mass"),
+    (["place", "a", "b", "c", "--up", "x"], "--up 'x' is not one of"),
+    (["place", "a", "b", "c", "--unit", "ft"], "--unit 'ft'"),
+    (["place", "a", "b", "c", "--seed", "one"], "--seed"),
+    (["drop", "nothing.yaml", "--out", "out"], "nothing.yaml: no such file"),
+    (["place", "a", "b", "c", "--arch", "gpu"], "--arch 'gpu' is not one of"),
+    (["place", "a", "b", "c", "--stability", "--solver", "mls"], "--stability needs --solver tl"),
+    (["place", "a", "b", "c", "--method", "magic"], "--method 'magic' is not one of"),
+    (["benchmark", "--methods", "magic"], "--methods 'magic'"),
+    (["benchmark", "--workers", "0"], "--workers"),
+]
+"""Command lines, and words that are said of each."""
+
+
+def test_bad_usage(capsys: pytest.CaptureFixture[str], subtests: pytest.Subtests) -> None:
     """A command line that cannot be right exits with 2 and one line that names what is wrong."""
-    assert words in failed(capsys, *arguments)
+    for arguments, words in BAD_USAGE:
+        with subtests.test(str(arguments)):
+            assert words in failed(capsys, *arguments)
 
 
 def test_a_graphics_card_that_is_not_there(
@@ -88,16 +89,9 @@ TRUNCATED = b"ply\nformat binary_little_endian 1.0\nelement vertex 1000000000\np
 
 
 @pytest.fixture(scope="module")
-def data_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """One for several programs, with a server that they find and share: to make its database takes long."""
-    folder = tmp_path_factory.mktemp("data")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("DCAP_DATA", str(folder))
-        patch.delenv("PREFECT_API_URL", raising=False)
-        with prefect_server():
-            patch.undo()
-            os.environ.pop("PREFECT_API_URL", None)  # the patch would bring it back when the server is gone
-            yield folder
+def data_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One for several programs."""
+    return tmp_path_factory.mktemp("data")
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ from dcap.scene.types.sample import Sample
 from flows.display import Display, print_table
 from flows.plan import print_plan
 from flows.sample_run import FailedSample, Plan
-from tasks.cache import Event, StageEvent
+from tasks.run_context import Event, StageEvent
 
 ONE, TWO = (Sample(name, "room", "ball", "put it") for name in ("one", "two"))
 

@@ -23,7 +23,8 @@ from dcap.scene.settings import server_folder
 from dcap.scene.types.mesh import Mesh
 from flows import pool, server, watched
 from tasks.artifact import Ref, Store
-from tasks.cache import SIMULATIONS, RunContext, stage, use_context
+from tasks.cache import SIMULATIONS, stage
+from tasks.run_context import RunContext, use_context
 
 
 def answered(status: int) -> httpx.HTTPStatusError:

@@ -29,7 +29,7 @@ from flows.placement_json import Values
 from flows.sample_run import FinishedSample, plan_sample, run_sample
 from flows.scoring import scored_row
 from tasks.artifact import Ref, Store
-from tasks.cache import RunContext
+from tasks.run_context import RunContext
 
 PROMPT = "put the mug at the center of the table"
 TOP = 0.75

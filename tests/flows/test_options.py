@@ -55,8 +55,9 @@ def test_every_option_reaches_the_drop(monkeypatch: pytest.MonkeyPatch, tmp_path
     assert heard == wanted | {"quiet": True, "settings": {}}
 
 
-@pytest.mark.parametrize("name", sorted(PlaceOptions.model_fields))
-def test_the_command_line_hands_everything_over(name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_the_command_line_hands_everything_over(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, subtests: pytest.Subtests
+) -> None:
     """Each option of `dcap place` arrives in the options of the placement."""
     heard: list[PlaceOptions] = []
 
@@ -65,10 +66,13 @@ def test_the_command_line_hands_everything_over(name: str, monkeypatch: pytest.M
         raise InputError("far enough")
 
     monkeypatch.setattr("flows.place_one.place_files", place_files)
-    value = tmp_path if name == "out" else OTHER[name]
-    words = ["--" + name.replace("_", "-")] + ([] if value is True else [str(value)])
-    assert cli.main(["place", "a", "b", "put it", *words]) == 2
-    assert heard == [effective_options(PlaceOptions, {name: value})]
+    for name in sorted(PlaceOptions.model_fields):
+        heard.clear()
+        with subtests.test(name):
+            value = tmp_path if name == "out" else OTHER[name]
+            words = ["--" + name.replace("_", "-")] + ([] if value is True else [str(value)])
+            assert cli.main(["place", "a", "b", "put it", *words]) == 2
+            assert heard == [effective_options(PlaceOptions, {name: value})]
 
 
 def test_every_unit_is_an_option() -> None:

@@ -14,7 +14,8 @@ from flows.place import STAGES, PlaceConfig
 from flows.plan import plan_row, print_plan
 from flows.sample_run import Plan, StagePlan, plan_sample, run_sample
 from tasks.artifact import Ref, Source, Store
-from tasks.cache import RunContext, stage
+from tasks.cache import stage
+from tasks.run_context import RunContext
 
 
 def read_one(source: Source) -> Mesh:

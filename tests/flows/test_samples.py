@@ -37,55 +37,56 @@ def test_names_and_paths_are_found(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert second.scene_options.label == "bed"
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("- {id: a, room: r, object: o, promt: x}", "unknown key 'promt'; did you mean 'prompt'"),
-        ("- {id: a, room: r, prompt: x}", "key 'object' is missing"),
-        ("- {id: a, object: o, prompt: x}", "either 'room' or 'scene'"),
-        ("- {id: a, room: r, object: o, prompt: x, mass: heavy}", "mass is 'heavy'"),
-        ("- {id: a, room: r, object: o, prompt: x}\n- {id: a, room: r, object: o, prompt: x}", "two samples"),
-        (
-            "- {id: a b, room: r, object: o, prompt: x}\n- {id: a_b, room: r, object: o, prompt: x}",
-            "share the folder a_b",
-        ),
-        ("- {id: .., room: r, object: o, prompt: x}", "id '..' cannot name a folder"),
-        (
-            "- {id: Mug, room: r, object: o, prompt: x}\n- {id: mug, room: r, object: o, prompt: x}",
-            "'Mug' and 'mug' would share the folder mug where case does not count",
-        ),
-        (f"- {{id: {'a' * 1001}, room: r, object: o, prompt: x}}", "id has 1001 characters, at most 1000 are taken"),
-        ('- {id: "a\\nb", room: r, object: o, prompt: x}', "id has the control character .*n' at place 2"),
-        ('- {id: "a\\0b", room: r, object: o, prompt: x}', "id has the control character .*x00' at place 2"),
-        (f"- {{id: a, room: r, object: o, prompt: {'x' * 10001}}}", "prompt has 10001 characters"),
-        ('- {id: a, room: r, object: o, prompt: "put \\e[2J"}', "prompt has the control character .*x1b'"),
-        ('- {id: a, room: r, object: o, prompt: "\\ud800"}', "prompt is not valid UTF-8"),
-        (f"- {{id: a, room: r, object: o, prompt: x, label: {'t' * 1001}}}", "label has 1001 characters"),
-        ("- {id: paper/a, room: r, object: o, prompt: x}", "id 'paper/a' begins with the name of a method"),
-        ("- {id: dcap/a, room: r, object: o, prompt: x}", "id 'dcap/a' begins with the name of a method"),
-        ("- {id: '', room: r, object: o, prompt: x}", "id is '', expected text"),
-        ("- {id: a, room: r, object: o, prompt: x, mass: -1}", "mass is -1"),
-        ("- {id: a, room: r, object: o, prompt: x, mass: .nan}", "mass is nan"),
-        ("- {id: a, room: r, object: o, prompt: x, seed: 1.7}", "seed is 1.7"),
-        ("- {id: a, room: r, object: o, prompt: x, seed: -1}", "seed is -1"),
-        ("- {id: a, room: r, object: o, prompt: x, seed: true}", "seed is True"),
-        ("- {id: a, room: r, object: o, prompt: x, up: x}", "up 'x' is not one of auto, y, z"),
-        ("- {id: a, room: r, object: o, prompt: x, object_unit: ft}", "object_unit 'ft' is not one of auto, m, cm"),
-        ("- {id: a, room: r, object: o, prompt: x, label: null}", "label is None, expected text"),
-        ("- {id: a, room: null, object: o, prompt: x}", "room is None, expected text"),
-        ("- {id: a, room: r, object: [o], prompt: x}", r"object is \['o'\], expected text"),
-        ("- {id: a, room: r, object: o, prompt: ' '}", "prompt is ' ', expected text"),
-        (f"- {{id: 0x{'f' * 4000}, room: r, object: o, prompt: x}}", "id is <int that is too long to write>"),
-        ("a: b", "expected a list of samples, found .*"),
-        ("[]", "expected a list of samples, found none"),
-        ("", "expected a list of samples, found none"),
-        ("[1, 2", "cannot be read as YAML"),
-    ],
-)
-def test_mistakes_are_named(tmp_path: Path, text: str, message: str) -> None:
+MISTAKES = [
+    ("- {id: a, room: r, object: o, promt: x}", "unknown key 'promt'; did you mean 'prompt'"),
+    ("- {id: a, room: r, prompt: x}", "key 'object' is missing"),
+    ("- {id: a, object: o, prompt: x}", "either 'room' or 'scene'"),
+    ("- {id: a, room: r, object: o, prompt: x, mass: heavy}", "mass is 'heavy'"),
+    ("- {id: a, room: r, object: o, prompt: x}\n- {id: a, room: r, object: o, prompt: x}", "two samples"),
+    (
+        "- {id: a b, room: r, object: o, prompt: x}\n- {id: a_b, room: r, object: o, prompt: x}",
+        "share the folder a_b",
+    ),
+    ("- {id: .., room: r, object: o, prompt: x}", "id '..' cannot name a folder"),
+    (
+        "- {id: Mug, room: r, object: o, prompt: x}\n- {id: mug, room: r, object: o, prompt: x}",
+        "'Mug' and 'mug' would share the folder mug where case does not count",
+    ),
+    (f"- {{id: {'a' * 1001}, room: r, object: o, prompt: x}}", "id has 1001 characters, at most 1000 are taken"),
+    ('- {id: "a\\nb", room: r, object: o, prompt: x}', "id has the control character .*n' at place 2"),
+    ('- {id: "a\\0b", room: r, object: o, prompt: x}', "id has the control character .*x00' at place 2"),
+    (f"- {{id: a, room: r, object: o, prompt: {'x' * 10001}}}", "prompt has 10001 characters"),
+    ('- {id: a, room: r, object: o, prompt: "put \\e[2J"}', "prompt has the control character .*x1b'"),
+    ('- {id: a, room: r, object: o, prompt: "\\ud800"}', "prompt is not valid UTF-8"),
+    (f"- {{id: a, room: r, object: o, prompt: x, label: {'t' * 1001}}}", "label has 1001 characters"),
+    ("- {id: paper/a, room: r, object: o, prompt: x}", "id 'paper/a' begins with the name of a method"),
+    ("- {id: dcap/a, room: r, object: o, prompt: x}", "id 'dcap/a' begins with the name of a method"),
+    ("- {id: '', room: r, object: o, prompt: x}", "id is '', expected text"),
+    ("- {id: a, room: r, object: o, prompt: x, mass: -1}", "mass is -1"),
+    ("- {id: a, room: r, object: o, prompt: x, mass: .nan}", "mass is nan"),
+    ("- {id: a, room: r, object: o, prompt: x, seed: 1.7}", "seed is 1.7"),
+    ("- {id: a, room: r, object: o, prompt: x, seed: -1}", "seed is -1"),
+    ("- {id: a, room: r, object: o, prompt: x, seed: true}", "seed is True"),
+    ("- {id: a, room: r, object: o, prompt: x, up: x}", "up 'x' is not one of auto, y, z"),
+    ("- {id: a, room: r, object: o, prompt: x, object_unit: ft}", "object_unit 'ft' is not one of auto, m, cm"),
+    ("- {id: a, room: r, object: o, prompt: x, label: null}", "label is None, expected text"),
+    ("- {id: a, room: null, object: o, prompt: x}", "room is None, expected text"),
+    ("- {id: a, room: r, object: [o], prompt: x}", r"object is \['o'\], expected text"),
+    ("- {id: a, room: r, object: o, prompt: ' '}", "prompt is ' ', expected text"),
+    (f"- {{id: 0x{'f' * 4000}, room: r, object: o, prompt: x}}", "id is <int that is too long to write>"),
+    ("a: b", "expected a list of samples, found .*"),
+    ("[]", "expected a list of samples, found none"),
+    ("", "expected a list of samples, found none"),
+    ("[1, 2", "cannot be read as YAML"),
+]
+"""Texts of datasets, and what is said of each: a regular expression."""
+
+
+def test_mistakes_are_named(tmp_path: Path, subtests: pytest.Subtests) -> None:
     """A wrong dataset is an error that says where and what."""
-    with pytest.raises(InputError, match=message):
-        load_samples(written(tmp_path, text))
+    for text, message in MISTAKES:
+        with subtests.test(text), pytest.raises(InputError, match=message):
+            load_samples(written(tmp_path, text))
 
 
 def test_text_that_is_a_tree_of_shared_parts_is_refused(tmp_path: Path) -> None:

@@ -51,7 +51,6 @@ def placed(files: Path, capsys: pytest.CaptureFixture[str], *options: str) -> tu
 
 
 @pytest.mark.slow
-@pytest.mark.long
 def test_a_block_rests_on_the_table(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The block lies flat on the middle of the table and its contact carries its weight; the same again is cached;
     after damage just the damaged stage runs, and the result is the same to the byte."""

@@ -55,7 +55,6 @@ def test_what_was_placed_stays(
 
 
 @pytest.mark.slow
-@pytest.mark.long
 def test_an_infeasible_placement_is_not_exported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

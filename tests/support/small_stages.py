@@ -17,7 +17,8 @@ from dcap.scene.types.outcome import Infeasible, Reason
 from dcap.scene.types.renders import Overview
 from dcap.scene.types.settled import SettledBody
 from tasks.artifact import Ref
-from tasks.cache import Event, RunContext, StageEvent, stage, use_context
+from tasks.cache import stage
+from tasks.run_context import Event, RunContext, StageEvent, use_context
 
 
 class MakeConfig(BaseModel, frozen=True, extra="forbid"):

@@ -21,13 +21,13 @@ from dcap.scene.settings import PROJECT_ROOT
 from dcap.scene.types.materials import Material
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Infeasible, Reason
-from tasks import cache
+from tasks import run_context
 from tasks.artifact import Ref, Store
-from tasks.cache import Event, Mode
 from tasks.code import Code
 from tasks.locks import FileLocks
 from tasks.process import StageProcessError
 from tasks.records import find_record, key_of
+from tasks.run_context import Event, Mode
 
 Caller = Callable[[Callable[[], Ref[Mesh]]], Ref[Mesh]]
 
@@ -50,7 +50,7 @@ def called(request: pytest.FixtureRequest) -> Caller:
     from prefect import Flow
 
     def watched(call: Callable[[], Ref[Mesh]]) -> Ref[Mesh]:
-        with cache.use_context(cache.RunContext(mode=Mode.WATCHED)):
+        with run_context.use_context(run_context.RunContext(mode=Mode.WATCHED)):
             return Flow(call, name="watched", persist_result=False)()
 
     return watched
@@ -277,7 +277,7 @@ def test_processes_that_want_the_same_compute_it_once(data: Path) -> None:
 def test_a_stage_has_a_process_of_its_own() -> None:
     """It returns a reference, passes on what our code logs, and raises errors on purpose under their own type."""
     told: list[tuple[float, str]] = []
-    with cache.use_context(cache.RunContext(on_event=lambda one: told.append((one.part, one.text)))):
+    with run_context.use_context(run_context.RunContext(on_event=lambda one: told.append((one.part, one.text)))):
         assert small_stages.apart_task(a_mesh()) == a_mesh()
     assert (0.5, "half way") in told
     assert not any("noise" in text for _, text in told)

@@ -10,8 +10,8 @@ from small_stages import CHAIN, chain, ends_of
 
 from tasks import artifact, code, records
 from tasks.artifact import Ref, Store
-from tasks.cache import Event, Mode
 from tasks.code import PARSED, changed_sources, code_of
+from tasks.run_context import Event, Mode
 from tasks.upkeep import damages, repair
 
 SEEDS = range(3)

@@ -17,7 +17,7 @@ from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.sample import SourceOptions
 from flows.cli.app import main
 from tasks.artifact import Ref, Store
-from tasks.cache import Event, Mode
+from tasks.run_context import Event, Mode
 from tasks.shared_store import SharedStore
 
 VALUE = Mesh.of(np.random.default_rng(0).random((50, 3)), [[0, 1, 2]])

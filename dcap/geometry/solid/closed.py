@@ -18,8 +18,9 @@ from skimage.measure import marching_cubes
 
 from dcap.geometry.boundary import hole_loops, is_closed
 from dcap.geometry.distance import INSIDE, MeshDistance, sampled, signed_volume
+from dcap.geometry.raycast import Raycaster
 from dcap.geometry.solid.cleaning import cleaned, without_scraps
-from dcap.geometry.solid.closing import area_vector, borders, capped, slab, walled
+from dcap.geometry.solid.closing import area_vector, borders, capped, room_behind, slab, walled
 from dcap.geometry.solid.openings import filled_opening
 from dcap.geometry.solid.pieces import own_shells, pieces_of
 from dcap.geometry.solid.repair import outer_faces, solid_under
@@ -80,6 +81,16 @@ class CleanedPart:
     def stood_up(self) -> Mesh:
         """All faces, and walls and bottoms under supports: nobody looks in from below."""
         return Mesh.concatenate([on_floor(p, f, RepairLog()) for p, f in zip(self.pieces, self.floors, strict=True)])
+
+    @cached_property
+    def raycaster(self) -> Raycaster:
+        """Rays against all faces."""
+        return Raycaster(self.visible)
+
+    def thickness(self, piece: Mesh, most: float) -> FloatArray:
+        """How thick a sheet becomes at each of its vertices [m], shape (n,): `most`, but it stands out of nothing that
+        lies behind it."""
+        return np.minimum(most, room_behind(piece, self.raycaster))
 
     def moved(self, solid: Mesh) -> tuple[float, float, float]:
         """`soundness.moved` of what can be seen and matters."""
@@ -178,7 +189,7 @@ def enclosed(given: CleanedPart, allowed: RepairLimits) -> MeshDistance:
     for piece, floor in zip(given.pieces, given.floors, strict=True):
         below, holes = borders(piece)
         if is_sheet(piece) and (floor is None or not below or looks_down(piece)):
-            soup.append(slab(piece, allowed.thickness, RepairLog()))
+            soup.append(slab(piece, given.thickness(piece, allowed.thickness), RepairLog()))
         elif floor is None:
             soup.append(piece)
         else:
@@ -202,7 +213,10 @@ def with_faces_kept(
     best = None
     for way in ways:
         own_log = log.copy()
-        closed = [way(piece, floor, allowed, own_log) for piece, floor in zip(given.pieces, given.floors, strict=True)]
+        closed = [
+            way(piece, floor, given.thickness(piece, allowed.thickness), own_log)
+            for piece, floor in zip(given.pieces, given.floors, strict=True)
+        ]
         solid = united(closed, own_log)
         if solid is None or not well_formed(solid):
             continue
@@ -224,11 +238,11 @@ def vessels(given: CleanedPart) -> bool:
     return float(area[[is_sheet(p) for p in given.pieces]].sum()) < LOOSE * float(area.sum())
 
 
-def with_walls(piece: Mesh, floor: float | None, allowed: RepairLimits, log: RepairLog) -> Mesh:
-    """A piece of a support closed by walls down to its floor."""
+def with_walls(piece: Mesh, floor: float | None, thickness: FloatArray, log: RepairLog) -> Mesh:
+    """A piece of a support closed by walls down to its floor; a sheet that hangs below has a `thickness` (n,) [m]."""
     below, holes = borders(piece)
     if floor is None or not below or (is_sheet(piece) and looks_down(piece)):
-        return with_caps(piece, floor, allowed, log)
+        return with_caps(piece, floor, thickness, log)
     return walled(capped(piece, holes, log), below, floor, log)
 
 
@@ -240,9 +254,9 @@ def on_floor(piece: Mesh, floor: float | None, log: RepairLog) -> Mesh:
     return walled(piece, below, floor, log)
 
 
-def with_caps(piece: Mesh, floor: float | None, allowed: RepairLimits, log: RepairLog) -> Mesh:
-    """A piece closed by caps, a sheet by a second side."""
-    return slab(piece, allowed.thickness, log) if is_sheet(piece) else capped(piece, hole_loops(piece), log)
+def with_caps(piece: Mesh, floor: float | None, thickness: FloatArray, log: RepairLog) -> Mesh:
+    """A piece closed by caps, a sheet by a second side at a `thickness` (n,) [m]."""
+    return slab(piece, thickness, log) if is_sheet(piece) else capped(piece, hole_loops(piece), log)
 
 
 def same_solid(solid: Mesh, inside: MeshDistance) -> bool:

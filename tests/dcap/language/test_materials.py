@@ -50,38 +50,40 @@ LAYERS = GOOD.replace("0.3,,,,", "0.05,1e7,0.2,1e4,")
 PAGE = '"density, poisson_ratio: https://a.page/b | rest: estimate"'
 
 
-@pytest.mark.parametrize(
-    ("row", "words"),
-    [
-        (GOOD.replace("1e6", "-5"), "youngs_modulus_pa"),
-        (GOOD.replace("0.3", "0.5", 1), "poisson_ratio"),
-        (GOOD.replace("0.4", "0.6"), "dynamic friction"),
-        (GOOD.replace("100", "nan"), "density"),
-        (GOOD.replace("100", "heavy"), "not a number"),
-        (GOOD.replace("soft", "gas"), "class"),
-        (GOOD.replace("foam", "air"), "family"),
-        (GOOD.replace("estimate", ""), "source"),
-        (GOOD.replace("estimate", "a book"), "source"),
-        (GOOD.replace("estimate", PAGE.replace(" | rest: estimate", "")), "no source of youngs_modulus"),
-        (GOOD.replace("estimate", PAGE.replace("density", "mass")), "source of 'mass'"),
-        (GOOD.replace("estimate", PAGE.replace("poisson_ratio", "density")), "source of 'density'"),
-        (GOOD.replace("estimate", PAGE.replace("https://a.page/b", "a.page")), "'COLUMNS: URL"),
-        (GOOD + "\n" + GOOD.replace("a,A", "b,B"), "'x' names a already"),
-        (GOOD + "\n" + GOOD, "twice"),
-        (LAYERS.replace("0.05", "0.3"), r"Poisson ratio across the layers is 0\.3, must be below 0\.2"),
-        (LAYERS.replace("1e4", "0"), "layer_shear_modulus_pa 0 is outside"),
-        (LAYERS.replace("1e4", ""), "layer_shear_modulus_pa '' is not a number"),
-        (LAYERS.replace("estimate", PAGE.replace("rest", "youngs_modulus, static_friction")), "no source of"),
-        ("a,b", "fields"),
-    ],
-)
-def test_a_bad_row_is_refused_with_its_line(tmp_path, row, words):
+BAD_ROWS = [
+    (GOOD.replace("1e6", "-5"), "youngs_modulus_pa"),
+    (GOOD.replace("0.3", "0.5", 1), "poisson_ratio"),
+    (GOOD.replace("0.4", "0.6"), "dynamic friction"),
+    (GOOD.replace("100", "nan"), "density"),
+    (GOOD.replace("100", "heavy"), "not a number"),
+    (GOOD.replace("soft", "gas"), "class"),
+    (GOOD.replace("foam", "air"), "family"),
+    (GOOD.replace("estimate", ""), "source"),
+    (GOOD.replace("estimate", "a book"), "source"),
+    (GOOD.replace("estimate", PAGE.replace(" | rest: estimate", "")), "no source of youngs_modulus"),
+    (GOOD.replace("estimate", PAGE.replace("density", "mass")), "source of 'mass'"),
+    (GOOD.replace("estimate", PAGE.replace("poisson_ratio", "density")), "source of 'density'"),
+    (GOOD.replace("estimate", PAGE.replace("https://a.page/b", "a.page")), "'COLUMNS: URL"),
+    (GOOD + "\n" + GOOD.replace("a,A", "b,B"), "'x' names a already"),
+    (GOOD + "\n" + GOOD, "twice"),
+    (LAYERS.replace("0.05", "0.3"), r"Poisson ratio across the layers is 0\.3, must be below 0\.2"),
+    (LAYERS.replace("1e4", "0"), "layer_shear_modulus_pa 0 is outside"),
+    (LAYERS.replace("1e4", ""), "layer_shear_modulus_pa '' is not a number"),
+    (LAYERS.replace("estimate", PAGE.replace("rest", "youngs_modulus, static_friction")), "no source of"),
+    ("a,b", "fields"),
+]
+"""Rows, and what is said of each: a regular expression."""
+
+
+def test_a_bad_row_is_refused_with_its_line(tmp_path, subtests: pytest.Subtests):
     """File, line, field and value are in the message."""
     file = tmp_path / "materials.csv"
-    file.write_text(",".join(COLUMNS) + "\n" + row + "\n")
-    with pytest.raises(InputError, match=words) as error:
-        load_materials(file)
-    assert f"{file}:" in str(error.value)
+    for row, words in BAD_ROWS:
+        with subtests.test(str(row)):
+            file.write_text(",".join(COLUMNS) + "\n" + row + "\n")
+            with pytest.raises(InputError, match=words) as error:
+                load_materials(file)
+            assert f"{file}:" in str(error.value)
 
 
 def test_a_source_says_which_columns_it_holds_for():

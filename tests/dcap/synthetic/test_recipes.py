@@ -53,38 +53,40 @@ def test_every_builder_of_furniture_stands_in_some_room() -> None:
     assert used == {builder.__name__ for builder in FURNITURE}
 
 
-@pytest.mark.parametrize(
-    ("sound", "spoilt", "line", "told"),
-    [
-        ("kind: Study", "knid: Study", 1, r"unknown key 'knid'; did you mean 'kind'\?"),
-        ("kind: Study Room\n", "", 1, "key 'kind' is missing"),
-        ("[3, 2.5, 2.5]", "[3, -2.5, 2.5]", 3, r"size\.1: Input should be greater than 0 \(got -2\.5\)"),
-        ("wall: cream", "wall: craem", 4, r"unknown colour 'craem'; did you mean 'cream'\?"),
-        ("wall: cream", "wall: [0, 0, 256]", 4, r"less than or equal to 255 \(got 256\)"),
-        ("{planks: {color", "{plonks: {color", 5, r"unknown name 'plonks'; did you mean 'planks'\?"),
-        ("wall: west", "wall: left", 7, r"doors\.0\.wall: Input should be 'south', 'east', 'north' or 'west'"),
-        ("height: 2}", "height: 2.6}", 1, "the opening at 0.6 m does not fit into the west wall"),
-        ("bookshelf: {", "bookshelv: {", 9, r"things\.0\.piece: unknown name 'bookshelv'; did you mean 'bookshelf'\?"),
-        ("boards: 4", "bords: 4", 9, r"things\.0\.piece\.bookshelf: unknown key 'bords'; did you mean 'boards'\?"),
-        ("timber: oak, ", "", 9, r"things\.0\.piece\.bookshelf: key 'timber' is missing"),
-        ("seed: 2", "seed: two", 9, r"things\.0\.piece\.bookshelf\.seed: .* \(got 'two'\)"),
-        ("seed: 3}}, varies", "seed: 3}}, at: {x: 1, y: 1}, varies", 12, "exactly one of the keys"),
-        ("piece: mug,", "piece: mug, varies: true,", 13, "varies: a mug has no seed"),
-        ("piece: mug,", "piece: mug, books: {seed: 1},", 13, "books: only a bookshelf has boards"),
-        ("thing: shelf", "thing: shlef", 1, r"unknown thing 'shlef'; did you mean 'shelf'\?"),
-        ("board: 1", "board: 4", 1, "it has 4 boards; there is no board 4"),
-        ("board: 1", "board: 1, top: 1", 1, "expected top or board, not both"),
-        ("piece: mug,", "piece: mug, name: shelf,", 1, "two things have the name 'shelf'"),
-    ],
-)  # fmt: skip
-def test_mistakes_are_told_by_file_line_and_key(tmp_path: Path, sound: str, spoilt: str, line: int, told: str) -> None:
+MISTAKES = [
+    ("kind: Study", "knid: Study", 1, r"unknown key 'knid'; did you mean 'kind'\?"),
+    ("kind: Study Room\n", "", 1, "key 'kind' is missing"),
+    ("[3, 2.5, 2.5]", "[3, -2.5, 2.5]", 3, r"size\.1: Input should be greater than 0 \(got -2\.5\)"),
+    ("wall: cream", "wall: craem", 4, r"unknown colour 'craem'; did you mean 'cream'\?"),
+    ("wall: cream", "wall: [0, 0, 256]", 4, r"less than or equal to 255 \(got 256\)"),
+    ("{planks: {color", "{plonks: {color", 5, r"unknown name 'plonks'; did you mean 'planks'\?"),
+    ("wall: west", "wall: left", 7, r"doors\.0\.wall: Input should be 'south', 'east', 'north' or 'west'"),
+    ("height: 2}", "height: 2.6}", 1, "the opening at 0.6 m does not fit into the west wall"),
+    ("bookshelf: {", "bookshelv: {", 9, r"things\.0\.piece: unknown name 'bookshelv'; did you mean 'bookshelf'\?"),
+    ("boards: 4", "bords: 4", 9, r"things\.0\.piece\.bookshelf: unknown key 'bords'; did you mean 'boards'\?"),
+    ("timber: oak, ", "", 9, r"things\.0\.piece\.bookshelf: key 'timber' is missing"),
+    ("seed: 2", "seed: two", 9, r"things\.0\.piece\.bookshelf\.seed: .* \(got 'two'\)"),
+    ("seed: 3}}, varies", "seed: 3}}, at: {x: 1, y: 1}, varies", 12, "exactly one of the keys"),
+    ("piece: mug,", "piece: mug, varies: true,", 13, "varies: a mug has no seed"),
+    ("piece: mug,", "piece: mug, books: {seed: 1},", 13, "books: only a bookshelf has boards"),
+    ("thing: shelf", "thing: shlef", 1, r"unknown thing 'shlef'; did you mean 'shelf'\?"),
+    ("board: 1", "board: 4", 1, "it has 4 boards; there is no board 4"),
+    ("board: 1", "board: 1, top: 1", 1, "expected top or board, not both"),
+    ("piece: mug,", "piece: mug, name: shelf,", 1, "two things have the name 'shelf'"),
+]  # fmt: skip
+"""A text of the sound recipe, what stands there instead, the line that is named, and what is said of it."""
+
+
+def test_mistakes_are_told_by_file_line_and_key(tmp_path: Path, subtests: pytest.Subtests) -> None:
     """One line names the file, the line, the key and the nearest known word."""
-    assert ROOM.count(sound) == 1
-    folder = folder_with(tmp_path, ROOM.replace(sound, spoilt))
-    with pytest.raises(InputError, match=told) as caught:
-        room_recipe("one", folder)
-    assert str(caught.value).startswith(f"{folder}/rooms/one.yaml:{line}: ")
-    assert "\n" not in str(caught.value)
+    for number, (sound, spoilt, line, told) in enumerate(MISTAKES):
+        with subtests.test(str((sound, spoilt))):
+            assert ROOM.count(sound) == 1
+            folder = folder_with(tmp_path / str(number), ROOM.replace(sound, spoilt))
+            with pytest.raises(InputError, match=told) as caught:
+                room_recipe("one", folder)
+            assert str(caught.value).startswith(f"{folder}/rooms/one.yaml:{line}: ")
+            assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("text", ["[", "- 1\n", "", "kind: &a [*a]\n", "\x00"])

@@ -138,48 +138,50 @@ def test_paths_are_seen_from_the_file(folder: Path, monkeypatch: pytest.MonkeyPa
         assert data_root() == folder / "mine"
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("run:\n  wrokers: 3", "dcap.yaml:2: unknown key 'run.wrokers'; did you mean 'run.workers'?"),
-        ("drop:\n  solver:\n    step_limt: 3", "dcap.yaml:3: unknown key 'drop.solver.step_limt'; did you mean"),
-        ("drpo: {solver: {step_limit: 3}}", "dcap.yaml:1: unknown key 'drpo.solver.step_limit'; did you mean"),
-        ("step_limit: 3", "dcap.yaml:1: unknown key 'step_limit'; did you mean 'drop.solver.step_limit'"),
-        ("measured: true", "dcap.yaml:1: unknown key 'measured'"),
-        ("runn: {workers: 3}", "dcap.yaml:1: unknown key 'runn.workers'; did you mean 'run.workers'?"),
-        (
-            "drop: {solver: {step_seconds: .inf}}",
-            "dcap.yaml:1: drop.solver.step_seconds is inf: expected a finite number",
-        ),
-        ("run:\n  workers: many", "dcap.yaml:2: run.workers is 'many': Input should be a valid integer"),
-        ("run: {workers: 0}", "dcap.yaml:1: run.workers is 0: Input should be greater than or equal to 1"),
-        ("run: {batch: yes}", "run.batch is 'yes': Input should be a valid boolean"),
-        ("drop: {solver: {method: mls}}\nrun: {runner: x}", "yaml:2: run.runner is 'x': is not one of local, dask"),
-        ('particles: {cell: "0.02"}', "particles.cell is '0.02': Input should be a valid number"),
-        ("particles: {cell: 2.0}", "particles.cell is 2.0: is not a cell size between 0 and 1.0 m"),
-        ("drop: {solver: {method: fem}}", "drop.solver.method is 'fem': is not one of tl, mls"),
-        ("render:\n  elevations_deg: [10, high]", "dcap.yaml:2: render.elevations_deg is [10, 'high']"),
-        ("render: {size: {a: {b: [1]}}}", "unknown key 'render.size.a.b'"),
-        ("render: {size: [[1]]}", "render.size is [[1]]: expected a value or a list of values"),
-        ("drop: 3", "dcap.yaml:1: drop is 3: expected keys and values"),
-        ("run: 3", "dcap.yaml:1: run is 3: expected keys and values"),
-        ("drop: {threads: 3}", "drop.threads is 3: is set by run.threads"),
-        ("intent: {language: {model: m}}", "intent.language.model is 'm': is set by run.language and run.model"),
-        ("drop: {solver: {arch: cuda}}", "drop.solver.arch is 'cuda': is set by run.arch"),
-        ("server: {port: 99999}", "server.port is 99999"),
-        ("[1, 2]", "dcap.yaml: expected sections of keys and values, found [1, 2]"),
-        ("run: {workers: 3, workers: 4}", "dcap.yaml: cannot be read as YAML"),
-        ("run: [", "dcap.yaml: cannot be read as YAML: line 1, column 7: while parsing a flow node: expected the"),
-        ("a: !!python/object/apply:os.system [ls]", "dcap.yaml: cannot be read as YAML"),
-    ],
-)
-def test_a_mistake_is_one_line(text: str, words: str, capsys: pytest.CaptureFixture[str]) -> None:
+MISTAKES = [
+    ("run:\n  wrokers: 3", "dcap.yaml:2: unknown key 'run.wrokers'; did you mean 'run.workers'?"),
+    ("drop:\n  solver:\n    step_limt: 3", "dcap.yaml:3: unknown key 'drop.solver.step_limt'; did you mean"),
+    ("drpo: {solver: {step_limit: 3}}", "dcap.yaml:1: unknown key 'drpo.solver.step_limit'; did you mean"),
+    ("step_limit: 3", "dcap.yaml:1: unknown key 'step_limit'; did you mean 'drop.solver.step_limit'"),
+    ("measured: true", "dcap.yaml:1: unknown key 'measured'"),
+    ("runn: {workers: 3}", "dcap.yaml:1: unknown key 'runn.workers'; did you mean 'run.workers'?"),
+    (
+        "drop: {solver: {step_seconds: .inf}}",
+        "dcap.yaml:1: drop.solver.step_seconds is inf: expected a finite number",
+    ),
+    ("run:\n  workers: many", "dcap.yaml:2: run.workers is 'many': Input should be a valid integer"),
+    ("run: {workers: 0}", "dcap.yaml:1: run.workers is 0: Input should be greater than or equal to 1"),
+    ("run: {batch: yes}", "run.batch is 'yes': Input should be a valid boolean"),
+    ("drop: {solver: {method: mls}}\nrun: {runner: x}", "yaml:2: run.runner is 'x': is not one of local, dask"),
+    ('particles: {cell: "0.02"}', "particles.cell is '0.02': Input should be a valid number"),
+    ("particles: {cell: 2.0}", "particles.cell is 2.0: is not a cell size between 0 and 1.0 m"),
+    ("drop: {solver: {method: fem}}", "drop.solver.method is 'fem': is not one of tl, mls"),
+    ("render:\n  elevations_deg: [10, high]", "dcap.yaml:2: render.elevations_deg is [10, 'high']"),
+    ("render: {size: {a: {b: [1]}}}", "unknown key 'render.size.a.b'"),
+    ("render: {size: [[1]]}", "render.size is [[1]]: expected a value or a list of values"),
+    ("drop: 3", "dcap.yaml:1: drop is 3: expected keys and values"),
+    ("run: 3", "dcap.yaml:1: run is 3: expected keys and values"),
+    ("drop: {threads: 3}", "drop.threads is 3: is set by run.threads"),
+    ("intent: {language: {model: m}}", "intent.language.model is 'm': is set by run.language and run.model"),
+    ("drop: {solver: {arch: cuda}}", "drop.solver.arch is 'cuda': is set by run.arch"),
+    ("server: {port: 99999}", "server.port is 99999"),
+    ("[1, 2]", "dcap.yaml: expected sections of keys and values, found [1, 2]"),
+    ("run: {workers: 3, workers: 4}", "dcap.yaml: cannot be read as YAML"),
+    ("run: [", "dcap.yaml: cannot be read as YAML: line 1, column 7: while parsing a flow node: expected the"),
+    ("a: !!python/object/apply:os.system [ls]", "dcap.yaml: cannot be read as YAML"),
+]
+"""Texts of settings, and words that are said of each."""
+
+
+def test_a_mistake_is_one_line(capsys: pytest.CaptureFixture[str], subtests: pytest.Subtests) -> None:
     """Exit 2, and the place, the key, the value and what is wrong with it."""
-    write(text)
-    assert main(["config", "show"]) == 2
-    said = capsys.readouterr()
-    assert (said.out, said.err.count("\n")) == ("", 1)
-    assert words in said.err
+    for text, words in MISTAKES:
+        write(text)
+        with subtests.test(text):
+            code = main(["config", "show"])
+            said = capsys.readouterr()
+            assert (code, said.out, said.err.count("\n")) == (2, "", 1)
+            assert words in said.err
 
 
 def test_mistakes_in_the_environment_name_the_variable(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -37,41 +37,43 @@ def case_file(tmp_path):
     return write
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
-        ("mass: 1.0", "mas: 1.0", "did you mean 'mass'"),
-        ("box:", "boxx:", "did you mean 'box'"),
-        ("mass: 1.0", "mass: true", "bodies.1.mass: true and false are no numbers"),
-        ("mass: 1.0", "mass: -1.0", "greater than 0"),
-        ("poisson_ratio: 0.3", "poisson_ratio: 0.5", "less than 0.5"),
-        (
-            "poisson_ratio: 0.3",
-            "poisson_ratio: 0.3, layers: {youngs_modulus: 1.0e11, poisson_ratio: 0.2, shear_modulus: 1.0e9}",
-            "Poisson ratio across the layers is 0.3, must be below 0.2",
-        ),
-        ("1.0e10", ".nan", "finite"),
-        ("material: steel", "material: steal", "did you mean 'steel'"),
-        ("name: cube", "name: floor", "must differ"),
-        ("{box: {size: [0.1, 0.1, 0.1]}}", "{box: {size: [0.1, 0.1, 0.1]}, sphere: {radius: 1}}", "exactly one"),
-        ("bodies:", "inertia: maybe\nbodies:", "inertia"),
-        ("bodies:", "bonds: [[cube, flor]]\nbodies:", "bond names body 'flor'"),
-        ("mass: 1.0", "quaternion: [0, 0, 0, 0]", "length 0 instead of 1"),
-        ("material: steel", "material: steal", "case.yaml"),
-        ("{box: {size: [0.1, 0.1, 0.1]}}", "{mesh: none.ply}", "bodies.cube.shape.mesh"),
-        (CUBE, "", "holds no keys"),
-        ("bodies:", "seed: -1\nbodies:", "greater than or equal to 0"),
-        ("bodies:", "gravity: [0, 0, 0]\nbodies:", "give a resolution"),
-    ],
-)
-def test_bad_input_is_refused_in_one_line_that_names_key_and_value(case_file, tmp_path, old, new, words):
+MISTAKES = [
+    ("mass: 1.0", "mas: 1.0", "did you mean 'mass'"),
+    ("box:", "boxx:", "did you mean 'box'"),
+    ("mass: 1.0", "mass: true", "bodies.1.mass: true and false are no numbers"),
+    ("mass: 1.0", "mass: -1.0", "greater than 0"),
+    ("poisson_ratio: 0.3", "poisson_ratio: 0.5", "less than 0.5"),
+    (
+        "poisson_ratio: 0.3",
+        "poisson_ratio: 0.3, layers: {youngs_modulus: 1.0e11, poisson_ratio: 0.2, shear_modulus: 1.0e9}",
+        "Poisson ratio across the layers is 0.3, must be below 0.2",
+    ),
+    ("1.0e10", ".nan", "finite"),
+    ("material: steel", "material: steal", "did you mean 'steel'"),
+    ("name: cube", "name: floor", "must differ"),
+    ("{box: {size: [0.1, 0.1, 0.1]}}", "{box: {size: [0.1, 0.1, 0.1]}, sphere: {radius: 1}}", "exactly one"),
+    ("bodies:", "inertia: maybe\nbodies:", "inertia"),
+    ("bodies:", "bonds: [[cube, flor]]\nbodies:", "bond names body 'flor'"),
+    ("mass: 1.0", "quaternion: [0, 0, 0, 0]", "length 0 instead of 1"),
+    ("material: steel", "material: steal", "case.yaml"),
+    ("{box: {size: [0.1, 0.1, 0.1]}}", "{mesh: none.ply}", "bodies.cube.shape.mesh"),
+    (CUBE, "", "holds no keys"),
+    ("bodies:", "seed: -1\nbodies:", "greater than or equal to 0"),
+    ("bodies:", "gravity: [0, 0, 0]\nbodies:", "give a resolution"),
+]
+"""A text of the case, what stands there instead, and words that are said of it."""
+
+
+def test_bad_input_is_refused_in_one_line_that_names_key_and_value(case_file, tmp_path, subtests: pytest.Subtests):
     """One InputError, one line, and nothing is written."""
-    path = case_file(CUBE.replace(old, new, 1))
-    with pytest.raises(InputError) as caught:
-        run_case(path, tmp_path / "out", quiet=True)
-    assert words in str(caught.value)
-    assert "\n" not in str(caught.value)
-    assert not (tmp_path / "out").exists()
+    for number, (old, new, words) in enumerate(MISTAKES):
+        with subtests.test(str((old, new))):
+            path, out = case_file(CUBE.replace(old, new, 1)), tmp_path / f"out_{number}"
+            with pytest.raises(InputError) as caught:
+                run_case(path, out, quiet=True)
+            assert words in str(caught.value)
+            assert "\n" not in str(caught.value)
+            assert not out.exists()
 
 
 def test_a_number_in_scientific_notation_is_a_number(case_file):

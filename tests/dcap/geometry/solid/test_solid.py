@@ -208,6 +208,19 @@ def test_a_thin_sheet_becomes_a_slab_below_it(bump: float, double: bool) -> None
     assert any("thickened to 10 mm" in sentence for sentence in report.repairs)
 
 
+@pytest.mark.parametrize("floor", [None, -0.2])
+def test_the_underside_of_a_board_does_not_come_out_of_its_top(floor: float | None) -> None:
+    """A scanned table top of 27 mm has a face above and one below that do not hang together; a sheet becomes 30 mm."""
+    top, below = sheet(17, 0.002), sheet(17, 0.002, 0.35)
+    below = Mesh.of(below.vertices + np.array([0.025, 0.025, -0.027]), below.faces[:, ::-1])
+    board = Mesh.concatenate([top, below])
+    floors = None if floor is None else np.full(len(board.faces), floor)
+    ready, report = simulation_ready(board, floor=floors)
+    assert_sound(ready, report)
+    assert report.hausdorff < ROUNDING
+    assert ready.bounds[1, 2] == pytest.approx(top.bounds[1, 2], abs=ROUNDING)
+
+
 def test_a_support_seen_from_above_is_solid_down_to_its_floor() -> None:
     """Area in plan times height, with the sheet itself where it was and a hole in it closed."""
     top = sheet(17, 0.01)

@@ -31,24 +31,24 @@ def test_no_word_names_two_things():
     assert lost == []
 
 
-@pytest.mark.parametrize(
-    ("label", "name"),
-    [
-        ("toaster", "toaster"), ("coffee machine", "coffee maker"), ("letter", "letter"), ("newspaper", "newspaper"),
-        ("pliers", "pliers"), ("screwdriver", "screwdriver"), ("paint brush", "paintbrush"),
-        ("toothbrush", "toothbrush"),
-        ("soap dispenser", "soap dispenser"), ("bar of soap", "soap"), ("waste bin", "trash can"), ("pail", "bucket"),
-        ("ketchup", "ketchup"), ("jam jar", "jar"), ("kitchen worktop", "counter"), ("wine glass", "wine glass"),
-        ("sunglasses", "glasses"),
-        ("cheese grater", "grater"), ("egg cup", "egg cup"), ("washstand", "bathroom cabinet"),
-        ("Knives", "knife"), ("BookShelves_01", "shelf"), ("mice", "mouse"),
-    ],
-)  # fmt: skip
-def test_kinds_that_differ_in_size_are_rows_of_their_own(label, name):
+KINDS = {
+    "toaster": "toaster", "coffee machine": "coffee maker", "letter": "letter", "newspaper": "newspaper",
+    "pliers": "pliers", "screwdriver": "screwdriver", "paint brush": "paintbrush", "toothbrush": "toothbrush",
+    "soap dispenser": "soap dispenser", "bar of soap": "soap", "waste bin": "trash can", "pail": "bucket",
+    "ketchup": "ketchup", "jam jar": "jar", "kitchen worktop": "counter", "wine glass": "wine glass",
+    "sunglasses": "glasses", "cheese grater": "grater", "egg cup": "egg cup", "washstand": "bathroom cabinet",
+    "Knives": "knife", "BookShelves_01": "shelf", "mice": "mouse",
+}  # fmt: skip
+"""Labels, and the thing that each of them means."""
+
+
+def test_kinds_that_differ_in_size_are_rows_of_their_own(subtests: pytest.Subtests):
     """Synonyms, plurals and file names lead to the kind whose size is meant."""
-    found = thing_of(label)
-    assert found is not None
-    assert found.id == name
+    for label, name in KINDS.items():
+        with subtests.test(label):
+            found = thing_of(label)
+            assert found is not None
+            assert found.id == name
 
 
 FOOD = [one.id for one in things().values() if is_a(one.id, "food")]
@@ -80,12 +80,13 @@ spotlight|strip light|curtain|book|fruit|toiletries|quilt|pillow|body pillow|bla
 """
 
 
-@pytest.mark.parametrize("label", LABELS.replace("\n", "|").strip("|").split("|"))
-def test_labels_of_annotated_rooms_are_known(label):
+def test_labels_of_annotated_rooms_are_known(subtests: pytest.Subtests):
     """Every label that says something is a thing, in any case of letters; a mattress is known as a part."""
-    found = thing_of(label.title())
-    assert found is not None
-    assert found == thing_of(label)
+    for label in LABELS.replace("\n", "|").strip("|").split("|"):
+        with subtests.test(label):
+            found = thing_of(label.title())
+            assert found is not None
+            assert found == thing_of(label)
 
 
 def test_kinds_of_kinds_end():

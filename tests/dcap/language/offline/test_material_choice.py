@@ -105,16 +105,18 @@ THINGS = [
 ]
 
 
-@pytest.mark.parametrize(("label", "part", "prompt", "material"), SUPPORTS)
-def test_the_material_of_a_part_of_the_support(label: str, part: str, prompt: str, material: str) -> None:
+def test_the_material_of_a_part_of_the_support(subtests: pytest.Subtests) -> None:
     """Words decide the parts that they can mean; all others are what is usual."""
-    assert chosen(BASE, label, part, prompt)[0] == material
+    for label, part, prompt, material in SUPPORTS:
+        with subtests.test(str((label, part, prompt))):
+            assert chosen(BASE, label, part, prompt)[0] == material
 
 
-@pytest.mark.parametrize(("label", "part", "prompt", "material"), THINGS)
-def test_the_material_of_the_object(label: str, part: str, prompt: str, material: str) -> None:
+def test_the_material_of_the_object(subtests: pytest.Subtests) -> None:
     """The same for the object, of which the prompt speaks first."""
-    assert chosen(OBJECT, label, part, prompt)[0] == material
+    for label, part, prompt, material in THINGS:
+        with subtests.test(str((label, part, prompt))):
+            assert chosen(OBJECT, label, part, prompt)[0] == material
 
 
 def test_what_is_neither_object_nor_base_hears_nothing_of_the_prompt() -> None:

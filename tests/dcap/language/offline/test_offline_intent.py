@@ -84,21 +84,22 @@ put the ball on the sofa and place it on the seat cushion | sofa_0 | seat cushio
 """.strip().splitlines()
 
 
-@pytest.mark.parametrize("line", SENTENCES, ids=lambda line: line.split(" | ")[0][:60])
-def test_sentence_is_read_as_a_person_reads_it(line, ask):
+def test_sentences_are_read_as_a_person_reads_them(ask, subtests: pytest.Subtests):
     """Base, part, region, reference, pose and facing are those a person would name."""
-    prompt, base, part, which, regions, references, pose, facing = [cell.strip() for cell in line.split("|")]
-    reply = OfflineClient().ask(INTENT, ask(prompt))
-    found = (
-        reply.base_id,
-        reply.part,
-        reply.which,
-        ",".join(reply.regions),
-        ",".join(reply.references),
-        reply.pose,
-        reply.facing,
-    )
-    assert found == (base, part, which, regions, references, pose, facing)
+    for line in SENTENCES:
+        with subtests.test(line):
+            prompt, *wanted = (cell.strip() for cell in line.split("|"))
+            reply = OfflineClient().ask(INTENT, ask(prompt))
+            found = [
+                reply.base_id,
+                reply.part,
+                reply.which,
+                ",".join(reply.regions),
+                ",".join(reply.references),
+                reply.pose,
+                reply.facing,
+            ]
+            assert found == wanted
 
 
 @pytest.mark.parametrize(

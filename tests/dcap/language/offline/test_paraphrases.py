@@ -4,6 +4,7 @@ The first half of the file was written down before its author saw the grammar.
 """
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ import pytest
 from dcap.language.offline.client import OfflineClient
 from dcap.language.protocol.questions import INTENT
 from dcap.language.protocol.replies import Constraint
+from dcap.language.protocol.requests import IntentRequest
 from dcap.scene.errors import LanguageError
 
 TABLE = Path(__file__).parents[1] / "paraphrases.txt"
@@ -34,9 +36,8 @@ def limit_of(constraint: Constraint) -> str:
     return " ".join(word for word in (constraint.kind, *constraint.regions, constraint.reference, metres) if word)
 
 
-@pytest.mark.parametrize("line", sentences(), ids=lambda line: line.split(" | ")[0][:60])
-def test_paraphrase_is_read_as_a_person_reads_it(line, ask):
-    """Base, part, region, reference, pose, facing and the words that are not understood are those of the table."""
+def check_reading(line: str, ask: Callable[[str], IntentRequest]) -> None:
+    """Fail unless a sentence is read as its line of the table says."""
     prompt, base, cell = (text.strip() for text in line.split("|"))
     if base == "!":
         with pytest.raises(LanguageError):
@@ -58,3 +59,10 @@ def test_paraphrase_is_read_as_a_person_reads_it(line, ask):
             "turn": f"{reply.turn_deg:g}",
             "lost": ",".join(reply.not_understood),
         }
+
+
+def test_paraphrases_are_read_as_a_person_reads_them(ask, subtests: pytest.Subtests):
+    """Base, part, region, reference, pose, facing and the words that are not understood are those of the table."""
+    for line in sentences():
+        with subtests.test(line):
+            check_reading(line, ask)

@@ -161,27 +161,19 @@ def line_of(text: str, needle: str) -> int:
     return text.count("\n", 0, text.index(needle)) + 1
 
 
-@pytest.mark.parametrize(("name", "change", "needle", "offset", "severity", "words"), DEFECTS)
-def test_a_defect_is_found_at_its_line(
-    sound: dict[str, bytes],
-    tmp_path: Path,
-    name: str,
-    change: Callable[[Tree], object],
-    needle: str,
-    offset: int,
-    severity: Severity,
-    words: str,
-) -> None:
+def test_a_defect_is_found_at_its_line(sound: dict[str, bytes], tmp_path: Path, subtests: pytest.Subtests) -> None:
     """One thing wrong with an otherwise sound scene: it alone is told, with file, line and value."""
-    tree = json.loads(sound[name])
-    change(tree)
-    text = json.dumps(tree, indent=1)
-    told = found(written(tmp_path, sound | {name: text.encode()}))
-    mine = [one for one in told if words in one.what]
-    assert [(one.path.name, one.severity, one.line) for one in mine] == [
-        (name, severity, line_of(text, needle) + offset)
-    ], told
-    assert all(one.severity is not E for one in told if one not in mine), told
+    for name, change, needle, offset, severity, words in DEFECTS:
+        with subtests.test(str((name, needle, words))):
+            tree = json.loads(sound[name])
+            change(tree)
+            text = json.dumps(tree, indent=1)
+            told = found(written(tmp_path, sound | {name: text.encode()}))
+            mine = [one for one in told if words in one.what]
+            assert [(one.path.name, one.severity, one.line) for one in mine] == [
+                (name, severity, line_of(text, needle) + offset)
+            ], told
+            assert all(one.severity is not E for one in told if one not in mine), told
 
 
 def test_all_of_many_defects_are_found(sound: dict[str, bytes], tmp_path: Path) -> None:

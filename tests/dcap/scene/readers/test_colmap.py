@@ -102,40 +102,43 @@ def test_text_files_with_comments_observations_and_tracks(tmp_path: Path) -> Non
     assert np.array_equal(read.points, [[0.5, 1.5, -2.0]])
 
 
-@pytest.mark.parametrize(
-    ("name", "content", "words"),
-    [
-        ("cameras.bin", struct.pack("<Q", 1 << 60), "promises 1152921504606846976 rows"),
-        ("points3D.bin", struct.pack("<Q", 1 << 40) + bytes(600), "hold 11 at most"),
-        ("cameras.bin", struct.pack("<QiiQQ8d", 1, 1, 4, 640, 480, *[1.0] * 8), "camera 1 is OPENCV.*undistort"),
-        ("cameras.bin", struct.pack("<QiiQQ8d", 1, 1, 99, 640, 480, *[1.0] * 8), "unknown model 99"),
-        ("cameras.bin", struct.pack("<QiiQQ4d", 1, 1, 1, 0, 480, *[1.0] * 4), "0 x 480 pixels"),
-        ("cameras.bin", struct.pack("<QiiQQ4d", 1, 1, 1, 640, 480, -1.0, 1.0, 1.0, 1.0), "focal lengths"),
-        ("cameras.bin", struct.pack("<QiiQQ4d", 0, 1, 1, 640, 480, *[1.0] * 4), "56 bytes are left"),
-        ("images.bin", struct.pack("<Qi7di", 1, 1, *[0.0] * 7, 1) + bytes(9), "has length 0, expected 1"),
-        ("images.bin", struct.pack("<Qi7di", 1, 1, 1.0, *[0.0] * 6, 3) + bytes(9), "names camera 3"),
-        ("images.bin", struct.pack("<Qi7di", 1, 1, 1.0, *[0.0] * 6, 1) + b"a" * 40, "does not end"),
-        ("images.bin", struct.pack("<Qi7di", 1, 1, 1.0, *[0.0] * 6, 1) + b"\xff\0" + bytes(8), "not UTF-8"),
-        (
-            "images.bin", struct.pack("<Qi7di", 1, 1, 1.0, *[0.0] * 6, 1) + b"a\0" + struct.pack("<Q", 1 << 61),
-            "entries of 24 bytes",
-        ),
-        ("points3D.bin", struct.pack("<QQ3d3BdQ", 1, 1, *[0.0] * 3, 0, 0, 0, 0.0, 1 << 50), "entries of 8 bytes"),
-        ("points3D.bin", struct.pack("<QQ3d3BdQ", 1, 1, np.nan, 0, 0, 0, 0, 0, 0.0, 0), "expected finite"),
-        ("cameras.txt", b"1 PINHOLE 640 480 500 500 320\n", "line 1 has 7 words"),
-        ("cameras.txt", b"1 RADIAL 640 480 500 320 240 0 0\n", "camera 1 is RADIAL"),
-        ("cameras.txt", b"# c\n1 PINHOLE 640 x 500 500 320 240\n", "line 2: .*'x'"),
-        ("images.txt", b"1 1 0 0 0 0 0 0 1\n", "line 1 has 9 words"),
-        ("points3D.txt", b"1 0 0 0 1 2 300 0\n", "colour"),
-    ],
-)  # fmt: skip
-def test_a_file_that_breaks_its_format(tmp_path: Path, name: str, content: bytes, words: str) -> None:
+BROKEN = [
+    ("cameras.bin", struct.pack("<Q", 1 << 60), "promises 1152921504606846976 rows"),
+    ("points3D.bin", struct.pack("<Q", 1 << 40) + bytes(600), "hold 11 at most"),
+    ("cameras.bin", struct.pack("<QiiQQ8d", 1, 1, 4, 640, 480, *[1.0] * 8), "camera 1 is OPENCV.*undistort"),
+    ("cameras.bin", struct.pack("<QiiQQ8d", 1, 1, 99, 640, 480, *[1.0] * 8), "unknown model 99"),
+    ("cameras.bin", struct.pack("<QiiQQ4d", 1, 1, 1, 0, 480, *[1.0] * 4), "0 x 480 pixels"),
+    ("cameras.bin", struct.pack("<QiiQQ4d", 1, 1, 1, 640, 480, -1.0, 1.0, 1.0, 1.0), "focal lengths"),
+    ("cameras.bin", struct.pack("<QiiQQ4d", 0, 1, 1, 640, 480, *[1.0] * 4), "56 bytes are left"),
+    ("images.bin", struct.pack("<Qi7di", 1, 1, *[0.0] * 7, 1) + bytes(9), "has length 0, expected 1"),
+    ("images.bin", struct.pack("<Qi7di", 1, 1, 1.0, *[0.0] * 6, 3) + bytes(9), "names camera 3"),
+    ("images.bin", struct.pack("<Qi7di", 1, 1, 1.0, *[0.0] * 6, 1) + b"a" * 40, "does not end"),
+    ("images.bin", struct.pack("<Qi7di", 1, 1, 1.0, *[0.0] * 6, 1) + b"\xff\0" + bytes(8), "not UTF-8"),
+    (
+        "images.bin", struct.pack("<Qi7di", 1, 1, 1.0, *[0.0] * 6, 1) + b"a\0" + struct.pack("<Q", 1 << 61),
+        "entries of 24 bytes",
+    ),
+    ("points3D.bin", struct.pack("<QQ3d3BdQ", 1, 1, *[0.0] * 3, 0, 0, 0, 0.0, 1 << 50), "entries of 8 bytes"),
+    ("points3D.bin", struct.pack("<QQ3d3BdQ", 1, 1, np.nan, 0, 0, 0, 0, 0, 0.0, 0), "expected finite"),
+    ("cameras.txt", b"1 PINHOLE 640 480 500 500 320\n", "line 1 has 7 words"),
+    ("cameras.txt", b"1 RADIAL 640 480 500 320 240 0 0\n", "camera 1 is RADIAL"),
+    ("cameras.txt", b"# c\n1 PINHOLE 640 x 500 500 320 240\n", "line 2: .*'x'"),
+    ("images.txt", b"1 1 0 0 0 0 0 0 1\n", "line 1 has 9 words"),
+    ("points3D.txt", b"1 0 0 0 1 2 300 0\n", "colour"),
+]  # fmt: skip
+"""Files of a model, what stands in them instead, and what is said of it: a regular expression."""
+
+
+def test_a_file_that_breaks_its_format(tmp_path: Path, subtests: pytest.Subtests) -> None:
     """One line that names the file, the row and what is wrong."""
-    (write_colmap if name.endswith(".bin") else write_colmap_text)(tmp_path, model(1))
-    (tmp_path / name).write_bytes(content)
-    with pytest.raises(FormatError, match=words) as caught:
-        read_colmap(tmp_path)
-    assert str(tmp_path) in str(caught.value)
+    for number, (name, content, words) in enumerate(BROKEN):
+        with subtests.test(str((name, words))):
+            folder = tmp_path / str(number)
+            (write_colmap if name.endswith(".bin") else write_colmap_text)(folder, model(1))
+            (folder / name).write_bytes(content)
+            with pytest.raises(FormatError, match=words) as caught:
+                read_colmap(folder)
+            assert str(folder) in str(caught.value)
 
 
 def test_a_folder_without_a_model(tmp_path: Path) -> None:

@@ -97,14 +97,14 @@ WRONG: dict[str, tuple[object, str]] = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("case", WRONG)
-def test_what_is_wrong_is_one_line(tmp_path: Path, case: str) -> None:
+def test_what_is_wrong_is_one_line(tmp_path: Path, subtests: pytest.Subtests) -> None:
     """Which names the file, the entry, the value and what is expected."""
-    document, words = WRONG[case]
-    with pytest.raises(DcapError, match=words) as caught:
-        read_given_labels(written(tmp_path, "labels.json", document))
-    assert "\n" not in str(caught.value)
-    assert "labels.json" in str(caught.value)
+    for case, (document, words) in WRONG.items():
+        with subtests.test(str(case)):
+            with pytest.raises(DcapError, match=words) as caught:
+                read_given_labels(written(tmp_path, "labels.json", document))
+            assert "\n" not in str(caught.value)
+            assert "labels.json" in str(caught.value)
 
 
 def test_a_phones_plan_of_a_room(tmp_path: Path) -> None:
