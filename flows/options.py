@@ -283,7 +283,7 @@ class WorkerOptions(Options):
     """Options of `worker`."""
 
     limit: Annotated[int, Field(ge=1, le=64)] = 1
-    """Samples at a time."""
+    """Flow runs at a time."""
 
 
 class AllSettings(BenchmarkOptions, UiOptions):

@@ -13,14 +13,15 @@ from dcap.scene.types.particles import Particles
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
 from dcap.scene.types.settled import Settled
 from tasks.artifact import Ref, Store
-from tasks.drop.stage import DropConfig, drop_task, unforeseen
+from tasks.bodies.end_pose import EndPose
+from tasks.drop.stage import DropConfig, drop_task, unforeseen_end
 from tasks.particles.config import ParticlesConfig
 from tasks.particles.stage import particles_task
 
 COARSER = 1.4
 """How much larger cells are where a drop broke down: half as many along two axes [-]."""
 FINER_GOES = 2
-"""How often at most an object is dropped again that came to rest on coarse cells."""
+"""How often at most an object is dropped again that ended on coarse cells."""
 
 
 def settle(
@@ -36,7 +37,7 @@ def settle(
     drop: DropConfig,
 ) -> tuple[Ref[Particles], Ref[Settled]]:
     """Fill the bodies and drop the object; again on coarser cells where the drop broke down, and on finer ones where
-    the object came to rest where cells were not foreseen to be fine: up to FINER_GOES times, since it may roll on."""
+    the object ended where cells were not foreseen to be fine: up to FINER_GOES times, since it may roll on."""
     particles = particles_task(scene, item, intent, anchor, materials, config=cells, freed=freed)
     settled = drop_task(particles, anchor, intent, seed, config=drop)
     if broke_down(settled):
@@ -46,9 +47,10 @@ def settle(
         if not outcome.infeasible:
             particles, settled = again, outcome
     for _ in range(FINER_GOES):
-        if not settled_elsewhere(settled):
+        elsewhere = ended_elsewhere(settled)
+        if elsewhere is None:
             break
-        again = particles_task(scene, item, intent, anchor, materials, config=cells, rest=settled, freed=freed)
+        again = particles_task(scene, item, intent, anchor, materials, config=cells, ended=elsewhere, freed=freed)
         outcome = drop_task(again, anchor, intent, seed, config=drop)
         if outcome.infeasible:
             break
@@ -62,9 +64,9 @@ def broke_down(settled: Ref[Settled]) -> bool:
     return isinstance(value, Infeasible) and value.reason is Reason.UNSTABLE_STEP
 
 
-def settled_elsewhere(settled: Ref[Settled]) -> bool:
-    """Return whether the drop showed that cells must be fine at another place than was foreseen."""
-    return not settled.pending and unforeseen(Store.default().load(settled))
+def ended_elsewhere(settled: Ref[Settled]) -> EndPose | None:
+    """Return where the drop ended if it showed that cells must be fine at another place than was foreseen."""
+    return None if settled.pending else unforeseen_end(Store.default().load(settled))
 
 
 def drift_broke_down(drift: Ref[Drift], settled: Ref[Settled]) -> bool:

@@ -18,12 +18,13 @@ from dcap.scene.types.gravity import GRAVITY
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.outcome import Infeasible, Reason
 from dcap.scene.types.particles import Particles
-from dcap.scene.types.settled import LastState, LeanCheck, PlacementChecks, Settled
+from dcap.scene.types.settled import LastState, LeanCheck, PlacementChecks, Settled, SettledBody
 from solver.certificate import CertificateRow, Verdict
 from solver.config import SolverConfig
 from solver.errors import ArchError, ModelError, UnstableStep
 from solver.model.bodies import Model
 from solver.rest import Signals
+from tasks.bodies.end_pose import EndPose
 from tasks.bodies.plan_contact import share_within
 from tasks.bodies.proof import proven, refutation
 from tasks.bodies.solver_model import solver_model
@@ -149,11 +150,21 @@ def lies_on(settled: Settled, soft: str) -> bool:
     return force > 0.0 and sum(row.normal_force_n for row in rows if soft in (row.a, row.b)) > 0.5 * force
 
 
-def unforeseen(outcome: Settled | Infeasible) -> bool:
-    """Whether the object came to rest where its contact is not resolved as it should be."""
-    if isinstance(outcome, Infeasible) or outcome.checks is None or outcome.checks.foreseen_share is None:
-        return False
-    return not outcome.checks.foreseen_share.holds
+def unforeseen_end(outcome: Settled | Infeasible) -> EndPose | None:
+    """Where the object came to rest, or came to no rest although it stayed, if its contact there is not resolved as it
+    should be."""
+    own: SettledBody | LastState
+    if isinstance(outcome, Settled):
+        own, checks = outcome.bodies[0], outcome.checks
+    elif outcome.reason is Reason.NO_EQUILIBRIUM and isinstance(outcome.evidence, LastState):
+        own, checks = outcome.evidence, outcome.evidence.checks
+    else:
+        return None
+    if checks is None or checks.foreseen_share is None or checks.foreseen_share.holds:
+        return None
+    x, y, z = own.position.tolist()
+    a, b, c, d = own.quaternion.tolist()
+    return EndPose((x, y, z), (a, b, c, d))
 
 
 def lean_of(settled: Settled, particles: Particles, anchor: Anchor, config: DropConfig) -> LeanCheck | None:

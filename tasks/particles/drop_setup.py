@@ -19,7 +19,7 @@ from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.particles import LayeredPoints
 from dcap.scene.types.repair_report import BodyGeometry, RepairReport
 from dcap.scene.types.segmentation import Instance, Segmentation
-from dcap.scene.types.settled import Settled
+from tasks.bodies.end_pose import EndPose
 from tasks.bodies.footprint import Descent
 from tasks.bodies.material_points import MaterialConstants
 from tasks.particles.config import ParticlesConfig
@@ -57,7 +57,7 @@ class DropSetup:
     descent: Descent
     """The object over what lies beneath it."""
     returned: Descent | None
-    """The same where it came to rest in an earlier drop that had not foreseen it there."""
+    """The same where it was at the end of an earlier drop that had not foreseen it there."""
     body: str = OBJECT
     """The body that `item` is simulated as, to which its materials belong."""
     free: frozenset[str] = frozenset()
@@ -135,7 +135,7 @@ def drop_setup(
     anchor: Anchor,
     materials: PartMaterials,
     config: ParticlesConfig,
-    rest: Settled | None = None,
+    ended: EndPose | None = None,
 ) -> DropSetup:
     """Put the object at its pre-drop pose, cut the region of the base out and look at what is beneath it."""
     mesh = item.mesh.transformed(anchor.world_from_object)
@@ -154,7 +154,7 @@ def drop_setup(
     beneath = Raycaster(scene.mesh.submesh(np.flatnonzero(scene.face_instance == base_index)))
     below = float(anchor.surface_point[2])
     descent = Descent.of(mesh, beneath, below, tilts=anchor.lean is None)
-    returned = None if rest is None else Descent.of(at_rest(mesh, rest, beneath), beneath, below, tilts=False)
+    returned = None if ended is None else Descent.of(lifted_out(mesh, ended, beneath), beneath, below, tilts=False)
     setup = DropSetup(
         scene, item, intent, anchor, materials, config, mesh, base_index, crop, descent, returned, torn=torn
     )
@@ -163,11 +163,11 @@ def drop_setup(
     return setup
 
 
-def at_rest(mesh: Mesh, rest: Settled, beneath: Raycaster) -> Mesh:
-    """The object as it came to rest, lifted out of its dent: until no point of it is below a surface that looks up."""
+def lifted_out(mesh: Mesh, ended: EndPose, beneath: Raycaster) -> Mesh:
+    """The object where a drop ended, lifted out of its dent: until no point of it is below a surface that looks up."""
     moved = np.eye(4)
-    moved[:3, :3] = Rotation.from_quat(rest.bodies[0].quaternion, scalar_first=True).as_matrix()
-    moved[:3, 3] = rest.bodies[0].position
+    moved[:3, :3] = Rotation.from_quat(ended.quaternion, scalar_first=True).as_matrix()
+    moved[:3, 3] = ended.position
     lying = mesh.transformed(moved)
     under = lying.triangles.mean(axis=1)
     hits = beneath.cast(under, np.tile([0.0, 0.0, 1.0], (len(under), 1)))

@@ -17,7 +17,7 @@ from dcap.scene.types.materials import PartMaterials
 from dcap.scene.types.outcome import Infeasible, Reason
 from dcap.scene.types.particles import Particles, SimulationBody, SoftSimulationBody
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
-from dcap.scene.types.settled import Settled
+from tasks.bodies.end_pose import EndPose
 from tasks.bodies.footprint import Footprint
 from tasks.bodies.object_shape import OpenShape, object_shape, refused
 from tasks.cache import stage
@@ -36,21 +36,21 @@ def particles(
     anchor: Anchor,
     materials: PartMaterials,
     config: ParticlesConfig,
-    rest: Settled | None = None,
+    ended: EndPose | None = None,
     freed: FreedThings | None = None,
 ) -> Particles | Infeasible:
-    """Build every body of the drop; with the end of an earlier drop cells are fine there too, and `freed` things are
+    """Build every body of the drop; where an earlier drop `ended` cells are fine, too, and `freed` things are
     free bodies like the object."""
     shape = object_shape(item, intent, anchor)
     if isinstance(shape, OpenShape):
         return refused(shape, intent.object_name)
-    setup = drop_setup(scene, shape.item, intent, anchor, materials, config, rest)
+    setup = drop_setup(scene, shape.item, intent, anchor, materials, config, ended)
     setup.notes += [f"object: {note}" for note in shape.notes]
     if config.coarser > 1.0:
         setup.notes.append(f"cells are {config.coarser:.3g} times larger: on the smaller ones the drop broke down")
-    if rest is not None:
+    if ended is not None:
         setup.notes.append(
-            "dropped again from its start: it had come to rest where contact was not foreseen; cells are fine there too"
+            "dropped again from its start: it had ended where contact was not foreseen; cells are fine there too"
         )
     if freed is not None and freed.notes:
         setup.notes += freed.notes

@@ -20,6 +20,7 @@ from flows.methods import place_by
 from flows.place import STAGES, PlaceConfig, place
 from flows.repeats import COARSER
 from tasks.artifact import Ref, Store
+from tasks.bodies.end_pose import EndPose
 from tasks.cache import Stage
 from tasks.particles.config import ParticlesConfig
 from tasks.posed.stage import posed
@@ -45,7 +46,7 @@ MISTAKES = {
 """Names and edits of mistakes that a person could make in the flow."""
 REPEATS = {
     "first_drop": ("settled = drop_task(particles, anchor", "settled = drop_task(particles, intent"),
-    "no_rest": ("rest=settled, freed", "rest=particles, freed"),
+    "no_end": ("ended=elsewhere, freed", "ended=settled, freed"),
 }
 """And where a drop is repeated."""
 
@@ -92,10 +93,10 @@ def sample(tmp_path: Path) -> Sample:
 def test_the_list_of_stages_is_the_path_of_a_placement(
     monkeypatch: pytest.MonkeyPatch, called: list[str], sample: Sample, *, elsewhere: int, broke: bool, goes: int
 ) -> None:
-    """`place` calls exactly the stages of STAGES, in that order; where the object came to rest elsewhere than was
+    """`place` calls exactly the stages of STAGES, in that order; where the object ended elsewhere than was
     foreseen, so many times, it is dropped up to twice more, and once more where the drop broke down."""
-    answers = iter([True] * elsewhere + [False])
-    monkeypatch.setattr("flows.repeats.settled_elsewhere", lambda _: next(answers))
+    answers = iter([EndPose((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))] * elsewhere + [None])
+    monkeypatch.setattr("flows.repeats.ended_elsewhere", lambda _: next(answers))
     monkeypatch.setattr("flows.repeats.broke_down", lambda _: broke)
     place(sample, PlaceConfig())
     names = [stage.name for stage in STAGES]
@@ -119,7 +120,7 @@ def test_a_given_place_is_taken_by_ours_and_what_is_left_of_it(
     monkeypatch: pytest.MonkeyPatch, called: list[str], sample: Sample, method: str, *, pointed: bool
 ) -> None:
     """Ablations leave one idea out, and not the place with it; baselines find their own."""
-    monkeypatch.setattr("flows.repeats.settled_elsewhere", lambda _: False)
+    monkeypatch.setattr("flows.repeats.ended_elsewhere", lambda _: None)
     place_by(replace(sample, method=method, place=GivenPlace(at=(0.2, 0.2, 0.0))), PlaceConfig())
     assert ("point" in called) is ("point_out" in called) is pointed
 

@@ -27,10 +27,11 @@ from tasks.drop.stage import (
     able,
     carried_share,
     drop,
+    last_state,
     tilt_of,
     toppling,
     turn_of,
-    unforeseen,
+    unforeseen_end,
     with_checks,
 )
 
@@ -263,14 +264,20 @@ def test_the_share_of_the_contact_that_was_foreseen() -> None:
     rest = drop(Particles((body("object", Box(np.full(3, 0.1)), [0, 0, 0.051], fixed=False), table()), (), 0.01, ()),
                 anchor(), asked(), 0, DropConfig())  # fmt: skip
     assert isinstance(rest, Settled)
-    assert not unforeseen(rest)  # nothing is soft
+    assert unforeseen_end(rest) is None  # nothing is soft
     checks = [
         replace(rest.checks or PlacementChecks(CertificateRow.at_least(1.0, 0.5)),
                 foreseen_share=CertificateRow.at_least(share, 0.5))
         for share in (0.4, 0.6)
     ]  # fmt: skip
-    assert [unforeseen(replace(rest, checks=one)) for one in checks] == [True, False]
-    assert not unforeseen(Infeasible(Reason.TOPPLED, "", None))
+    few, enough = (replace(rest, checks=one) for one in checks)
+    end = unforeseen_end(few)
+    assert end is not None
+    assert end.position == tuple(rest.bodies[0].position)
+    assert unforeseen_end(enough) is None
+    assert unforeseen_end(Infeasible(Reason.NO_EQUILIBRIUM, "", last_state(few))) == end  # it hops on coarse cells
+    assert unforeseen_end(Infeasible(Reason.TOPPLED, "", last_state(few))) is None
+    assert unforeseen_end(Infeasible(Reason.UNSTABLE_STEP, "", None)) is None
 
 
 @pytest.mark.parametrize(

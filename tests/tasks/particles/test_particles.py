@@ -2,8 +2,6 @@
 
 from dataclasses import replace
 from functools import cache
-from types import SimpleNamespace
-from typing import cast
 
 import numpy as np
 import pytest
@@ -19,8 +17,8 @@ from dcap.scene.types.materials import BodyModel, Material, PartMaterial, PartMa
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.particles import NodeState, Particles, RigidSimulationBody, SoftSimulationBody
 from dcap.scene.types.segmentation import Instance, Part, Segmentation, SegmentedObject, SegmentedScene
-from dcap.scene.types.settled import Settled, SettledBody
 from tasks.bodies.contact_surface import PER_CELL
+from tasks.bodies.end_pose import EndPose
 from tasks.bodies.plan_contact import share_within
 from tasks.codec import encode
 from tasks.particles.config import ParticlesConfig
@@ -234,10 +232,10 @@ def test_cells_under_the_contact_resolve_it() -> None:
 def test_a_second_drop_is_resolved_where_the_first_one_ended() -> None:
     """A ball that rolled 0.4 m finds fine cells there and where it first came down."""
     first = ball_on_bed()
-    body = SettledBody("object", ball(), np.array([0.0, -0.4, -0.02]), np.array([1.0, 0.0, 0.0, 0.0]), np.zeros((1, 3)))
     again = particles(
         SegmentedScene(bed()), SegmentedObject(item(body=ball())), asked(1.0, hollow=True),
-        above((0.0, 0.0, TOP + BALL_RADIUS + 0.01)), chosen(body=WOOD), ParticlesConfig(), came_to(body),
+        above((0.0, 0.0, TOP + BALL_RADIUS + 0.01)), chosen(body=WOOD), ParticlesConfig(),
+        EndPose((0.0, -0.4, -0.02), (1.0, 0.0, 0.0, 0.0)),
     )  # fmt: skip
     assert isinstance(again, Particles)
     assert first.foreseen is not None
@@ -253,11 +251,6 @@ def test_a_second_drop_is_resolved_where_the_first_one_ended() -> None:
 
     assert cell_at(first, -0.4) > 3.0 * cell_at(first, 0.0)
     assert cell_at(again, -0.4) == pytest.approx(cell_at(again, 0.0), rel=0.3)
-
-
-def came_to(body: SettledBody) -> Settled:
-    """An earlier drop's end, of which the pose of the object counts."""
-    return cast("Settled", SimpleNamespace(bodies=(body,)))
 
 
 def test_fields_and_surfaces_fit_together() -> None:
