@@ -11,9 +11,8 @@ from dcap.scene.types.measures import Drift
 from dcap.scene.types.outcome import Infeasible, Reason
 from dcap.scene.types.particles import Particles
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
-from dcap.scene.types.settled import Settled
+from dcap.scene.types.settled import EndPose, Settled
 from tasks.artifact import Ref, Store
-from tasks.bodies.end_pose import EndPose
 from tasks.drop.stage import DropConfig, drop_task, unforeseen_end
 from tasks.particles.config import ParticlesConfig
 from tasks.particles.stage import particles_task

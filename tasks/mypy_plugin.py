@@ -1,8 +1,8 @@
 """A mypy plugin: the signature of a stage's task, derived from the signature of its function.
 
 Where the function takes a value of the pipeline (a type of dcap/scene/types, or a Source), the task takes a `Ref` of
-it; what the user gave (dcap.scene.types.sample) and plain values stay as they are; `client` is the runner's to give.
-Without this plugin a task takes anything, so other type checkers still know what it returns.
+it; what the user gave (dcap.scene.types.sample), an end pose and plain values stay as they are; `client` is the
+runner's to give. Without this plugin a task takes anything, so other type checkers still know what it returns.
 """
 
 from collections.abc import Callable
@@ -14,7 +14,7 @@ from mypy.types import CallableType, Instance, Parameters, Type, UnionType, get_
 STAGE = "tasks.cache.stage"
 REF = "tasks.artifact.Ref"
 VALUES = ("dcap.scene.types.", "tasks.artifact.Source")
-GIVEN = "dcap.scene.types.sample."
+PLAIN = ("dcap.scene.types.sample.", "dcap.scene.types.settled.EndPose")
 OWN = "client"
 
 
@@ -46,7 +46,7 @@ class StagePlugin(Plugin):
             return UnionType.make_union([self.referred(item) for item in proper.items])
         if isinstance(proper, Instance):
             name = proper.type.fullname
-            if name.startswith(VALUES) and not name.startswith(GIVEN):
+            if name.startswith(VALUES) and not name.startswith(PLAIN):
                 found = self.lookup_fully_qualified(REF)
                 assert found is not None
                 assert isinstance(found.node, TypeInfo)

@@ -18,13 +18,12 @@ from dcap.scene.types.gravity import GRAVITY
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.outcome import Infeasible, Reason
 from dcap.scene.types.particles import Particles
-from dcap.scene.types.settled import LastState, LeanCheck, PlacementChecks, Settled, SettledBody
+from dcap.scene.types.settled import EndPose, LastState, LeanCheck, PlacementChecks, Settled, SettledBody
 from solver.certificate import CertificateRow, Verdict
 from solver.config import SolverConfig
 from solver.errors import ArchError, ModelError, UnstableStep
 from solver.model.bodies import Model
 from solver.rest import Signals
-from tasks.bodies.end_pose import EndPose
 from tasks.bodies.plan_contact import share_within
 from tasks.bodies.proof import proven, refutation
 from tasks.bodies.solver_model import solver_model

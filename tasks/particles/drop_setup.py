@@ -19,7 +19,7 @@ from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.particles import LayeredPoints
 from dcap.scene.types.repair_report import BodyGeometry, RepairReport
 from dcap.scene.types.segmentation import Instance, Segmentation
-from tasks.bodies.end_pose import EndPose
+from dcap.scene.types.settled import EndPose
 from tasks.bodies.footprint import Descent
 from tasks.bodies.material_points import MaterialConstants
 from tasks.particles.config import ParticlesConfig

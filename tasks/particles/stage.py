@@ -17,7 +17,7 @@ from dcap.scene.types.materials import PartMaterials
 from dcap.scene.types.outcome import Infeasible, Reason
 from dcap.scene.types.particles import Particles, SimulationBody, SoftSimulationBody
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
-from tasks.bodies.end_pose import EndPose
+from dcap.scene.types.settled import EndPose
 from tasks.bodies.footprint import Footprint
 from tasks.bodies.object_shape import OpenShape, object_shape, refused
 from tasks.cache import stage

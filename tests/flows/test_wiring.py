@@ -16,12 +16,12 @@ from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.measures import Drift
 from dcap.scene.types.sample import GivenPlace, Sample
 from dcap.scene.types.segmentation import SegmentedObject
+from dcap.scene.types.settled import EndPose
 from flows.methods import place_by
 from flows.place import STAGES, PlaceConfig, place
 from flows.repeats import COARSER
 from tasks.artifact import Ref, Store
-from tasks.bodies.end_pose import EndPose
-from tasks.cache import Stage
+from tasks.cache import Stage, plain_input
 from tasks.particles.config import ParticlesConfig
 from tasks.posed.stage import posed
 
@@ -73,8 +73,10 @@ def called(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[str]:
     monkeypatch.setenv("DCAP_DATA", str(tmp_path))
     called: list[str] = []
 
-    def note(stage: Stage[..., object], *_: object, **__: object) -> Ref[object]:
+    def note(stage: Stage[..., object], *_: object, **named: object) -> Ref[object]:
         called.append(stage.name)
+        for name in named.keys() - {"config"}:
+            plain_input(name, named[name])  # a value that no record can keep is an error
         return Ref("Nothing", "0" * 64)
 
     monkeypatch.setattr(Stage, "__call__", note)

@@ -58,7 +58,7 @@ from dcap.scene.types.rotation import Rotation
 from dcap.scene.types.sample import GivenPlace, KnownHeight, Sample, SourceOptions
 from dcap.scene.types.scan import LabelBox, Room, Scan
 from dcap.scene.types.segmentation import Instance, Part, Segmentation
-from dcap.scene.types.settled import LeanCheck, Settled, SettledBody
+from dcap.scene.types.settled import EndPose, LeanCheck, Settled, SettledBody
 from flows.place import STAGES
 from solver.certificate import BondRow, CertificateRow, NotDone, RollingRow
 from tasks.artifact import Store
@@ -129,6 +129,7 @@ A_THING = GivenThing(
 VALUES = [
     ANCHOR := Anchor("3", "top", 0, "center", np.zeros(2), np.zeros(3), np.eye(4), 0.01, np.zeros((4, 2)), "asked"),
     *chained(INSTANCE, ANCHOR, MATERIAL, a_mesh()),
+    EndPose((0.1, 0.2, 0.3), (1.0, 0.0, 0.0, 0.0)),
     DistanceGrid(np.zeros(3), 0.01, RNG.normal(size=(4, 4, 4)).astype(np.float32)),
     FileScale(0.0254, "by a table"),
     GivenLabels("labels.json", (A_THING,), CornerFrame.Y_UP, complete=False, mesh="0123", notes=("one",)),

@@ -136,6 +136,15 @@ class LastState:
 
 
 @dataclass(frozen=True, slots=True)
+class EndPose:
+    """Where the object was when a drop ended, as in SettledBody: a second drop makes its cells fine there."""
+
+    position: tuple[float, float, float]
+    """[m]."""
+    quaternion: tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
 class SettledMaterial:
     """What became of one soft body."""
 

@@ -17,8 +17,8 @@ from dcap.scene.types.materials import BodyModel, Material, PartMaterial, PartMa
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.particles import NodeState, Particles, RigidSimulationBody, SoftSimulationBody
 from dcap.scene.types.segmentation import Instance, Part, Segmentation, SegmentedObject, SegmentedScene
+from dcap.scene.types.settled import EndPose
 from tasks.bodies.contact_surface import PER_CELL
-from tasks.bodies.end_pose import EndPose
 from tasks.bodies.plan_contact import share_within
 from tasks.codec import encode
 from tasks.particles.config import ParticlesConfig
