@@ -51,7 +51,7 @@ def settle(
             break
         again = particles_task(scene, item, intent, anchor, materials, config=cells, ended=elsewhere, freed=freed)
         outcome = drop_task(again, anchor, intent, seed, config=drop)
-        if outcome.infeasible:
+        if outcome.infeasible and not settled.infeasible:
             break
         particles, settled = again, outcome
     return particles, settled

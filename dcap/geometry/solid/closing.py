@@ -16,7 +16,7 @@ from dcap.scene.types.mesh import Mesh
 IntArray = NDArray[np.int64]
 FloatArray = NDArray[np.float64]
 
-UPRIGHT = 0.5  # borders whose plane is steeper than 60 degrees lie in a side
+UPRIGHT = 0.5  # borders whose plane is steeper than 60 degrees lie in a side, and faces are passed through by grazing
 SMALL = 0.1  # share of a piece's plan below which a hole in its underside is capped, not continued downwards
 SLENDER = 0.1  # thickness over size that a small sheet is given at most
 TOWARDS = 0.75  # share of the way to what lies behind a sheet that it is thickened at most: both sides overlap
@@ -107,9 +107,12 @@ def vertex_normals(mesh: Mesh) -> FloatArray:
 
 
 def room_behind(mesh: Mesh, raycaster: Raycaster) -> FloatArray:
-    """How thick a sheet may become at each vertex and not stand out of what rays hit behind it [m], shape (n,)."""
+    """How thick a sheet may become at each vertex and not come out of a face behind it [m], shape (n,): of a face that
+    it would pass from inside, as the top of a board; what it would run into is united with it."""
     behind = -vertex_normals(mesh)
-    distance = raycaster.cast(mesh.vertices + SKIN * behind, behind).distance + SKIN
+    hits = raycaster.cast(mesh.vertices + SKIN * behind, behind)
+    outwards = np.einsum("ij,ij->i", hits.normal, behind) > UPRIGHT
+    distance = np.where(outwards, hits.distance + SKIN, np.inf)
     least = distance.copy()  # of a vertex and its neighbours: the second side of a face is flat between its corners
     np.minimum.at(least, mesh.faces, distance[mesh.faces].min(axis=1, keepdims=True))
     return np.maximum(TOWARDS * least, LEAST_SLAB)
