@@ -56,7 +56,7 @@ def last_run(dataset: Path, methods: set[str]) -> tuple[Path, set[str]]:
 
 
 def readable_run(path: Path) -> dict[str, Any]:
-    """What a run says of itself; nothing where it cannot be read."""
+    """Read what was asked of a run; nothing where it cannot be read, or another version made it."""
     try:
         return read_asked(path)
     except (InputError, OSError):

@@ -15,11 +15,12 @@ DAMAGED = "the file is damaged, or of another version of dcap; run it again"
 
 
 class EarlierRunError(InputError):
-    """An earlier version of dcap made a run, whose results this one cannot use."""
+    """A run was made by an earlier version of dcap, and this one cannot use its results."""
 
 
 def find_run(run: str) -> Path:
-    """Folder of a run by name, path or `last`; InputError where there is none, or another version of dcap wrote it."""
+    """Return the folder of a run by name, path or `last`; InputError where there is none, or another version
+    of dcap wrote it."""
     for folder in (runs_root() / run, Path(run)):
         if (folder / RUN).is_file():
             read_asked(folder / RUN)
@@ -29,7 +30,7 @@ def find_run(run: str) -> Path:
 
 
 def read_asked(path: Path) -> dict[str, Any]:
-    """What a `run.json` or `sample.json` says; InputError where it is damaged or another version of dcap wrote it."""
+    """Read a `run.json` or `sample.json`; InputError where it is damaged or another version of dcap wrote it."""
     tree = read_keys(path)
     version = tree.get("version", 0)
     if version != ASKED_VERSION:
@@ -39,7 +40,7 @@ def read_asked(path: Path) -> dict[str, Any]:
 
 
 def read_keys(path: Path) -> dict[str, Any]:
-    """The keys of a file that dcap wrote; InputError where the file is damaged."""
+    """Read the keys of a file that dcap wrote; InputError where it is damaged."""
     tree = read_json(path)
     if not isinstance(tree, dict):
         raise InputError(f"{path}: {DAMAGED}")

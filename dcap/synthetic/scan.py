@@ -15,7 +15,6 @@ from pydantic import NonNegativeFloat, NonNegativeInt, PositiveFloat
 
 from dcap.geometry.raycast import tensor
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.writers.interiorgs import vertex_normals
 from dcap.synthetic.paint import smooth_noise
 from dcap.synthetic.schema import RecipeModel
 from dcap.synthetic.shapes import Array
@@ -123,7 +122,7 @@ def _inside(solid: Mesh, points: Array) -> NDArray[np.bool_]:
 
 def _noisy(mesh: Mesh, share: Array, seed: int, defects: ScanDefects, rng: np.random.Generator) -> Mesh:
     """The mesh displaced along its normals, with a little noise in the colours; `share` scales it per vertex."""
-    points, normals = mesh.vertices, vertex_normals(mesh)
+    points, normals = mesh.vertices, mesh.vertex_normals
     shift = defects.smooth_noise * smooth_noise(points, seed + 1, 0.35)
     shift += defects.rough_noise * smooth_noise(points, seed + 2, 0.08)
     shift += defects.fine_noise * rng.standard_normal(len(points))

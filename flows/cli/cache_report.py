@@ -107,20 +107,21 @@ def kept_runs(others: Sequence[Path]) -> tuple[list[Path], set[Ref[Any]], list[s
     for folder in others:
         if not any(run_folders(folder)):
             raise InputError(f"--keep {folder}: no run and no placement lies there; give the folder of one")
-    folders = sorted({folder for root in (runs_root(), *others) for folder in run_folders(root)})
-    needed, unknown = set[Ref[Any]](), []
-    for folder in list(folders):
+    found = sorted({folder for root in (runs_root(), *others) for folder in run_folders(root)})
+    folders, needed, unknown = list[Path](), set[Ref[Any]](), list[str]()
+    for folder in found:
         try:
             asked = asked_of_run(folder) if (folder / RUN).is_file() else asked_of(str(folder), None)[0]
         except EarlierRunError as error:
-            unknown.append(str(error))
-            folders.remove(folder)
+            unknown.append(f"{error}; nothing is kept for it")
             continue
         except (InputError, OSError, ValueError) as error:
             # a later version wrote it, or it is damaged; its samples still say what they were made of
             unknown.append(str(error))
+            folders.append(folder)
             needed |= {ref for one in folder.rglob(RECORDS) for ref in read_needs(one.parent) or ()}
             continue
+        folders.append(folder)
         for sample in asked.samples.values():
             refs = read_needs(asked.folder_of(sample.id))
             if refs is None:

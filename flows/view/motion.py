@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from dcap.geometry.deform import touching
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.paint import PaintedMesh
-from flows.view.surface import DrawnSurface, drawn, thinned, vertex_normals, whole
+from flows.view.surface import DrawnSurface, drawn, thinned, upright_normals, whole
 from tasks.render.motion import DropMotion, MovingPoints, MovingScene
 
 Array = NDArray[np.float64]
@@ -80,7 +80,7 @@ class MovingSurfaces:
         now, mine = self._mesh(frame), np.zeros(len(self._used), dtype=bool)
         mine[self._faces[self._owner[:, 0] == self._scene.scene.index_of(instance)]] = True
         shift = now.vertices - self._scene.unbent(frame)[self._used]
-        return np.where(mine, np.einsum("ij,ij->i", shift, vertex_normals(now)), 0.0)
+        return np.where(mine, np.einsum("ij,ij->i", shift, upright_normals(now)), 0.0)
 
     def surface(self, frame: int, piece: tuple[int, int], colors: NDArray[np.uint8] | None = None) -> DrawnSurface:
         """The bending faces of an instance's part at a frame, perhaps in colours of the vertices (n, 3) instead."""

@@ -48,15 +48,11 @@ def whole(thing: PaintedMesh) -> DrawnSurface:
     return DrawnSurface(thing.mesh, ShadingNormals(thing.mesh).of_corners(every), thing.paint)
 
 
-def vertex_normals(mesh: Mesh) -> NDArray[np.float64]:
-    """Unit normals as wound, averaged by area over the faces at each vertex; z where there is none, shape (n, 3)."""
-    total = np.zeros_like(mesh.vertices)
-    for axis, part in enumerate(mesh.face_normals.T):
-        for corner in mesh.faces.T:
-            total[:, axis] += np.bincount(corner, part, minlength=len(total))
-    length = np.linalg.norm(total, axis=1)
-    total[length == 0.0] = (0.0, 0.0, 1.0)
-    return np.asarray(total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-300))
+def upright_normals(mesh: Mesh) -> NDArray[np.float64]:
+    """Return the normals of the vertices; z where a vertex has none, shape (n, 3)."""
+    normals = mesh.vertex_normals
+    normals[(normals == 0.0).all(axis=1)] = (0.0, 0.0, 1.0)
+    return normals
 
 
 def seen_from(thing: PaintedMesh, some: NDArray[np.bool_], point: NDArray[np.float64]) -> PaintedMesh:

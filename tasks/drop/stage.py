@@ -150,8 +150,8 @@ def lies_on(settled: Settled, soft: str) -> bool:
 
 
 def unforeseen_end(outcome: Settled | Infeasible) -> EndPose | None:
-    """Where the object came to rest, or came to no rest although it stayed, if its contact there is not resolved as it
-    should be."""
+    """Return where the object came to rest, or moved on without end, if its contact there is not resolved as it should
+    be; None if it is, or if the object touched nothing at the end."""
     own: SettledBody | LastState
     if isinstance(outcome, Settled):
         own, checks = outcome.bodies[0], outcome.checks

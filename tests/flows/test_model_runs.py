@@ -145,9 +145,8 @@ def test_a_rerun_asks_again_and_keeps_what_it_hears(dataset: Path, api: FakeApi)
     tree = json.loads(said)
     tree["language"]["max_cost"] = 0.001
     (first / "run.json").write_text(json.dumps(tree))
-    assert (
-        dcap(dataset, "rerun", "last", "lacks", "--stage", "intent", expected=2) == first
-    )  # its limit, without another
+    # without a limit of its own it has that of its run
+    assert dcap(dataset, "rerun", "last", "lacks", "--stage", "intent", expected=2) == first
     (first / "run.json").write_text(said)
     assert len(api.asked) == len(asked) + 1
 

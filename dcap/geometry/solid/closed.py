@@ -88,8 +88,8 @@ class CleanedPart:
         return Raycaster(self.visible)
 
     def thickness(self, piece: Mesh, most: float) -> FloatArray:
-        """How thick a sheet becomes at each of its vertices [m], shape (n,): `most`, but it stands out of nothing that
-        lies behind it."""
+        """Return how thick a sheet becomes at each of its vertices [m], shape (n,): `most`, or less where it would come
+        out of what lies behind it."""
         return np.minimum(most, room_behind(piece, self.raycaster))
 
     def moved(self, solid: Mesh) -> tuple[float, float, float]:
@@ -214,8 +214,7 @@ def with_faces_kept(
     for way in ways:
         own_log = log.copy()
         closed = [
-            way(piece, floor, given.thickness(piece, allowed.thickness), own_log)
-            for piece, floor in zip(given.pieces, given.floors, strict=True)
+            way(piece, floor, given, allowed, own_log) for piece, floor in zip(given.pieces, given.floors, strict=True)
         ]
         solid = united(closed, own_log)
         if solid is None or not well_formed(solid):
@@ -238,11 +237,11 @@ def vessels(given: CleanedPart) -> bool:
     return float(area[[is_sheet(p) for p in given.pieces]].sum()) < LOOSE * float(area.sum())
 
 
-def with_walls(piece: Mesh, floor: float | None, thickness: FloatArray, log: RepairLog) -> Mesh:
-    """A piece of a support closed by walls down to its floor; a sheet that hangs below has a `thickness` (n,) [m]."""
+def with_walls(piece: Mesh, floor: float | None, given: CleanedPart, allowed: RepairLimits, log: RepairLog) -> Mesh:
+    """A piece of a support closed by walls down to its floor."""
     below, holes = borders(piece)
     if floor is None or not below or (is_sheet(piece) and looks_down(piece)):
-        return with_caps(piece, floor, thickness, log)
+        return with_caps(piece, floor, given, allowed, log)
     return walled(capped(piece, holes, log), below, floor, log)
 
 
@@ -254,9 +253,11 @@ def on_floor(piece: Mesh, floor: float | None, log: RepairLog) -> Mesh:
     return walled(piece, below, floor, log)
 
 
-def with_caps(piece: Mesh, floor: float | None, thickness: FloatArray, log: RepairLog) -> Mesh:
-    """A piece closed by caps, a sheet by a second side at a `thickness` (n,) [m]."""
-    return slab(piece, thickness, log) if is_sheet(piece) else capped(piece, hole_loops(piece), log)
+def with_caps(piece: Mesh, floor: float | None, given: CleanedPart, allowed: RepairLimits, log: RepairLog) -> Mesh:
+    """A piece closed by caps, a sheet by a second side."""
+    if is_sheet(piece):
+        return slab(piece, given.thickness(piece, allowed.thickness), log)
+    return capped(piece, hole_loops(piece), log)
 
 
 def same_solid(solid: Mesh, inside: MeshDistance) -> bool:

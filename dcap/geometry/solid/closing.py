@@ -16,9 +16,10 @@ from dcap.scene.types.mesh import Mesh
 IntArray = NDArray[np.int64]
 FloatArray = NDArray[np.float64]
 
-UPRIGHT = 0.5  # borders whose plane is steeper than 60 degrees lie in a side, and faces are passed through by grazing
+UPRIGHT = 0.5  # borders whose plane is steeper than 60 degrees lie in a side
 SMALL = 0.1  # share of a piece's plan below which a hole in its underside is capped, not continued downwards
 SLENDER = 0.1  # thickness over size that a small sheet is given at most
+OUTWARDS = 0.5  # least cosine between a ray and the normal of a face through which it comes out
 TOWARDS = 0.75  # share of the way to what lies behind a sheet that it is thickened at most: both sides overlap
 SKIN = 1e-5  # where rays behind a sheet begin: they do not hit the sheet itself [m]
 LEAST_SLAB = 1e-4  # thickness of a sheet that lies on another [m]
@@ -98,20 +99,12 @@ def walled(mesh: Mesh, loops: list[IntArray], floor: float, log: RepairLog) -> M
     return Mesh(np.concatenate(vertices), np.concatenate(faces).astype(np.int32), np.concatenate(colors))
 
 
-def vertex_normals(mesh: Mesh) -> FloatArray:
-    """Mean of the normals of the faces at each vertex, shape (n, 3)."""
-    normal = np.zeros_like(mesh.vertices)
-    for corner in range(3):
-        np.add.at(normal, mesh.faces[:, corner], mesh.face_normals)
-    return np.asarray(normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300))
-
-
 def room_behind(mesh: Mesh, raycaster: Raycaster) -> FloatArray:
     """How thick a sheet may become at each vertex and not come out of a face behind it [m], shape (n,): of a face that
     it would pass from inside, as the top of a board; what it would run into is united with it."""
-    behind = -vertex_normals(mesh)
+    behind = -mesh.vertex_normals
     hits = raycaster.cast(mesh.vertices + SKIN * behind, behind)
-    outwards = np.einsum("ij,ij->i", hits.normal, behind) > UPRIGHT
+    outwards = np.einsum("ij,ij->i", hits.normal, behind) > OUTWARDS
     distance = np.where(outwards, hits.distance + SKIN, np.inf)
     least = distance.copy()  # of a vertex and its neighbours: the second side of a face is flat between its corners
     np.minimum.at(least, mesh.faces, distance[mesh.faces].min(axis=1, keepdims=True))
@@ -122,15 +115,15 @@ def slab(mesh: Mesh, thickness: float | FloatArray, log: RepairLog) -> Mesh:
     """A sheet with a second side behind it, against its normals, and walls along its border: `thickness` [m], one or
     shape (n,), or, if it is small, a share of its size.
     """
-    normal = vertex_normals(mesh)
-    depth = np.minimum(thickness, np.full(len(normal), SLENDER * float(np.sqrt(mesh.face_areas.sum()))))
+    most = SLENDER * float(np.sqrt(mesh.face_areas.sum()))
+    depth = np.broadcast_to(np.minimum(thickness, most), len(mesh.vertices))
     edge, _ = boundary_edges(mesh)
     start, end = edge.T
     count = len(mesh.vertices)
     walls = [np.stack(c, axis=1) for c in ((end, start, start + count), (end, start + count, end + count))]
     log.add(RepairKind.THICKENED, float(depth.max()))
     return Mesh(
-        np.concatenate([mesh.vertices, mesh.vertices - depth[:, None] * normal]),
+        np.concatenate([mesh.vertices, mesh.vertices - depth[:, None] * mesh.vertex_normals]),
         np.concatenate([mesh.faces, mesh.faces[:, ::-1] + count, *walls]).astype(np.int32),
         np.concatenate([mesh.colors, mesh.colors]),
     )

@@ -69,6 +69,17 @@ class Mesh:
         return np.cross(b - a, c - a)
 
     @property
+    def vertex_normals(self) -> NDArray[np.float64]:
+        """Unit normals, averaged by area over the faces at each vertex; zero where these cancel, shape (n, 3)."""
+        normals = np.zeros_like(self.vertices)
+        weighted = np.repeat(self.face_normals, 3, axis=0)
+        for axis in range(3):
+            normals[:, axis] = np.bincount(self.faces.ravel(), weighted[:, axis], len(self.vertices))
+        lengths: NDArray[np.float64] = np.linalg.norm(normals, axis=1, keepdims=True)
+        normals /= np.maximum(lengths, 1e-30)
+        return normals
+
+    @property
     def face_areas(self) -> NDArray[np.float64]:
         """Areas [m^2], shape (m,)."""
         areas: NDArray[np.float64] = 0.5 * np.linalg.norm(self.face_normals, axis=1)

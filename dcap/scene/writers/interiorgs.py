@@ -8,6 +8,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -169,20 +170,9 @@ def _write_occupancy(folder: Path, room: RoomRecord) -> None:
     _write_json(folder / "occupancy.json", document)
 
 
-def vertex_normals(mesh: Mesh) -> NDArray[np.float64]:
-    """Area-weighted unit normals, shape (n, 3)."""
-    normals = np.zeros_like(mesh.vertices)
-    weighted = np.repeat(mesh.face_normals, 3, axis=0)
-    for axis in range(3):
-        normals[:, axis] = np.bincount(mesh.faces.ravel(), weighted[:, axis], len(mesh.vertices))
-    lengths: NDArray[np.float64] = np.linalg.norm(normals, axis=1, keepdims=True)
-    normals /= np.maximum(lengths, 1e-30)
-    return normals
-
-
 def write_ply(path: Path, mesh: Mesh, comments: Sequence[str] = ()) -> None:
     """A binary PLY with vertex normals and colours, properties as Open3D writes them."""
-    place = np.hstack([mesh.vertices, vertex_normals(mesh)])
-    vertex = {"x y z nx ny nz": place, "red green blue": mesh.colors}
+    place: NDArray[np.float64] = np.hstack([mesh.vertices, mesh.vertex_normals])
+    vertex: dict[str, NDArray[Any]] = {"x y z nx ny nz": place, "red green blue": mesh.colors}
     face = {"list vertex_indices": mesh.faces.astype(np.uint32)}
     path.write_bytes(ply_bytes({"vertex": vertex, "face": face}, comments))
