@@ -145,7 +145,19 @@ def give_up_server() -> None:
     if not was_given_up():
         _retries_before.setdefault(RETRIES, os.environ.get(RETRIES, "0"))  # threads may lose a server together
         os.environ[RETRIES] = "0"
-        apply_settings()
+        _never_ask_again()
+
+
+def _never_ask_again() -> None:
+    """Apply RETRIES without reading Prefect's settings again: that changes the working directory, and the other threads
+    are placing samples whose paths are relative to it."""
+    from prefect import context
+
+    settings = context.GLOBAL_SETTINGS_CONTEXT.settings
+    client = settings.client.model_copy(update={"max_retries": 0})
+    context.GLOBAL_SETTINGS_CONTEXT = context.GLOBAL_SETTINGS_CONTEXT.model_copy(
+        update={"settings": settings.model_copy(update={"client": client})}
+    )
 
 
 def was_given_up() -> bool:

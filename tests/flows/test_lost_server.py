@@ -15,6 +15,7 @@ import pytest
 import small_stages
 from prefect.client.schemas.objects import State, StateType, WorkerStatus
 from prefect.exceptions import ObjectNotFound
+from prefect.settings import PREFECT_CLIENT_MAX_RETRIES
 from prefect.states import Completed
 
 from dcap.scene.errors import DcapError
@@ -240,6 +241,16 @@ def test_the_users_patience_is_that_of_the_next_server(tmp_path: Path, monkeypat
     assert (server.was_given_up(), os.environ["PREFECT_CLIENT_MAX_RETRIES"]) == (True, "0")
     with server._as_own_server("http://127.0.0.1:9/api"):
         assert (server.was_given_up(), os.environ["PREFECT_CLIENT_MAX_RETRIES"]) == (False, "7")
+        assert PREFECT_CLIENT_MAX_RETRIES.value() == 7
+
+
+def test_a_lost_server_moves_no_other_thread(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those place samples whose paths are relative to the working directory."""
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path))
+    with server._as_own_server("http://127.0.0.1:9/api"):
+        monkeypatch.setattr(os, "chdir", lambda _: pytest.fail("the working directory changes"))
+        server.give_up_server()
+        assert PREFECT_CLIENT_MAX_RETRIES.value() == 0
 
 
 def test_a_dead_run_waits_for_its_own_server(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
