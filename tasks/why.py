@@ -57,7 +57,7 @@ def changed_inputs(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[s
         if before == now:
             continue
         if "ref" in before or "ref" in now:
-            yield f"input {name} has changed"
+            yield f"input {name} differs"
         else:
             yield from named("input ", changed_values({name: before.get("value")}, {name: now.get("value")}))
 

@@ -233,24 +233,19 @@ def test_a_slow_server_is_not_given_up(tmp_path: Path, monkeypatch: pytest.Monke
 
 
 def test_the_users_patience_is_that_of_the_next_server(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What a person has set is in force again when another server is used."""
+    """What a person has set is in force again when another server is used. A server is given up without a change of
+    the working directory, which other threads need: their samples' paths may be relative to it."""
     monkeypatch.setenv("DCAP_DATA", str(tmp_path))
     monkeypatch.setenv("PREFECT_CLIENT_MAX_RETRIES", "7")
-    server.give_up_server()
-    server.give_up_server()
+    with monkeypatch.context() as fixed:
+        fixed.setattr(os, "chdir", lambda _: pytest.fail("the working directory changes"))
+        server.give_up_server()
+        server.give_up_server()
     assert (server.was_given_up(), os.environ["PREFECT_CLIENT_MAX_RETRIES"]) == (True, "0")
+    assert PREFECT_CLIENT_MAX_RETRIES.value() == 0
     with server._as_own_server("http://127.0.0.1:9/api"):
         assert (server.was_given_up(), os.environ["PREFECT_CLIENT_MAX_RETRIES"]) == (False, "7")
         assert PREFECT_CLIENT_MAX_RETRIES.value() == 7
-
-
-def test_a_lost_server_moves_no_other_thread(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Those place samples whose paths are relative to the working directory."""
-    monkeypatch.setenv("DCAP_DATA", str(tmp_path))
-    with server._as_own_server("http://127.0.0.1:9/api"):
-        monkeypatch.setattr(os, "chdir", lambda _: pytest.fail("the working directory changes"))
-        server.give_up_server()
-        assert PREFECT_CLIENT_MAX_RETRIES.value() == 0
 
 
 def test_a_dead_run_waits_for_its_own_server(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

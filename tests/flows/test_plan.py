@@ -91,7 +91,7 @@ def test_a_change_is_named_and_leaves_the_other_branch_alone(
     for path in (sample.scene, sample.object):
         Path(path).write_text("# another\n")
     runs = [(one.stage, one.why) for one in planned().stages if one.state == "runs"]
-    assert runs == [("read_one", "input source has changed"), ("read_other", "input source has changed")]
+    assert runs == [("read_one", "input source differs"), ("read_other", "input source differs")]
 
 
 def test_a_real_sample_is_planned_to_its_end(sample: Sample) -> None:

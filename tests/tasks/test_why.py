@@ -50,7 +50,7 @@ def test_each_part_of_a_key_is_named() -> None:
     known(base, config=config)
     for words, tree in {
         "its result is missing or damaged": drop(base, config=config),
-        "input scan has changed": drop(base | {"scan": OTHER}, config=config),
+        "input scan differs": drop(base | {"scan": OTHER}, config=config),
         "input seed 0 -> 7": drop(base | {"seed": 7}, config=config),
         "drop.solver.cell 0.01 -> 0.02": drop(base, config=config | {"solver": {"cell": 0.02, "seed": 0}}),
         "code solver/step.py": drop(base, config=config, code=code_with(**{"solver/step.py": "b"})),
@@ -75,7 +75,7 @@ def test_the_closest_record_is_that_of_the_same_sample() -> None:
     one that came after the first look."""
     known({"scan": SCAN, "prompt": "on the bed"})
     known({"scan": OTHER, "prompt": "on the desk"})
-    assert why(drop({"scan": OTHER, "prompt": "on the bed"})) == "input scan has changed"
+    assert why(drop({"scan": OTHER, "prompt": "on the bed"})) == "input scan differs"
     known({"scan": SCAN, "prompt": "on the bed"}, libraries={"numpy": "2.2.0"})
     assert why(drop({"scan": SCAN, "prompt": "on the bed"}, libraries={"numpy": "2.1.0"})) == (
         "library numpy 2.2.0 -> 2.1.0"
