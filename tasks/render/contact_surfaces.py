@@ -4,6 +4,8 @@ In: the settled state. Out: nodes of a file: of the object's surface, cut finely
 points and makes up the area that the drop found, with that area, force and mean pressure.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
@@ -33,9 +35,7 @@ def contact_nodes(settled: Settled) -> list[Node]:
         return [Node("contacts")]
     surface, away = near_points(own.surface, points)
     others = [row.b if row.a == own.name else row.a for row in rows]
-    known = {body.name: body.surface for body in settled.bodies}
-    middle = surface.triangles.mean(axis=1)
-    nearest = np.stack([Raycaster(known[name]).distance_to(middle) for name in others]).argmin(axis=0)
+    nearest = nearest_body(settled, others, surface) if len(others) > 1 else np.zeros(len(away))
     children = []
     for number, (row, other) in enumerate(zip(rows, others, strict=True)):
         faces = patch_faces(surface, np.where(nearest == number, away, np.inf), row.area_m2)
@@ -43,6 +43,14 @@ def contact_nodes(settled: Settled) -> list[Node]:
         colored = Mesh.of(patch.vertices, patch.faces, COLOR)
         children.append(Node(f"{own.name} on {other}", colored, label=f"contact with {other}", extras=loads(row)))
     return [Node("contacts", children=tuple(children))]
+
+
+def nearest_body(settled: Settled, names: Sequence[str], surface: Mesh) -> NDArray[np.int64]:
+    """Which of the named bodies each face (m,) of a surface is nearest to."""
+    known = {body.name: body.surface for body in settled.bodies}
+    middle = surface.triangles.mean(axis=1)
+    distances = np.stack([Raycaster(known[name]).distance_to(middle) for name in names])
+    return np.asarray(distances.argmin(axis=0), dtype=np.int64)
 
 
 def near_points(surface: Mesh, points: Array) -> tuple[Mesh, Array]:
