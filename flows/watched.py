@@ -256,10 +256,12 @@ def place_all(
 
 def show_there(show: Callable[[], object]) -> None:
     """Show something on Prefect's pages; nothing any more once the server was lost, as each go waits for it."""
+    if own_server_has_ended():
+        lose_server()
     if not _server_lost.is_set():
         with pass_over_server_errors() as lost:
             show()
-        if lost or own_server_has_ended():
+        if lost:
             lose_server()
 
 

@@ -245,6 +245,7 @@ def test_a_light_plate_is_not_thrown_by_its_many_springs(lab):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_what_springs_give_is_taken_back(lab):
     """A ball on a slab: no point lies deeper than three times what is aimed at in the mean."""
     slab = lab.soft("slab", lab.Box(np.array([0.2, 0.2, 0.075])), [0, 0, 0.0375], E=2e4, cell=0.0125, fixed=True,

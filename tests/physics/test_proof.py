@@ -63,7 +63,7 @@ MOVES: dict[str, Callable[[Points], Points]] = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("method", ["tl", "mls"])
+@pytest.mark.parametrize("method", ["tl", pytest.param("mls", marks=pytest.mark.long)])
 def test_a_state_that_was_moved_is_refuted(lab, method: Literal["tl", "mls"]) -> None:
     """Lifted from twice the gap on, pushed in, turned, or with its support gone: none holds; as it was, each does."""
     missed = []

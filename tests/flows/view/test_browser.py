@@ -59,6 +59,7 @@ def settled_canvas(page: HeadlessPage) -> NDArray[np.uint8]:
     raise AssertionError(f"the picture does not settle: {colors(before)} colours")
 
 
+@pytest.mark.long
 def test_the_page_shows_textures(server: viser.ViserServer, tmp_path: Path) -> None:
     """Every quarter of a plate is seen in its own hue."""
     surface = plate()
