@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, NonNegativeInt, PositiveFloat
 from scipy.spatial.transform import Rotation
 
+from dcap.geometry.distance import sampler
 from dcap.scene.errors import GeometryError, InputError
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.gravity import GRAVITY
@@ -110,10 +111,9 @@ def with_checks(settled: Settled, particles: Particles, anchor: Anchor, intent: 
         turn = CertificateRow.at_most(turn_of(turned), config.turn_angle)
     lean = lean_of(settled, particles, anchor, config)
     foreseen = None
-    touches = len(settled.contact_points) > 0
-    if particles.foreseen is not None and touches and anchor.lean is None and lies_on(settled, anchor.base_id):
-        within = share_within(settled.contact_points, particles.foreseen)
-        foreseen = CertificateRow.at_least(within, config.foreseen_share)
+    points = points_on(settled, particles, anchor.base_id)
+    if particles.foreseen is not None and len(points) and anchor.lean is None:
+        foreseen = CertificateRow.at_least(share_within(points, particles.foreseen), config.foreseen_share)
     bounds = config.topple_angle, config.turn_angle
     poses = pose_checks(anchor.pose, orientation, anchor.world_from_object, turned, turn_of(turned), bounds)
     checks = PlacementChecks(
@@ -141,6 +141,22 @@ def indentation(settled: Settled, particles: Particles, base_id: str) -> float:
     return max((float(-end.displacement[:, 2].min(initial=0.0)) for end in mine), default=0.0)
 
 
+def points_on(settled: Settled, particles: Particles, soft: str) -> Array:
+    """Points (k, 3) at which the object lies on a soft body [m]; none where it lies on something else.
+
+    Of one that hops, and touches nothing just now, it is the point that is nearest to anything.
+    """
+    nothing = np.zeros((0, 3))
+    if len(settled.contact_points):
+        return settled.contact_points if lies_on(settled, soft) else nothing
+    if settled.verdict is not Verdict.NO_EQUILIBRIUM:
+        return nothing
+    vertices, others = settled.bodies[0].surface.vertices, particles.bodies[1:]
+    gaps = np.stack([sampler(one.distance)(vertices) for one in others])
+    other, vertex = np.unravel_index(gaps.argmin(), gaps.shape)
+    return vertices[[vertex]] if others[other].name == soft else nothing
+
+
 def lies_on(settled: Settled, soft: str) -> bool:
     """Whether most of what presses on the object is a soft body."""
     own = settled.bodies[0].name
@@ -151,7 +167,7 @@ def lies_on(settled: Settled, soft: str) -> bool:
 
 def unforeseen_end(outcome: Settled | Infeasible) -> EndPose | None:
     """Return where the object came to rest, or moved on without end, if its contact there is not resolved as it should
-    be; None if it is, or if the object touched nothing at the end."""
+    be; None if it is, or if the object lay on nothing soft."""
     own: SettledBody | LastState
     if isinstance(outcome, Settled):
         own, checks = outcome.bodies[0], outcome.checks

@@ -18,7 +18,7 @@ from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Infeasible, Reason
 from dcap.scene.types.particles import InertialProperties, Particles, RigidSimulationBody
 from dcap.scene.types.settled import LastState, PlacementChecks, Settled
-from solver.certificate import CertificateRow, NotDone
+from solver.certificate import CertificateRow, NotDone, Verdict
 from solver.config import SolverConfig
 from solver.errors import ModelError
 from tasks.bodies.plan_contact import share_within
@@ -28,6 +28,7 @@ from tasks.drop.stage import (
     carried_share,
     drop,
     last_state,
+    points_on,
     tilt_of,
     toppling,
     turn_of,
@@ -278,6 +279,20 @@ def test_the_share_of_the_contact_that_was_foreseen() -> None:
     assert unforeseen_end(Infeasible(Reason.NO_EQUILIBRIUM, "", last_state(few))) == end  # it hops on coarse cells
     assert unforeseen_end(Infeasible(Reason.TOPPLED, "", last_state(few))) is None
     assert unforeseen_end(Infeasible(Reason.UNSTABLE_STEP, "", None)) is None
+
+
+def test_where_a_thing_that_hops_would_touch() -> None:
+    """Where it is nearest to the soft body; nowhere if that is not what it is nearest to, or if it has flown away."""
+    high = body("object", Box(np.full(3, 0.1)), [0.1, 0.0, 0.08], fixed=False)
+    particles = Particles((high, table()), (), 0.01, ())
+    rest = SimpleNamespace(contact_points=np.zeros((0, 3)), verdict=Verdict.NO_EQUILIBRIUM, bodies=[high])
+    hops: Any = rest
+    (point,) = points_on(hops, particles, "table/rigid")
+    assert point[2] == pytest.approx(0.03)
+    assert abs(point[0] - 0.1) <= 0.05
+    assert len(points_on(hops, particles, "bed")) == 0
+    rest.verdict = Verdict.LEFT_TARGET
+    assert len(points_on(hops, particles, "table/rigid")) == 0
 
 
 @pytest.mark.parametrize(
