@@ -29,6 +29,7 @@ from dcap.language.protocol.client import ClientName
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import InputError
 from dcap.scene.json_tree import JsonObject, object_to_json
+from dcap.scene.machine_errors import is_server_error
 from dcap.scene.settings import data_root, runs_root, version
 from dcap.scene.spelling import not_one_of
 from dcap.scene.types.sample import Sample
@@ -132,8 +133,7 @@ def run_benchmark(
         at_a_time = max(workers, MOST_WAITING) if waits else workers
         shown = benchmark.with_options(flow_run_name=lambda: folder.name, task_runner=runner.task_runner(at_a_time))
         parameters = (str(path), list(methods), workers, runner.name)
-        if in_flow(partial(shown, *parameters), benchmark_tags(folder.name, methods), work):
-            print_lines(["the Prefect server was lost: its page of this run is incomplete, the results are whole"])
+        in_flow(partial(shown, *parameters), benchmark_tags(folder.name, methods), work, console_on_stderr().print)
     if runs[0].table:
         print_lines(shown_lines(runs[0].table))
     return runs[0]
@@ -253,10 +253,10 @@ def new_run_folder(dataset: Path, samples: Sequence[Sample], config: PlaceConfig
     name = f"{dataset.stem}-{datetime.now(UTC):%Y%m%d-%H%M%S}"
     folder = runs_root() / name
     suffix = 2
-    while folder.exists():
+    runs_root().mkdir(parents=True, exist_ok=True)
+    while not made(folder):
         folder = runs_root() / f"{name}-{suffix}"
         suffix += 1
-    folder.mkdir(parents=True)
     asked = {
         "version": ASKED_VERSION,
         "dataset": str(dataset.resolve()),
@@ -276,6 +276,15 @@ def new_run_folder(dataset: Path, samples: Sequence[Sample], config: PlaceConfig
     draft.symlink_to(folder.name)
     os.replace(draft, runs_root() / "last")
     return folder
+
+
+def made(folder: Path) -> bool:
+    """Make a folder; False where somebody else has."""
+    try:
+        folder.mkdir()
+    except FileExistsError:
+        return False
+    return True
 
 
 def versions() -> dict[str, str]:
@@ -327,8 +336,10 @@ def rerun_sample(run: str, sample_id: str, stage: str, max_cost: float | None = 
 
         context = RunContext(refresh=refreshed, session=session, on_event=stage_lines(console, status))
         try:
-            result = place_in_flow(sample, config, context, folder.name)
+            result = place_in_flow(sample, config, context, console.print, folder.name)
         except Exception as error:
+            if is_server_error(error):
+                raise  # it tells nothing of the sample, which may be finished
             result = error
     tree, _ = keep_result(folder, sample, result)
     page = rewrite_report(run)

@@ -15,7 +15,7 @@ from dcap.evaluation.run_folder import sample_folder
 from dcap.scene.errors import InputError
 from dcap.scene.settings import runs_root
 from flows.find_run import RUN, find_run, read_asked, read_keys
-from flows.run_files import PLACEMENT, UNFINISHED, sample_from_json
+from flows.run_files import PLACEMENT, UNFINISHED, sample_from_json, undamaged
 from flows.scoring import scored_row
 from tasks.cache import deciding
 from tasks.why import flattened
@@ -53,9 +53,10 @@ def run_facts(folder: Path) -> RunFacts:
     tree = read_asked(folder / RUN)
     rows = rows_of(folder)
     samples = {}
-    for asked in listed(tree, "samples", folder / RUN):
-        name = str(asked.get("id"))
-        samples[name] = sample_facts(asked, rows.get(name), sample_folder(folder, name))
+    with undamaged(folder / RUN):
+        for asked in tree["samples"]:
+            name = str(asked["id"])
+            samples[name] = sample_facts(asked, rows.get(name), sample_folder(folder, name))
     return RunFacts(str(folder), samples, settings_of(tree), tree.get("versions") or {})
 
 
@@ -63,16 +64,9 @@ def placement_facts(folder: Path) -> RunFacts:
     """What the folder of one placement says."""
     tree = read_asked(folder / PLACEMENT) if (folder / PLACEMENT).is_file() else {}
     asked = tree.get("sample") or {}
-    return RunFacts(str(folder), {str(asked.get("id", "placement")): sample_facts(asked, None, folder)},
-                    settings_of(tree) if tree else {}, {})  # fmt: skip
-
-
-def listed(tree: Mapping[str, Any], key: str, path: Path) -> list[dict[str, Any]]:
-    """A list of objects in a file."""
-    found = tree.get(key)
-    if not isinstance(found, list) or not all(isinstance(one, dict) for one in found):
-        raise InputError(f"{path}: {key} is no list of objects; was it written by `dcap benchmark`?")
-    return found
+    with undamaged(folder / PLACEMENT):
+        facts = {str(asked.get("id", "placement")): sample_facts(asked, None, folder)}
+    return RunFacts(str(folder), facts, settings_of(tree) if tree else {}, {})
 
 
 def rows_of(folder: Path) -> dict[str, dict[str, Any]]:

@@ -52,7 +52,7 @@ def last_run(dataset: Path, methods: set[str]) -> tuple[Path, set[str]]:
             f"--only-failed: no run of {dataset} by {', '.join(sorted(methods))} in {runs_root()}; run without it"
         )
     _, _, folder, tree = max(found, key=lambda one: one[:2])
-    return folder, {str(one["id"]) for one in tree["samples"]}
+    return folder, {str(one.get("id")) for one in tree.get("samples", ())}
 
 
 def readable_run(path: Path) -> dict[str, Any]:

@@ -3,6 +3,8 @@
 from pathlib import Path
 from typing import Any
 
+from pydantic import BaseModel, ValidationError
+
 from dcap.scene.errors import InputError
 from dcap.scene.readers.files.json_text import read_json
 from dcap.scene.settings import runs_root
@@ -12,6 +14,19 @@ RUN = "run.json"
 ASKED_VERSION = 1
 """Of `run.json` and `sample.json`: raised where what earlier versions wrote can no longer be read."""
 DAMAGED = "the file is damaged, or of another version of dcap; run it again"
+
+
+class AskedKeys(BaseModel):
+    """What the keys of `run.json` and `sample.json` hold."""
+
+    dataset: str = ""
+    started: str = ""
+    versions: dict[str, str] = {}
+    methods: list[str] = []
+    config: dict[str, Any] = {}
+    language: dict[str, Any] = {}
+    samples: list[dict[str, Any]] = []
+    sample: dict[str, Any] = {}
 
 
 class EarlierRunError(InputError):
@@ -36,6 +51,11 @@ def read_asked(path: Path) -> dict[str, Any]:
     if version != ASKED_VERSION:
         kind = EarlierRunError if isinstance(version, int) and version < ASKED_VERSION else InputError
         raise kind(f"{path}: another version of dcap made this; run it again")
+    try:
+        AskedKeys.model_validate(tree)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        raise InputError(f"{path}: {'.'.join(map(str, first['loc']))}: {first['msg']}; {DAMAGED}") from None
     return tree
 
 

@@ -35,6 +35,8 @@ def _interrupt(number: int, frame: FrameType | None) -> NoReturn:
     if _once.is_set():
         end_now()
     _once.set()
+    threading.excepthook = lambda _: None  # what breaks off now is nobody's error
+    sys.unraisablehook = lambda _: None
     alarm = threading.Timer(LONGEST_SECONDS, end_now)
     alarm.daemon = True
     alarm.start()

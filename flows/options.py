@@ -7,6 +7,7 @@ that is constructed takes what it is not given from the environment, else from `
 """
 
 import os
+import tempfile
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -311,8 +312,10 @@ def check_out(folder: Path) -> None:
     nearest = next(one for one in (folder, *folder.absolute().parents) if os.path.exists(one))  # False if unreadable
     if not nearest.is_dir():
         raise InputError(f"--out {folder}: {nearest} is a file; give a folder")
-    if not os.access(nearest, os.W_OK | os.X_OK):
-        raise InputError(f"--out {folder}: {nearest} is not writable")
+    try:
+        tempfile.TemporaryDirectory(dir=nearest).cleanup()
+    except OSError as error:
+        raise InputError(f"--out {folder}: {nearest} is not writable: {error.strerror}") from None
 
 
 def check_prompt(prompt: str) -> None:

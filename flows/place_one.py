@@ -5,6 +5,7 @@ where nobody watches, no server is started for it.
 """
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 from rich.console import Console
@@ -51,7 +52,7 @@ def place_files(scene: str, thing: str, prompt: str, options: PlaceOptions, out:
         Path(session.ledger).unlink(missing_ok=True)
     console = Console(file=sys.stderr, quiet=quiet, highlight=False, force_jupyter=False)
     with console.status("reading") as status:
-        finished = run_watched(sample, config, session, stage_lines(console, status))
+        finished = run_watched(sample, config, session, stage_lines(console, status), console.print)
     if not any(one.computed for one in finished.results):
         console.print(f"all {len(finished.results)} stages cached")
     if session.ledger and Path(session.ledger).is_file():
@@ -59,7 +60,9 @@ def place_files(scene: str, thing: str, prompt: str, options: PlaceOptions, out:
     return write_results(finished, out, config, asking, options)
 
 
-def run_watched(sample: Sample, config: PlaceConfig, session: Session, listener: OnEvent) -> FinishedSample:
+def run_watched(
+    sample: Sample, config: PlaceConfig, session: Session, listener: OnEvent, say: Callable[[str], object]
+) -> FinishedSample:
     """Run a sample in a flow run if a server watches, else directly."""
     context = RunContext(on_event=listener, session=session)
     with watching_server() as url:
@@ -67,7 +70,7 @@ def run_watched(sample: Sample, config: PlaceConfig, session: Session, listener:
             return run_sample(sample, config, context)
         from flows.watched import place_in_flow  # imports Prefect, after the server's address is known
 
-        return place_in_flow(sample, config, context)
+        return place_in_flow(sample, config, context, say)
 
 
 def stage_lines(console: Console, status: Status) -> OnEvent:

@@ -6,6 +6,7 @@ database in the cache. Each program that uses it holds a shared lock until it en
 left alone.
 """
 
+import ctypes
 import fcntl
 import json
 import logging
@@ -18,6 +19,7 @@ import time
 import tomllib
 import urllib.request
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import chdir, contextmanager
 from functools import cache
 from http.client import HTTPException
@@ -37,6 +39,8 @@ HOST, SERVER_LOGIN = "PREFECT_SERVER_API_HOST", "PREFECT_SERVER_API_AUTH_STRING"
 """Prefect's settings of a server: the address that it listens on, and `NAME:PASSWORD` of who may ask."""
 DATABASE, OLD_DATABASE = "PREFECT_SERVER_DATABASE_CONNECTION_URL", "PREFECT_API_DATABASE_CONNECTION_URL"
 RETRIES = "PREFECT_CLIENT_MAX_RETRIES"
+CLONE_FS = 0x200
+"""What `unshare` calls the working directory of a thread (sched.h)."""
 USERS, STARTING, SERVING = "users.lock", "starting.lock", "serving.lock"
 """Files of the server's folder that programs lock: its users, who starts one, and its keeper."""
 ADDRESS, LOG = "server.json", "server.log"
@@ -141,23 +145,11 @@ def own_server_has_ended() -> bool:
 
 
 def give_up_server() -> None:
-    """Let Prefect ask a lost server no more than once a time, until another one is used."""
+    """Let Prefect try everything that it tells a lost server only once, until another server is used."""
     if not was_given_up():
         _retries_before.setdefault(RETRIES, os.environ.get(RETRIES, "0"))  # threads may lose a server together
         os.environ[RETRIES] = "0"
-        _never_ask_again()
-
-
-def _never_ask_again() -> None:
-    """Apply RETRIES without reading Prefect's settings again: that changes the working directory, and the other threads
-    are placing samples whose paths are relative to it."""
-    from prefect import context
-
-    settings = context.GLOBAL_SETTINGS_CONTEXT.settings
-    client = settings.client.model_copy(update={"max_retries": 0})
-    context.GLOBAL_SETTINGS_CONTEXT = context.GLOBAL_SETTINGS_CONTEXT.model_copy(
-        update={"settings": settings.model_copy(update={"client": client})}
-    )
+        apply_settings()
 
 
 def was_given_up() -> bool:
@@ -174,6 +166,15 @@ def apply_settings() -> None:
     """Apply our settings, and import Prefect from a folder without settings: it reads `.env`, `prefect.toml` and
     `pyproject.toml` of the working directory, which may have come with a data set."""
     _set_environment()
+    with ThreadPoolExecutor(1) as thread:
+        thread.submit(_read_settings).result()
+
+
+def _read_settings() -> None:
+    """Let Prefect read its settings in the server's folder. This ends its thread, whose working directory is no other
+    thread's where the system allows that: those may be placing samples whose paths are relative to it."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).unshare(CLONE_FS)  # never refused, as it gives no rights
     with chdir(server_folder()):
         if "prefect" not in sys.modules:
             import prefect  # noqa: F401
@@ -227,7 +228,20 @@ def _joined_server(port: int, only_there: bool) -> str:
     with (folder / STARTING).open("w") as file:
         fcntl.flock(file, fcntl.LOCK_EX)  # programs that start at the same moment share one server
         _use(folder)
-        return running_url() or _start(folder, port, only_there)
+        return _there(folder) or _start(folder, port, only_there)
+
+
+def _there(folder: Path) -> str:
+    """Return the address of the server of this data folder; empty if there is none. One that is slow is waited for:
+    nobody else may start one as long as it is there."""
+    deadline = time.monotonic() + START_SECONDS
+    while url := _kept_url():
+        if is_healthy(url):
+            return url
+        if time.monotonic() > deadline:
+            raise DcapError(f"the Prefect server at {pages_of(url)} does not answer; stop it (log: {folder / LOG})")
+        time.sleep(POLL_SECONDS)
+    return ""
 
 
 @cache
@@ -261,7 +275,7 @@ def _start(folder: Path, port: int, only_there: bool) -> str:
         if keeper.poll() is not None or time.monotonic() > deadline:
             keeper.terminate()
             words = (folder / LOG).read_text(encoding="utf-8", errors="replace").split("\n")
-            last = next((line for line in reversed(words) if line.strip()), "no word").strip()
+            last = next((line for line in reversed(words) if line.strip()), "it wrote nothing").strip()
             raise DcapError(f"the Prefect server on port {port} did not start: {last[:300]} (log: {folder / LOG})")
         time.sleep(0.1)
     return url

@@ -64,6 +64,8 @@ RUN_ID = re.compile(r"[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}")
 STEERING = re.compile(r"[\\`*_\[\]()#+!|~]")
 """Characters that steer a page of Markdown."""
 FAILED = "Failed"
+LOST = "the Prefect server was lost: its page of this run is incomplete, the results are whole"
+Say = Callable[[str], object]
 _work: ContextVar[Callable[[], object]] = ContextVar("work of the flow")
 """What the flow that is called next does: a flow itself is sent to clusters, and its work cannot."""
 _server_lost = threading.Event()
@@ -155,10 +157,10 @@ def benchmark(dataset: str, methods: list[str], workers: int, runner: str) -> ob
     return do_work()
 
 
-def in_flow(shown: Callable[..., Any], tags: Sequence[str], work: Callable[[], tuple[str, str]]) -> bool:
-    """Run some work as a flow; it returns the name and the message of the final state.
+def in_flow(shown: Callable[..., Any], tags: Sequence[str], work: Callable[[], tuple[str, str]], say: Say) -> None:
+    """Run some work as a flow; it returns the name and the message of the final state. Its errors are raised.
 
-    Returns whether the server was lost on the way. Errors of the work are raised.
+    A server that is lost on the way is told in a line, by `say`.
     """
     ended: list[str] = []
     claims: list[Path] = []
@@ -190,11 +192,13 @@ def in_flow(shown: Callable[..., Any], tags: Sequence[str], work: Callable[[], t
             lose_server()
     finally:
         _work.reset(token)
-    return _server_lost.is_set()
+        if _server_lost.is_set():
+            say(LOST)
 
 
-def place_in_flow(sample: Sample, config: PlaceConfig, context: RunContext, run: str = "") -> FinishedSample:
-    """Place a single sample, perhaps of a run, in a flow run of its own."""
+def place_in_flow(sample: Sample, config: PlaceConfig, context: RunContext, say: Say, run: str = "") -> FinishedSample:
+    """Place a single sample, perhaps of a run, in a flow run of its own; without one where the server is lost before
+    that has begun."""
     placed: list[FinishedSample] = []
     failed: list[Exception] = []
 
@@ -207,9 +211,17 @@ def place_in_flow(sample: Sample, config: PlaceConfig, context: RunContext, run:
         show_pictures(placed[0])
         return ending_of(placed[0])
 
-    shown = place.with_options(flow_run_name=lambda: sample.id)
-    with use_context(context):
-        in_flow(partial(shown, sample.scene, sample.object, sample.prompt), sample_tags(sample, run), work)
+    named = place.with_options(flow_run_name=lambda: sample.id)
+    shown = partial(named, sample.scene, sample.object, sample.prompt)
+    try:
+        with use_context(context):
+            in_flow(shown, sample_tags(sample, run), work, say)
+    except Exception as error:
+        if placed or failed or not is_lost_server(error):
+            raise
+        lose_server()
+        say(LOST)
+        return run_sample(sample, config, context)
     if failed:
         raise failed[0]
     return placed[0]
@@ -255,7 +267,7 @@ def place_all(
 
 
 def show_there(show: Callable[[], object]) -> None:
-    """Show something on Prefect's pages; nothing any more once the server was lost, as each go waits for it."""
+    """Show something on Prefect's pages; nothing any more once the server was lost, as each try would wait for it."""
     if own_server_has_ended():
         lose_server()
     if not _server_lost.is_set():
@@ -266,7 +278,7 @@ def show_there(show: Callable[[], object]) -> None:
 
 
 def lose_server() -> None:
-    """Show nothing any more, and ask a server that does not answer no more than once a time."""
+    """Show nothing any more, and try only once what Prefect itself still tells the server."""
     _server_lost.set()
     give_up_server()
 

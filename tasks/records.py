@@ -175,7 +175,9 @@ def every_record() -> Iterator[tuple[Path, Ref[Any] | None]]:
     """Yield the file of every record, sorted, with its result; None for a damaged one."""
     root = records_root()
     for path in sorted(root.iterdir()) if root.is_dir() else ():
-        yield path, _read_once(path, path.stat().st_mtime_ns)
+        modified_ns = _modified_ns(path)
+        if modified_ns is not None:
+            yield path, _read_once(path, modified_ns)
 
 
 def refs_in(recipe: Mapping[str, Any]) -> list[Ref[Any]]:
@@ -198,6 +200,14 @@ def records_behind(refs: Iterable[Ref[Any]]) -> Iterator[tuple[Path, Ref[Any]]]:
                 assert ref.record is not None
                 yield path, ref
                 waiting += refs_in(ref.record.recipe)
+
+
+def _modified_ns(path: Path) -> int | None:
+    """Return when a record was written; None where somebody has just deleted it."""
+    try:
+        return path.stat().st_mtime_ns
+    except FileNotFoundError:
+        return None
 
 
 @cache

@@ -8,9 +8,10 @@ from typing import Any
 from dcap.scene.spelling import first_of
 from tasks.artifact import Record
 from tasks.code import files_behind
-from tasks.records import every_record, records_root
+from tasks.records import every_record, key_of, records_root
 
 ABSENT = "absent"
+DAMAGED = "its result is missing or damaged"
 SHOWN = 3
 """Settings, files or libraries that a line names."""
 LONGEST = 60
@@ -21,6 +22,8 @@ KeyOf = Callable[[str, str], str]
 
 def why_not_cached(recipe: Mapping[str, Any], key_of_setting: KeyOf) -> str:
     """Return which parts of a recipe differ from the closest earlier one: input, setting, code, data file, library."""
+    if (records_root() / key_of(recipe)).exists():
+        return DAMAGED
     record = closest_record(recipe)
     if record is None:
         return "no earlier result"
@@ -31,7 +34,7 @@ def why_not_cached(recipe: Mapping[str, Any], key_of_setting: KeyOf) -> str:
         *changed_code(old, recipe),
         *named("library ", changed_values(old["libraries"], recipe["libraries"])),
     ]
-    return "; ".join(parts) or "its result is missing or damaged"
+    return "; ".join(parts) or DAMAGED
 
 
 def closest_record(recipe: Mapping[str, Any]) -> Record | None:
@@ -52,7 +55,7 @@ def closest_record(recipe: Mapping[str, Any]) -> Record | None:
 
 def changed_inputs(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str]:
     """Yield what differs among the inputs: an artifact by its name, a value by both values."""
-    for name in new["inputs"].keys() | old["inputs"].keys():
+    for name in sorted(new["inputs"].keys() | old["inputs"].keys()):
         before, now = old["inputs"].get(name, {}), new["inputs"].get(name, {})
         if before == now:
             continue
@@ -115,7 +118,7 @@ def _records_by_stage(root: Path, modified_ns: int) -> dict[str, list[Record]]:
     found: dict[str, list[tuple[int, Record]]] = {}
     for path, ref in every_record():
         if ref is not None and ref.record is not None:
-            found.setdefault(ref.record.recipe["stage"], []).append((path.stat().st_mtime_ns, ref.record))
+            found.setdefault(ref.record.recipe["stage"], []).append((_modified_ns(path), ref.record))
     return {stage: [record for _, record in sorted(some, key=lambda one: -one[0])] for stage, some in found.items()}
 
 

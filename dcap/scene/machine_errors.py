@@ -81,7 +81,7 @@ def _of_system(error: OSError) -> str:
     path = _path(error)
     where = f"{shortened(path, LONGEST_PATH)}: " if path else ""
     if error.errno in FULL:
-        return f"{where}{why}; {_room()}"
+        return f"{where}{why}; {_room(path)}"
     if error.errno in EXHAUSTED:
         return f"{where}{why}; raise the limit (ulimit -n), or give fewer --workers"
     if error.errno == errno.ENOMEM:
@@ -97,8 +97,8 @@ def _of_system(error: OSError) -> str:
 
 
 def _path(error: OSError) -> str:
-    """The file that an error is about; empty where it does not say."""
-    name = error.filename
+    """The file that an error is about, of two the one that is written; empty where it does not say."""
+    name = error.filename2 or error.filename
     return os.fsdecode(name) if isinstance(name, str | bytes | os.PathLike) else ""
 
 
@@ -118,10 +118,11 @@ def _knob(path: Path) -> str:
     return "TMPDIR" if path.absolute().is_relative_to(tempfile.gettempdir()) else "--out"
 
 
-def _room() -> str:
-    """How much room is left where files are written."""
+def _room(path: str) -> str:
+    """How much room is left where a file was to be written, and wherever else files are."""
     data = _data_root()
-    places = [("DCAP_DATA", data)] if data else []
+    places = [("its folder", Path(path).parent)] if path else []
+    places += [("DCAP_DATA", data)] if data else []
     places += [("TMPDIR", Path(tempfile.gettempdir())), ("the working directory", Path(os.curdir))]
     told = [f"{free_space(path) / 2**20:.0f} MiB in {name} ({path})" for name, path in places]
     return f"free are {', '.join(told)}; make room, or set DCAP_DATA, TMPDIR or --out to another disk"

@@ -2,6 +2,7 @@
 
 import json
 import os
+import sys
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import nullcontext
@@ -9,20 +10,20 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
 from rich.table import Table
 
 from dcap.scene.errors import InputError
 from dcap.scene.settings import cache_root, runs_root
 from flows.cli.checks import note
+from flows.display import console_on
 from flows.find_run import RUN, EarlierRunError
+from flows.run_files import PLACEMENT
 from tasks.artifact import Ref, Store, exclusive_use
 from tasks.records import every_record
 from tasks.upkeep import CacheUsage, Unneeded, damages, delete, repair, unneeded, usages
 
 DAMAGED = 4
 DAY_S = 86_400.0
-PLACEMENT = "sample.json"
 SHOWN = 5
 """Lines of a kind that are told one by one."""
 
@@ -42,7 +43,7 @@ def cache_listing(*, as_json: bool) -> int:
         table.add_row(kind, str(row["artifacts"]), mebibytes(row["bytes"]))
     artifacts, size = (sum(row[column] for row in rows.values()) for column in ("artifacts", "bytes"))
     table.add_row("total", str(artifacts), mebibytes(size), style="bold")
-    Console().print(table)
+    console_on(sys.stdout).print(table)
     return 0
 
 
@@ -52,7 +53,7 @@ def cache_sizes(*, as_json: bool) -> int:
     if as_json:
         print_json({"folder": str(cache_root()), "stages": as_rows(rows), "bytes": sum(row.size for row in rows)})
     else:
-        Console().print(usage_table(rows, str(cache_root())))
+        console_on(sys.stdout).print(usage_table(rows, str(cache_root())))
     return 0
 
 
@@ -80,7 +81,7 @@ def show_collection(
     what: Unneeded, runs: int, unknown: Sequence[str], young: int, older_than_days: float, *, deleted: bool
 ) -> None:
     """Print for a person what may be deleted, or was."""
-    console = Console(highlight=False)
+    console = console_on(sys.stdout)
     for line in [*unknown[:SHOWN], *([f"and {len(unknown) - SHOWN} more"] if len(unknown) > SHOWN else [])]:
         note(f"cannot be looked up: {line}")
     if what.usage:
@@ -155,7 +156,7 @@ def cache_verification(*, repair_it: bool, as_json: bool) -> int:
         }
         print_json(tree)
     else:
-        console = Console(highlight=False, markup=False, soft_wrap=True)
+        console = console_on(sys.stdout)
         for one in found:
             console.print(f"damaged: {one.path}: {one.why}")
         console.print(", ".join(f"{number} {name}" for name, number in counts.items()) + f", {len(found)} damaged")
@@ -182,7 +183,7 @@ def as_rows(rows: Iterable[CacheUsage]) -> list[dict[str, object]]:
 
 def print_json(tree: object) -> None:
     """Print a tree on standard output."""
-    Console().print_json(json.dumps(tree))
+    console_on(sys.stdout).print_json(json.dumps(tree))
 
 
 def mebibytes(size: int) -> str:

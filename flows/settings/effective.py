@@ -8,6 +8,8 @@ import json
 import math
 import os
 import re
+import threading
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Annotated, Any, TypeVar
@@ -36,6 +38,8 @@ OWN = ("run", "paths", "server")
 """The sections of `dcap.yaml` that are no stage's."""
 WORD = re.compile(r"'([^']*)'")
 """One of the words that pydantic expected, as it quotes them."""
+_exporting, _exported = threading.Lock(), Counter[str]()
+"""How many threads use what is in EXPORTED."""
 OWN_KEYS = tuple(key for key in KEYS if section_of(key) in OWN)
 
 
@@ -124,15 +128,23 @@ def as_json(tree: object) -> str:
 
 @contextmanager
 def exported_paths() -> Iterator[None]:
-    """Put what the file says of places into the environment, for this process and all that it starts."""
+    """Put what the file says of places into the environment, for this process and all that it starts, until the last
+    thread that does so ends."""
     given = given_settings()
     check_given(given)
-    new = {name: str(given[key].value) for key, name in VARIABLES.items() if key in given and not os.environ.get(name)}
-    os.environ.update(new)
-    EXPORTED.update(new)
+    with _exporting:
+        new = {
+            name: str(given[key].value) for key, name in VARIABLES.items()
+            if key in given and os.environ.get(name, "") == EXPORTED.get(name, "")
+        }  # fmt: skip
+        os.environ.update(new)
+        EXPORTED.update(new)
+        _exported.update(new.keys())
     try:
         yield
     finally:
-        for name in new:
-            EXPORTED.pop(name, None)
-            os.environ.pop(name, None)
+        with _exporting:
+            _exported.subtract(new.keys())
+            for name in (name for name in new if not _exported[name]):
+                EXPORTED.pop(name, None)
+                os.environ.pop(name, None)

@@ -1,6 +1,7 @@
 """What `import dcap` offers: small, documented, typed, silent."""
 
 import asyncio
+import io
 import json
 import os
 import re
@@ -13,6 +14,7 @@ import pytest
 
 import dcap
 from dcap.packages import ROOT
+from dcap.quiet_imports import NO_VIEWER, quiet_imports
 from dcap.scene.errors import DcapError
 from flows.options import DropOptions, PlaceOptions
 from flows.results import NamedValues, Placement, Result
@@ -134,6 +136,22 @@ from taichi.lang.shell import pybuf_enabled
 assert not pybuf_enabled
 assert sys.stdout.getvalue() == ""
 """
+
+
+def test_a_notebook_gets_its_output_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whichever of two threads ends first."""
+    mine = io.StringIO()
+    monkeypatch.setattr(sys, "stdout", mine)
+    monkeypatch.delenv(NO_VIEWER, raising=False)
+    first, second = quiet_imports(), quiet_imports()
+    first.__enter__()
+    second.__enter__()
+    first.__exit__(None, None, None)
+    between: object = sys.stdout
+    second.__exit__(None, None, None)
+    after: object = sys.stdout
+    assert (between, after) == (sys.__stdout__, mine)
+    assert NO_VIEWER not in os.environ
 
 
 @pytest.mark.slow

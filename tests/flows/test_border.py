@@ -32,6 +32,7 @@ def said(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
 ERRORS = [
     (OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)), ("No space left", "MiB in DCAP_DATA", "--out")),
     (OSError(errno.EDQUOT, os.strerror(errno.EDQUOT), "/data/x"), ("/data/x: ", "MiB in DCAP_DATA")),
+    (OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "/from", None, "/to/x"), ("/to/x: ", "its folder (/to)")),
     (OSError(errno.EROFS, os.strerror(errno.EROFS), "/else/x"), ("/else/x: Read-only", "--out")),
     (PermissionError(errno.EACCES, os.strerror(errno.EACCES), b"/else/y"), ("/else/y: Permission", "permissions")),
     (OSError(errno.EMFILE, os.strerror(errno.EMFILE), "/x"), ("Too many open files", "ulimit -n", "--workers")),

@@ -160,6 +160,14 @@ def test_out_must_be_a_folder(capsys: pytest.CaptureFixture[str], tmp_path: Path
     assert f"{tmp_path / 'file'} is a file" in said
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="no /proc")
+def test_out_must_be_writable(capsys: pytest.CaptureFixture[str]) -> None:
+    """Also where the rights of the folder say so and its file system does not."""
+    assert "--out /proc/results: /proc is not writable" in failed(
+        capsys, "place", "a", "b", "put it", "--out", "/proc/results"
+    )
+
+
 def test_help_is_not_an_error(capsys: pytest.CaptureFixture[str]) -> None:
     """--help exits with 0 and prints on standard output."""
     assert main(["place", "--help"]) == 0

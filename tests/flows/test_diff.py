@@ -110,7 +110,10 @@ def test_two_placements_are_compared_whatever_their_files_are_called(
     ("name", "text", "words"),
     [
         ("run.json", "{", "run.json: broken JSON"),
-        ("run.json", '{"version": 1}', "samples is no list of objects"),
+        ("run.json", '{"version": 1}', "run.json: the file is damaged"),
+        ("run.json", '{"version": 1, "samples": [{"id": "one"}]}', "run.json: the file is damaged"),
+        ("run.json", '{"version": 1, "samples": [], "config": [1]}', "run.json: config: "),
+        ("run.json", '{"version": 1, "samples": [], "methods": [[1]]}', "run.json: methods.0: "),
         ("results.parquet", "no table", "results.parquet: cannot be read"),
         ("samples/one/placement.json", "[1]", "placement.json: the file is damaged"),
     ],
@@ -121,6 +124,8 @@ def test_a_damaged_run_is_one_line(
     """Exit 2 and the file."""
     run = run_of(PlaceConfig(), {ONE: placed()})
     (data / "runs" / run / name).write_text(text)
+    if name == "run.json":
+        (data / "runs" / run / "results.parquet").unlink(missing_ok=True)
     assert main(["diff", run, run]) == 2
     said = capsys.readouterr().err
     assert (said.count("\n"), words in said) == (1, True), said

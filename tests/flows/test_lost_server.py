@@ -3,8 +3,11 @@
 import fcntl
 import json
 import os
+import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -22,7 +25,9 @@ from dcap.scene.errors import DcapError
 from dcap.scene.machine_errors import is_lost_server, pass_over_server_errors
 from dcap.scene.settings import server_folder
 from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.sample import Sample
 from flows import pool, server, watched
+from flows.place import PlaceConfig
 from tasks.artifact import Ref, Store
 from tasks.cache import SIMULATIONS, stage
 from tasks.run_context import RunContext, use_context
@@ -177,13 +182,15 @@ def test_a_refusal_at_the_end_loses_no_result(tmp_path: Path, monkeypatch: pytes
         return run
 
     for error in (*REFUSED, *LOST):
-        assert watched.in_flow(shown(error), (), lambda: ("Completed", "")) is (error in LOST), error
+        said: list[str] = []
+        watched.in_flow(shown(error), (), lambda: ("Completed", ""), said.append)
+        assert said == [watched.LOST] * (error in LOST), error
 
     def fail() -> tuple[str, str]:
         raise ValueError("ours")
 
     with pytest.raises(ValueError, match="ours"):
-        watched.in_flow(shown(UNREACHED), (), fail)
+        watched.in_flow(shown(UNREACHED), (), fail, print)
 
 
 def test_a_claim_holds_until_the_run_has_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -212,7 +219,7 @@ def test_a_claim_holds_until_the_run_has_ended(tmp_path: Path, monkeypatch: pyte
         watched.do_work()
         held.append(is_held())  # here Prefect tells the server how it ended
 
-    watched.in_flow(shown, (), lambda: ("Completed", ""))
+    watched.in_flow(shown, (), lambda: ("Completed", ""), print)
     assert held == [True]
     assert not claim.exists()
     assert foreign.exists()
@@ -233,19 +240,75 @@ def test_a_slow_server_is_not_given_up(tmp_path: Path, monkeypatch: pytest.Monke
 
 
 def test_the_users_patience_is_that_of_the_next_server(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What a person has set is in force again when another server is used. A server is given up without a change of
-    the working directory, which other threads need: their samples' paths may be relative to it."""
+    """What a person has set is in force again when another server is used."""
     monkeypatch.setenv("DCAP_DATA", str(tmp_path))
     monkeypatch.setenv("PREFECT_CLIENT_MAX_RETRIES", "7")
-    with monkeypatch.context() as fixed:
-        fixed.setattr(os, "chdir", lambda _: pytest.fail("the working directory changes"))
-        server.give_up_server()
-        server.give_up_server()
+    server.give_up_server()
+    server.give_up_server()
     assert (server.was_given_up(), os.environ["PREFECT_CLIENT_MAX_RETRIES"]) == (True, "0")
     assert PREFECT_CLIENT_MAX_RETRIES.value() == 0
     with server._as_own_server("http://127.0.0.1:9/api"):
         assert (server.was_given_up(), os.environ["PREFECT_CLIENT_MAX_RETRIES"]) == (False, "7")
         assert PREFECT_CLIENT_MAX_RETRIES.value() == 7
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="all threads have the same working directory")
+def test_settings_are_read_in_a_folder_that_no_other_thread_sees(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The others place samples whose paths are relative to the working directory."""
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path))
+    before, asked, told, seen = os.getcwd(), threading.Event(), threading.Event(), list[str]()
+
+    def refresh() -> None:
+        asked.set()
+        assert told.wait(10.0)
+        seen.append(os.getcwd())
+
+    def look() -> None:
+        assert asked.wait(10.0)
+        seen.append(os.getcwd())
+        told.set()
+
+    monkeypatch.setattr("prefect.context.refresh_global_settings_context", refresh)
+    other = threading.Thread(target=look)
+    other.start()
+    server.apply_settings()
+    other.join()
+    assert seen == [before, str(server_folder())]
+
+
+def test_a_slow_server_is_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nobody starts another one beside it; one that never answers is told."""
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path))
+    monkeypatch.setattr(server, "POLL_SECONDS", 0.01)
+    answers = iter([False, False, True])
+    monkeypatch.setattr(server, "is_healthy", lambda url: next(answers, False))
+    url = "http://127.0.0.1:9/api"
+    server_folder().mkdir(parents=True)
+    assert server._there(server_folder()) == ""
+    (server_folder() / server.ADDRESS).write_text(json.dumps({"url": url}))
+    with (server_folder() / server.SERVING).open("w") as keeper:
+        fcntl.flock(keeper, fcntl.LOCK_EX)
+        assert server._there(server_folder()) == url
+        monkeypatch.setattr(server, "START_SECONDS", 0.05)
+        with pytest.raises(DcapError, match="does not answer"):
+            server._there(server_folder())
+
+
+def test_a_server_that_is_lost_at_the_beginning_costs_no_sample(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is placed without a flow run, and a line says so; what else goes wrong is raised."""
+    monkeypatch.setattr(watched, "lose_server", lambda: None)
+    monkeypatch.setattr(watched, "run_sample", lambda *_: "placed")
+    said: list[str] = []
+    sample = Sample("one", "room", "ball", "put it")
+    placed = partial(watched.place_in_flow, sample, PlaceConfig(), RunContext(), said.append)
+    monkeypatch.setattr(watched, "in_flow", lambda *_: answer(UNREACHED))
+    assert str(placed()) == "placed"
+    assert said == [watched.LOST]
+    monkeypatch.setattr(watched, "in_flow", lambda *_: answer(ValueError("ours")))
+    with pytest.raises(ValueError, match="ours"):
+        placed()
 
 
 def test_a_dead_run_waits_for_its_own_server(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

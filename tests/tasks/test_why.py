@@ -7,6 +7,7 @@ import pytest
 from known_records import known_code, known_result, recipe
 
 from tasks.artifact import Ref
+from tasks.records import key_of
 from tasks.why import why_not_cached
 
 FILES = {"tasks/drop.py": "a", "solver/step.py": "a", "materials.csv": "a"}
@@ -59,6 +60,15 @@ def test_each_part_of_a_key_is_named() -> None:
         "library numpy 2.3.0 -> 2.4.0": drop(base, config=config, libraries={"numpy": "2.4.0"}),
     }.items():
         assert why(tree) == words
+
+
+def test_a_damaged_record_is_its_own_reason(data: Path) -> None:
+    """Not what differs from another sample's record."""
+    known({"scan": SCAN, "prompt": "on the bed"})
+    known({"scan": OTHER, "prompt": "on the desk"})
+    record = data / "cache" / "records" / key_of(drop({"scan": SCAN, "prompt": "on the bed"}))
+    record.write_bytes(record.read_bytes()[:40])
+    assert why(drop({"scan": SCAN, "prompt": "on the bed"})) == "its result is missing or damaged"
 
 
 def test_a_line_stays_a_line() -> None:

@@ -138,6 +138,18 @@ def test_paths_are_seen_from_the_file(folder: Path, monkeypatch: pytest.MonkeyPa
         assert data_root() == folder / "mine"
 
 
+def test_paths_hold_until_the_last_thread_has_ended(folder: Path) -> None:
+    """The first to end takes them from no other."""
+    write("paths: {data: store/here}")
+    first, second = exported_paths(), exported_paths()
+    first.__enter__()
+    second.__enter__()
+    first.__exit__(None, None, None)
+    assert data_root() == folder / "store" / "here"
+    second.__exit__(None, None, None)
+    assert data_root() != folder / "store" / "here"
+
+
 MISTAKES = [
     ("run:\n  wrokers: 3", "dcap.yaml:2: unknown key 'run.wrokers'; did you mean 'run.workers'?"),
     ("drop:\n  solver:\n    step_limt: 3", "dcap.yaml:3: unknown key 'drop.solver.step_limt'; did you mean"),
