@@ -61,6 +61,7 @@ def posted(url: str, **headers: str) -> int:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_the_last_user_stops_the_server(tmp_path: Path) -> None:
     """A second program uses the server of the first, keeps it when the first is killed, and stops it in the end. It
     takes nothing from the working directory."""

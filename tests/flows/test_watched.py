@@ -218,6 +218,7 @@ def test_a_benchmark_killed_in_each_stage_goes_on(tmp_path: Path, pages: Prefect
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_samples_go_on_without_their_server(tmp_path: Path, busy: Path) -> None:
     """It is killed while one is placed: all are placed, the report is written, one line says what is incomplete, and
     the exit code is that of the samples."""

@@ -134,6 +134,7 @@ def test_bodies_exchange_equal_impulses(lab, soft):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_soft_ball_on_a_plane_agrees_with_static_finite_elements(lab):
     """Top at 195.24 mm (static finite elements) within 5 % of its sag, and the floor carries the weight."""
     ball = lab.soft("soft", lab.Capsule(0.1, 0.0), [0, 0, 0.102], E=5e4, rho=200.0, cell=0.0125)

@@ -66,7 +66,9 @@ def in_cells(mesh: Mesh, size: float) -> Mesh:
     return joined(written)
 
 
-@pytest.fixture(scope="module", params=[0.0, 1.5], ids=["one surface", "cell by cell"])
+@pytest.fixture(
+    scope="module", params=[0.0, pytest.param(1.5, marks=pytest.mark.long)], ids=["one surface", "cell by cell"]
+)
 def room(request: pytest.FixtureRequest) -> DecomposedRoom:
     """The room as it is taken apart."""
     mesh = scanned(joined([*shell(), *SOFA, *TABLE, *SHELF]))

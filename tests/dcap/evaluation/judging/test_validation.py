@@ -96,6 +96,7 @@ def test_the_settled_ball_lies_in_its_dent(answers, room: RoomWithBall):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_side_is_right_half_of_the_time(answers):
     """Who always says left gets one of both orders, and is found out."""
     found = judge_accuracy(LeftClient(), answers, "left")
