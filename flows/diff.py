@@ -92,13 +92,15 @@ def sample_facts(asked: Mapping[str, Any], row: Mapping[str, Any] | None, folder
     tree = read_keys(folder / RESULT) if (folder / RESULT).is_file() else None
     if row is None:
         row = row_without_table(asked, tree, folder)
+    with undamaged(folder / RESULT):
+        pose, times = pose_of(tree), dict((tree or {}).get("timings") or {})
     told = {name: value for name, value in row.items() if name not in NO_WORDS}
     return SampleFacts(
         asked=dict(asked_words(asked)),
         outcome={name: value for name, value in told.items() if isinstance(value, str | bool)},
-        pose=pose_of(tree),
+        pose=pose,
         numbers={name: value for name, value in told.items() if not isinstance(value, str | bool)},
-        times={**((tree or {}).get("timings") or {}), "total": row.get("seconds") or 0.0},
+        times=times | {"total": row.get("seconds") or 0.0},
     )
 
 

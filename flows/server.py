@@ -15,6 +15,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 import tomllib
 import urllib.request
@@ -49,6 +50,11 @@ START_SECONDS = 120.0
 """A first start creates the database, which takes 8 s on two idle cores."""
 STOP_SECONDS, POLL_SECONDS = 10.0, 0.5
 LOOK_SECONDS, MOST_MISSED = 5.0, 2
+_reading, _naming = threading.Lock(), threading.Lock()
+_own: dict[str, str] = {}
+"""How the environment names a server that it did not name itself."""
+_users: list[None] = []
+"""Who uses these names: threads that place."""
 _retries_before: dict[str, str] = {}
 """RETRIES as it was before a server was given up; empty while none is."""
 
@@ -72,11 +78,13 @@ def watching_server() -> Iterator[str]:
     """As `prefect_server` where a server runs already; yields an empty string where none does."""
     reach_this_machine()
     given = os.environ.get(API_URL, "")
+    if not given and running_url():
+        _use(server_folder())  # from here on it stays as long as this process
     running = given if given and is_healthy(given) else "" if given else running_url()
     if not running:
         yield ""
         return
-    with _as_own_server(given or _joined_server(PORT, False)) as url:
+    with _as_own_server(running) as url:
         yield url
 
 
@@ -171,11 +179,14 @@ def apply_settings() -> None:
 
 
 def _read_settings() -> None:
-    """Let Prefect read its settings in the server's folder. This ends its thread, whose working directory is no other
-    thread's where the system allows that: those may be placing samples whose paths are relative to it."""
+    """Let Prefect read its settings in the server's folder, in a thread that nobody uses for anything else.
+
+    Its working directory is no other thread's, where the system has that and a container does not refuse it: the others
+    may be placing samples whose paths are relative to it.
+    """
     if sys.platform == "linux":
-        ctypes.CDLL(None).unshare(CLONE_FS)  # never refused, as it gives no rights
-    with chdir(server_folder()):
+        ctypes.CDLL(None).unshare(CLONE_FS)
+    with _reading, chdir(server_folder()):
         if "prefect" not in sys.modules:
             import prefect  # noqa: F401
         else:  # it was imported for an earlier server
@@ -205,20 +216,26 @@ def _set_environment() -> None:
 @contextmanager
 def _as_own_server(url: str) -> Iterator[str]:
     """Name a server in the environment, for this process and all that it starts, and let Prefect see it."""
-    own = {} if os.environ.get(API_URL) else {API_URL: url, OWN_URL: url}
-    if own and SERVER_LOGIN in os.environ and LOGIN not in os.environ:
-        own[LOGIN] = os.environ[SERVER_LOGIN]
-    os.environ.update(own)
-    if was_given_up():
-        os.environ |= _retries_before
-        _retries_before.clear()
+    with _naming:
+        if not os.environ.get(API_URL):
+            _own.update({API_URL: url, OWN_URL: url})
+            if SERVER_LOGIN in os.environ and LOGIN not in os.environ:
+                _own[LOGIN] = os.environ[SERVER_LOGIN]
+            os.environ.update(_own)
+        if not _users:
+            os.environ |= _retries_before
+            _retries_before.clear()
+        _users.append(None)
     logging.raiseExceptions = False  # what a lost server does not take of logs is dropped without a word
     try:
         apply_settings()
         yield url
     finally:
-        for name in own:
-            os.environ.pop(name, None)
+        with _naming:
+            _users.pop()
+            for name in [] if _users else list(_own):
+                del _own[name]
+                os.environ.pop(name, None)
 
 
 def _joined_server(port: int, only_there: bool) -> str:
@@ -264,12 +281,12 @@ def _start(folder: Path, port: int, only_there: bool) -> str:
             raise InputError(f"port {port} of {host} is taken; end what listens there, or give another with --port")
         port = _free_port(host)
     url = f"http://{url_host(host)}:{port}/api"
+    write_whole(folder / ADDRESS, json.dumps({"url": url}).encode())
     with (folder / LOG).open("wb") as log:
         keeper = subprocess.Popen(
             module_command("flows.server", str(folder), host, str(port)),
             stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True,
         )  # fmt: skip
-    write_whole(folder / ADDRESS, json.dumps({"url": url}).encode())
     deadline = time.monotonic() + START_SECONDS
     while not is_healthy(url):
         if keeper.poll() is not None or time.monotonic() > deadline:

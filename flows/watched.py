@@ -9,7 +9,6 @@ import fcntl
 import html
 import io
 import re
-import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from contextvars import ContextVar
@@ -46,7 +45,7 @@ from dcap.scene.types.sample import Sample
 from flows.place import PlaceConfig
 from flows.run_names import sample_tags
 from flows.sample_run import FinishedSample, error_line, run_sample
-from flows.server import give_up_server, own_server_has_ended
+from flows.server import give_up_server, own_server_has_ended, was_given_up
 from tasks.artifact import Store
 from tasks.cache import INFEASIBLE, reason_line
 from tasks.codec import picture_from_png
@@ -64,11 +63,10 @@ RUN_ID = re.compile(r"[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}")
 STEERING = re.compile(r"[\\`*_\[\]()#+!|~]")
 """Characters that steer a page of Markdown."""
 FAILED = "Failed"
-LOST = "the Prefect server was lost: its page of this run is incomplete, the results are whole"
+LOST = "the Prefect server was lost: its page of this run is incomplete, and nothing else depends on it"
 Say = Callable[[str], object]
 _work: ContextVar[Callable[[], object]] = ContextVar("work of the flow")
 """What the flow that is called next does: a flow itself is sent to clusters, and its work cannot."""
-_server_lost = threading.Event()
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,7 +162,6 @@ def in_flow(shown: Callable[..., Any], tags: Sequence[str], work: Callable[[], t
     """
     ended: list[str] = []
     claims: list[Path] = []
-    _server_lost.clear()
 
     def tagged_work() -> object:
         claims.append(claimed.enter_context(claimed_run()))
@@ -192,7 +189,7 @@ def in_flow(shown: Callable[..., Any], tags: Sequence[str], work: Callable[[], t
             lose_server()
     finally:
         _work.reset(token)
-        if _server_lost.is_set():
+        if was_given_up():
             say(LOST)
 
 
@@ -219,8 +216,9 @@ def place_in_flow(sample: Sample, config: PlaceConfig, context: RunContext, say:
     except Exception as error:
         if placed or failed or not is_lost_server(error):
             raise
-        lose_server()
-        say(LOST)
+        if not was_given_up():
+            lose_server()
+            say(LOST)
         return run_sample(sample, config, context)
     if failed:
         raise failed[0]
@@ -270,7 +268,7 @@ def show_there(show: Callable[[], object]) -> None:
     """Show something on Prefect's pages; nothing any more once the server was lost, as each try would wait for it."""
     if own_server_has_ended():
         lose_server()
-    if not _server_lost.is_set():
+    if not was_given_up():
         with pass_over_server_errors() as lost:
             show()
         if lost:
@@ -279,7 +277,6 @@ def show_there(show: Callable[[], object]) -> None:
 
 def lose_server() -> None:
     """Show nothing any more, and try only once what Prefect itself still tells the server."""
-    _server_lost.set()
     give_up_server()
 
 

@@ -158,7 +158,7 @@ def cache_verification(*, repair_it: bool, as_json: bool) -> int:
     else:
         console = console_on(sys.stdout)
         for one in found:
-            console.print(f"damaged: {one.path}: {one.why}")
+            console.print(f"damaged: {one.path}: {one.why}", soft_wrap=True)
         console.print(", ".join(f"{number} {name}" for name, number in counts.items()) + f", {len(found)} damaged")
         if repair_it and found:
             console.print("what was damaged is deleted, and computed again when needed")

@@ -9,7 +9,6 @@ import math
 import os
 import re
 import threading
-from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Annotated, Any, TypeVar
@@ -38,8 +37,8 @@ OWN = ("run", "paths", "server")
 """The sections of `dcap.yaml` that are no stage's."""
 WORD = re.compile(r"'([^']*)'")
 """One of the words that pydantic expected, as it quotes them."""
-_exporting, _exported = threading.Lock(), Counter[str]()
-"""How many threads use what is in EXPORTED."""
+_exporting, _exporters = threading.Lock(), list[None]()
+"""Threads that use what is in EXPORTED."""
 OWN_KEYS = tuple(key for key in KEYS if section_of(key) in OWN)
 
 
@@ -133,18 +132,15 @@ def exported_paths() -> Iterator[None]:
     given = given_settings()
     check_given(given)
     with _exporting:
-        new = {
-            name: str(given[key].value) for key, name in VARIABLES.items()
-            if key in given and os.environ.get(name, "") == EXPORTED.get(name, "")
-        }  # fmt: skip
-        os.environ.update(new)
-        EXPORTED.update(new)
-        _exported.update(new.keys())
+        new = {name: str(given[key].value) for key, name in VARIABLES.items() if key in given}
+        for name in (name for name in new if not os.environ.get(name)):
+            os.environ[name] = EXPORTED[name] = new[name]
+        _exporters.append(None)
     try:
         yield
     finally:
         with _exporting:
-            _exported.subtract(new.keys())
-            for name in (name for name in new if not _exported[name]):
-                EXPORTED.pop(name, None)
+            _exporters.pop()
+            for name in [] if _exporters else list(EXPORTED):
+                del EXPORTED[name]
                 os.environ.pop(name, None)

@@ -127,7 +127,7 @@ def with_checks(settled: Settled, particles: Particles, anchor: Anchor, intent: 
         indentation(settled, particles, anchor.base_id),
     )
     told = [] if lean is None or lean.held_share.holds else [f"it rests without leaning on {lean.on}"]
-    if foreseen is not None and not foreseen.holds:
+    if foreseen is not None and not foreseen.holds and len(settled.contact_points):
         told.append(
             f"only {foreseen.value:.0%} of its contact lies where it was foreseen and cells were made for it: its dent "
             "is coarser elsewhere"

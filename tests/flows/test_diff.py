@@ -116,6 +116,7 @@ def test_two_placements_are_compared_whatever_their_files_are_called(
         ("run.json", '{"version": 1, "samples": [], "methods": [[1]]}', "run.json: methods.0: "),
         ("results.parquet", "no table", "results.parquet: cannot be read"),
         ("samples/one/placement.json", "[1]", "placement.json: the file is damaged"),
+        ("samples/one/placement.json", '{"pose": {}}', "placement.json: the file is damaged"),
     ],
 )
 def test_a_damaged_run_is_one_line(

@@ -97,6 +97,8 @@ def test_a_module_that_is_half_loaded_keeps_nobody_from_interrupting(monkeypatch
             alarms.append(seconds)
 
     monkeypatch.setattr(interrupts, "_once", threading.Event())
+    monkeypatch.setattr(threading, "excepthook", threading.excepthook)  # both are put back after the test
+    monkeypatch.setattr(sys, "unraisablehook", sys.unraisablehook)
     monkeypatch.setattr(threading, "Timer", Alarm)
     monkeypatch.setitem(sys.modules, "tasks.process", ModuleType("tasks.process"))
     with pytest.raises(KeyboardInterrupt):

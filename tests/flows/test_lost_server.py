@@ -172,7 +172,9 @@ def test_a_refusal_at_the_end_loses_no_result(tmp_path: Path, monkeypatch: pytes
     monkeypatch.setattr(watched, "claimed_run", lambda: nullcontext(tmp_path / "claim"))
     monkeypatch.setattr(watched, "flow_run", SimpleNamespace(id=str(uuid4())))
     monkeypatch.setattr(watched, "get_client", lambda sync_client: Answering(UNREACHED))
-    monkeypatch.setattr(watched, "lose_server", lambda: watched._server_lost.set())
+    lost: list[bool] = []
+    monkeypatch.setattr(watched, "lose_server", lambda: lost.append(True))
+    monkeypatch.setattr(watched, "was_given_up", lambda: bool(lost))
 
     def shown(error: Exception) -> Any:
         def run(return_state: bool) -> None:
@@ -183,6 +185,7 @@ def test_a_refusal_at_the_end_loses_no_result(tmp_path: Path, monkeypatch: pytes
 
     for error in (*REFUSED, *LOST):
         said: list[str] = []
+        lost.clear()
         watched.in_flow(shown(error), (), lambda: ("Completed", ""), said.append)
         assert said == [watched.LOST] * (error in LOST), error
 
