@@ -254,7 +254,7 @@ def new_run_folder(dataset: Path, samples: Sequence[Sample], config: PlaceConfig
     folder = runs_root() / name
     suffix = 2
     runs_root().mkdir(parents=True, exist_ok=True)
-    while not made(folder):
+    while not make_folder(folder):
         folder = runs_root() / f"{name}-{suffix}"
         suffix += 1
     asked = {
@@ -278,8 +278,8 @@ def new_run_folder(dataset: Path, samples: Sequence[Sample], config: PlaceConfig
     return folder
 
 
-def made(folder: Path) -> bool:
-    """Make a folder; False where somebody else has."""
+def make_folder(folder: Path) -> bool:
+    """Make a folder; return False where it exists already."""
     try:
         folder.mkdir()
     except FileExistsError:
@@ -339,7 +339,7 @@ def rerun_sample(run: str, sample_id: str, stage: str, max_cost: float | None = 
             result = place_in_flow(sample, config, context, console.print, folder.name)
         except Exception as error:
             if is_server_error(error):
-                raise  # it tells nothing of the sample, which may be finished
+                raise  # it says nothing about the sample, which may be finished
             result = error
     tree, _ = keep_result(folder, sample, result)
     page = rewrite_report(run)

@@ -17,7 +17,7 @@ DAMAGED = "the file is damaged, or of another version of dcap; run it again"
 
 
 class AskedKeys(BaseModel):
-    """What the keys of `run.json` and `sample.json` hold."""
+    """The keys of `run.json` and `sample.json` with the types of their values."""
 
     dataset: str = ""
     started: str = ""

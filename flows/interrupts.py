@@ -35,7 +35,7 @@ def _interrupt(number: int, frame: FrameType | None) -> NoReturn:
     if _once.is_set():
         end_now()
     _once.set()
-    threading.excepthook = lambda _: None  # what breaks off now is nobody's error
+    threading.excepthook = lambda _: None  # what is cut off now is no error to tell
     sys.unraisablehook = lambda _: None
     alarm = threading.Timer(LONGEST_SECONDS, end_now)
     alarm.daemon = True

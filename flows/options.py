@@ -18,7 +18,7 @@ from pydantic.fields import FieldInfo
 from pydantic_settings import BaseSettings, InitSettingsSource, PydanticBaseSettingsSource, SettingsConfigDict
 
 from dcap.language.protocol.client import DEFAULT_MODEL
-from dcap.scene.errors import InputError, MachineError
+from dcap.scene.errors import InputError
 from dcap.scene.given_text import LONGEST_PROMPT, LONGEST_WORDS, shortened, unfit
 from dcap.scene.machine_errors import FULL, machine_error
 from flows.given_settings import given_settings
@@ -317,7 +317,7 @@ def check_out(folder: Path) -> None:
         tempfile.TemporaryDirectory(dir=nearest).cleanup()
     except OSError as error:
         if error.errno in FULL:
-            raise MachineError(str(machine_error(error))) from None
+            raise machine_error(error) or error from None
         raise InputError(f"--out {folder}: {nearest} is not writable: {error.strerror}") from None
 
 

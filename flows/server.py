@@ -33,6 +33,7 @@ from dcap.scene.redaction import has_log_in, redacted_url
 from dcap.scene.settings import resource, server_folder
 from dcap.scene.team_server import API_URL, LOGIN, OWN_URL
 from dcap.scene.whole_files import write_whole
+from dcap.shared_context import SharedContext
 from flows.own_requests import LOOPBACK, is_loopback, url_host
 from tasks.process import die_with_parent
 
@@ -49,12 +50,10 @@ PORT = 4200
 START_SECONDS = 120.0
 """A first start creates the database, which takes 8 s on two idle cores."""
 STOP_SECONDS, POLL_SECONDS = 10.0, 0.5
+PATIENT_SECONDS = 10.0
+"""For a server that was named, and may be busy."""
 LOOK_SECONDS, MOST_MISSED = 5.0, 2
-_reading, _naming = threading.Lock(), threading.Lock()
-_own: dict[str, str] = {}
-"""How the environment names a server that it did not name itself."""
-_users: list[None] = []
-"""Who uses these names: threads that place."""
+_reading = threading.Lock()
 _retries_before: dict[str, str] = {}
 """RETRIES as it was before a server was given up; empty while none is."""
 
@@ -67,7 +66,7 @@ def prefect_server(port: int = PORT, *, only_there: bool = False) -> Iterator[st
     """
     reach_this_machine()
     given = os.environ.get(API_URL, "")
-    if given and not is_healthy(given):
+    if given and not is_healthy(given, PATIENT_SECONDS):
         raise DcapError(f"{API_URL}={redacted_url(given)}: {unanswered(given)}")
     with _as_own_server(given or _joined_server(port, only_there)) as url:
         yield url
@@ -118,10 +117,10 @@ def _kept_url() -> str:
         return ""
 
 
-def is_healthy(url: str) -> bool:
-    """Return whether a server of Prefect answers at an address."""
+def is_healthy(url: str, seconds: float = 2.0) -> bool:
+    """Return whether a server of Prefect answers at an address within some time [s]."""
     try:
-        with urllib.request.urlopen(f"{url}/health", timeout=2) as answer:
+        with urllib.request.urlopen(f"{url}/health", timeout=seconds) as answer:
             return bytes(answer.read(100)) == b"true"
     except (OSError, ValueError, HTTPException):
         return False
@@ -153,7 +152,7 @@ def own_server_has_ended() -> bool:
 
 
 def give_up_server() -> None:
-    """Let Prefect try everything that it tells a lost server only once, until another server is used."""
+    """Let Prefect send each request to the lost server only once, until another server is used."""
     if not was_given_up():
         _retries_before.setdefault(RETRIES, os.environ.get(RETRIES, "0"))  # threads may lose a server together
         os.environ[RETRIES] = "0"
@@ -216,26 +215,28 @@ def _set_environment() -> None:
 @contextmanager
 def _as_own_server(url: str) -> Iterator[str]:
     """Name a server in the environment, for this process and all that it starts, and let Prefect see it."""
-    with _naming:
-        if not os.environ.get(API_URL):
-            _own.update({API_URL: url, OWN_URL: url})
-            if SERVER_LOGIN in os.environ and LOGIN not in os.environ:
-                _own[LOGIN] = os.environ[SERVER_LOGIN]
-            os.environ.update(_own)
-        if not _users:
-            os.environ |= _retries_before
-            _retries_before.clear()
-        _users.append(None)
-    logging.raiseExceptions = False  # what a lost server does not take of logs is dropped without a word
-    try:
+    with _shared_name(url):
         apply_settings()
         yield url
+
+
+@contextmanager
+def _named(url: str) -> Iterator[None]:
+    """Name a server in the environment if none is named there, and forget that an earlier one was lost."""
+    own = {} if os.environ.get(API_URL) else {API_URL: url, OWN_URL: url}
+    if own and SERVER_LOGIN in os.environ and LOGIN not in os.environ:
+        own[LOGIN] = os.environ[SERVER_LOGIN]
+    os.environ.update(own | _retries_before)
+    _retries_before.clear()
+    logging.raiseExceptions = False  # what a lost server does not take of logs is dropped without a word
+    try:
+        yield
     finally:
-        with _naming:
-            _users.pop()
-            for name in [] if _users else list(_own):
-                del _own[name]
-                os.environ.pop(name, None)
+        for name in own:
+            os.environ.pop(name, None)
+
+
+_shared_name = SharedContext(_named)
 
 
 def _joined_server(port: int, only_there: bool) -> str:
@@ -245,12 +246,14 @@ def _joined_server(port: int, only_there: bool) -> str:
     with (folder / STARTING).open("w") as file:
         fcntl.flock(file, fcntl.LOCK_EX)  # programs that start at the same moment share one server
         _use(folder)
-        return _there(folder) or _start(folder, port, only_there)
+        return _wait_for_running(folder) or _start(folder, port, only_there)
 
 
-def _there(folder: Path) -> str:
-    """Return the address of the server of this data folder; empty if there is none. One that is slow is waited for:
-    nobody else may start one as long as it is there."""
+def _wait_for_running(folder: Path) -> str:
+    """Return the address of the server of this data folder once it answers; empty if none runs.
+
+    One that is slow is waited for, as no other can be started beside it.
+    """
     deadline = time.monotonic() + START_SECONDS
     while url := _kept_url():
         if is_healthy(url):

@@ -63,7 +63,7 @@ RUN_ID = re.compile(r"[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}")
 STEERING = re.compile(r"[\\`*_\[\]()#+!|~]")
 """Characters that steer a page of Markdown."""
 FAILED = "Failed"
-LOST = "the Prefect server was lost: its page of this run is incomplete, and nothing else depends on it"
+LOST = "the Prefect server was lost: its page of this run is incomplete; no result depends on it"
 Say = Callable[[str], object]
 _work: ContextVar[Callable[[], object]] = ContextVar("work of the flow")
 """What the flow that is called next does: a flow itself is sent to clusters, and its work cannot."""
@@ -265,7 +265,7 @@ def place_all(
 
 
 def show_there(show: Callable[[], object]) -> None:
-    """Show something on Prefect's pages; nothing any more once the server was lost, as each try would wait for it."""
+    """Show something on Prefect's pages, as long as the server was not lost: each request would wait for it."""
     if own_server_has_ended():
         lose_server()
     if not was_given_up():
@@ -276,7 +276,7 @@ def show_there(show: Callable[[], object]) -> None:
 
 
 def lose_server() -> None:
-    """Show nothing any more, and try only once what Prefect itself still tells the server."""
+    """Show nothing any more, and let Prefect repeat no request."""
     give_up_server()
 
 

@@ -175,9 +175,8 @@ def every_record() -> Iterator[tuple[Path, Ref[Any] | None]]:
     """Yield the file of every record, sorted, with its result; None for a damaged one."""
     root = records_root()
     for path in sorted(root.iterdir()) if root.is_dir() else ():
-        modified_ns = _modified_ns(path)
-        if modified_ns is not None:
-            yield path, _read_once(path, modified_ns)
+        if written := modified_ns(path):
+            yield path, _read_once(path, written)
 
 
 def refs_in(recipe: Mapping[str, Any]) -> list[Ref[Any]]:
@@ -202,12 +201,12 @@ def records_behind(refs: Iterable[Ref[Any]]) -> Iterator[tuple[Path, Ref[Any]]]:
                 waiting += refs_in(ref.record.recipe)
 
 
-def _modified_ns(path: Path) -> int | None:
-    """Return when a record was written; None where somebody has just deleted it."""
+def modified_ns(path: Path) -> int:
+    """Return when a file or folder was changed; 0 where there is none, as somebody may just have deleted it."""
     try:
         return path.stat().st_mtime_ns
     except FileNotFoundError:
-        return None
+        return 0
 
 
 @cache

@@ -8,7 +8,7 @@ from typing import Any
 from dcap.scene.spelling import first_of
 from tasks.artifact import Record
 from tasks.code import files_behind
-from tasks.records import every_record, key_of, records_root
+from tasks.records import every_record, key_of, modified_ns, records_root
 
 ABSENT = "absent"
 DAMAGED = "its result is missing or damaged"
@@ -49,7 +49,7 @@ def closest_record(recipe: Mapping[str, Any]) -> Record | None:
         plain = sum("ref" not in recipe["inputs"][name] for name in same)
         return plain, len(same), sum(old[part] == recipe[part] for part in ("config", "code", "libraries"))
 
-    records = _records_by_stage(records_root(), _modified_ns(records_root())).get(recipe["stage"], [])
+    records = _records_by_stage(records_root(), modified_ns(records_root())).get(recipe["stage"], [])
     return max(records, key=likeness, default=None)
 
 
@@ -113,17 +113,10 @@ def flattened(tree: Any, prefix: str = "") -> Iterator[tuple[str, object]]:
 
 
 @lru_cache(maxsize=1)
-def _records_by_stage(root: Path, modified_ns: int) -> dict[str, list[Record]]:
+def _records_by_stage(root: Path, changed_ns: int) -> dict[str, list[Record]]:
     """Return all records by stage, newest first; read again when one has come or gone."""
     found: dict[str, list[tuple[int, Record]]] = {}
     for path, ref in every_record():
         if ref is not None and ref.record is not None:
-            found.setdefault(ref.record.recipe["stage"], []).append((_modified_ns(path), ref.record))
+            found.setdefault(ref.record.recipe["stage"], []).append((modified_ns(path), ref.record))
     return {stage: [record for _, record in sorted(some, key=lambda one: -one[0])] for stage, some in found.items()}
-
-
-def _modified_ns(root: Path) -> int:
-    try:
-        return root.stat().st_mtime_ns
-    except OSError:
-        return 0

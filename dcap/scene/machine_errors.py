@@ -124,7 +124,7 @@ def _room(path: str) -> str:
     places = [("its folder", Path(path).parent)] if path else []
     places += [("DCAP_DATA", data)] if data else []
     places += [("TMPDIR", Path(tempfile.gettempdir())), ("the working directory", Path(os.curdir))]
-    told = [f"{free_space(path) / 2**20:.0f} MiB in {name} ({path})" for name, path in places]
+    told = [f"{free_space(place) / 2**20:.0f} MiB in {name} ({place})" for name, place in places]
     return f"free are {', '.join(told)}; make room, or set DCAP_DATA, TMPDIR or --out to another disk"
 
 

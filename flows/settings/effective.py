@@ -8,7 +8,6 @@ import json
 import math
 import os
 import re
-import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Annotated, Any, TypeVar
@@ -19,6 +18,7 @@ from pydantic_core import ErrorDetails
 from dcap.scene.errors import InputError
 from dcap.scene.given_text import shortened
 from dcap.scene.spelling import did_you_mean, not_one_of
+from dcap.shared_context import SharedContext
 from flows.given_settings import (
     EXPORTED,
     VARIABLES,
@@ -37,8 +37,6 @@ OWN = ("run", "paths", "server")
 """The sections of `dcap.yaml` that are no stage's."""
 WORD = re.compile(r"'([^']*)'")
 """One of the words that pydantic expected, as it quotes them."""
-_exporting, _exporters = threading.Lock(), list[None]()
-"""Threads that use what is in EXPORTED."""
 OWN_KEYS = tuple(key for key in KEYS if section_of(key) in OWN)
 
 
@@ -131,16 +129,22 @@ def exported_paths() -> Iterator[None]:
     thread that does so ends."""
     given = given_settings()
     check_given(given)
-    with _exporting:
-        new = {name: str(given[key].value) for key, name in VARIABLES.items() if key in given}
-        for name in (name for name in new if not os.environ.get(name)):
-            os.environ[name] = EXPORTED[name] = new[name]
-        _exporters.append(None)
+    with _shared_paths(given):
+        yield
+
+
+@contextmanager
+def _exported(given: Given) -> Iterator[None]:
+    """Put them there, and take them away again."""
+    new = {name: str(given[key].value) for key, name in VARIABLES.items() if key in given and not os.environ.get(name)}
+    os.environ.update(new)
+    EXPORTED.update(new)
     try:
         yield
     finally:
-        with _exporting:
-            _exporters.pop()
-            for name in [] if _exporters else list(EXPORTED):
-                del EXPORTED[name]
-                os.environ.pop(name, None)
+        for name in new:
+            EXPORTED.pop(name, None)
+            os.environ.pop(name, None)
+
+
+_shared_paths = SharedContext(_exported)

@@ -46,7 +46,7 @@ def contact_nodes(settled: Settled) -> list[Node]:
 
 
 def nearest_body(settled: Settled, names: Sequence[str], surface: Mesh) -> NDArray[np.int64]:
-    """Which of the named bodies each face (m,) of a surface is nearest to."""
+    """Return the number of the named body that each face (m,) of a surface is nearest to."""
     known = {body.name: body.surface for body in settled.bodies}
     middle = surface.triangles.mean(axis=1)
     distances = np.stack([Raycaster(known[name]).distance_to(middle) for name in names])

@@ -1,9 +1,11 @@
 """The command line keeps the contract's exit codes and complains in one line."""
 
+import errno
 import os
 import subprocess
 import sys
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
@@ -166,6 +168,16 @@ def test_out_must_be_writable(capsys: pytest.CaptureFixture[str]) -> None:
     assert "--out /proc/results: /proc is not writable" in failed(
         capsys, "place", "a", "b", "put it", "--out", "/proc/results"
     )
+
+
+def test_a_full_disk_is_no_wrong_option(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The line tells the room that is left."""
+    full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(tmp_path / "x"))
+    monkeypatch.setattr("tempfile.TemporaryDirectory", Mock(side_effect=full))
+    said = failed(capsys, "place", "a", "b", "put it", "--out", str(tmp_path / "out"))
+    assert f"MiB in its folder ({tmp_path})" in said
 
 
 def test_help_is_not_an_error(capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,11 +1,13 @@
 """The server only watches: what it does not answer, or refuses, costs no sample and hangs nothing."""
 
+import ctypes
 import fcntl
 import json
 import os
 import sys
 import threading
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, nullcontext
 from functools import partial
 from pathlib import Path
@@ -255,7 +257,15 @@ def test_the_users_patience_is_that_of_the_next_server(tmp_path: Path, monkeypat
         assert PREFECT_CLIENT_MAX_RETRIES.value() == 7
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="all threads have the same working directory")
+def has_own_folder() -> bool:
+    """Whether a thread may have a working directory of its own: on Linux, unless a container forbids it."""
+    if sys.platform != "linux":
+        return False
+    with ThreadPoolExecutor(1) as thread:
+        return thread.submit(ctypes.CDLL(None).unshare, server.CLONE_FS).result() == 0
+
+
+@pytest.mark.skipif(not has_own_folder(), reason="all threads have the same working directory")
 def test_settings_are_read_in_a_folder_that_no_other_thread_sees(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -289,14 +299,14 @@ def test_a_slow_server_is_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(server, "is_healthy", lambda url: next(answers, False))
     url = "http://127.0.0.1:9/api"
     server_folder().mkdir(parents=True)
-    assert server._there(server_folder()) == ""
+    assert server._wait_for_running(server_folder()) == ""
     (server_folder() / server.ADDRESS).write_text(json.dumps({"url": url}))
     with (server_folder() / server.SERVING).open("w") as keeper:
         fcntl.flock(keeper, fcntl.LOCK_EX)
-        assert server._there(server_folder()) == url
+        assert server._wait_for_running(server_folder()) == url
         monkeypatch.setattr(server, "START_SECONDS", 0.05)
         with pytest.raises(DcapError, match="does not answer"):
-            server._there(server_folder())
+            server._wait_for_running(server_folder())
 
 
 def test_a_server_that_is_lost_at_the_beginning_costs_no_sample(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -312,6 +322,20 @@ def test_a_server_that_is_lost_at_the_beginning_costs_no_sample(monkeypatch: pyt
     monkeypatch.setattr(watched, "in_flow", lambda *_: answer(ValueError("ours")))
     with pytest.raises(ValueError, match="ours"):
         placed()
+
+
+def test_a_server_is_named_until_the_last_thread_has_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first to end takes its address from no other."""
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path))
+    monkeypatch.delenv("PREFECT_API_URL", raising=False)
+    url = "http://127.0.0.1:9/api"
+    first, second = server._as_own_server(url), server._as_own_server(url)
+    first.__enter__()
+    second.__enter__()
+    first.__exit__(None, None, None)
+    assert os.environ["PREFECT_API_URL"] == url
+    second.__exit__(None, None, None)
+    assert "PREFECT_API_URL" not in os.environ
 
 
 def test_a_dead_run_waits_for_its_own_server(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

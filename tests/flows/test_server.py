@@ -28,7 +28,7 @@ from flows.server import is_healthy, pages_of, prefect_server
 PROGRAM = """
 import sys
 from flows.server import prefect_server
-with prefect_server() as url:
+with prefect_server(int(sys.argv[1])) as url:
     print(url, flush=True)
     sys.stdin.readline()
 """
@@ -36,13 +36,17 @@ LOGIN = "team:of-ours"
 wait_until = partial(patience.wait_until, seconds=60.0)
 
 
-def program(folder: Path, data: Path, **environment: str) -> "subprocess.Popen[str]":
+def program(folder: Path, data: Path, port: int) -> "subprocess.Popen[str]":
     """A program that uses a server until it is told to end; the first line it says is the server's address."""
     plain = {name: value for name, value in os.environ.items() if not name.startswith("PREFECT_")}
     return subprocess.Popen(
-        [sys.executable, "-P", "-c", PROGRAM], cwd=folder, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-        env=plain | {"DCAP_DATA": str(data), "PYTHONPATH": str(PROJECT_ROOT)} | environment,
-    )  # fmt: skip
+        [sys.executable, "-P", "-c", PROGRAM, str(port)],
+        cwd=folder,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        env=plain | {"DCAP_DATA": str(data), "PYTHONPATH": str(PROJECT_ROOT)},
+    )
 
 
 def said(process: "subprocess.Popen[str]") -> str:
@@ -66,9 +70,10 @@ def test_the_last_user_stops_the_server(tmp_path: Path) -> None:
     """A second program uses the server of the first, keeps it when the first is killed, and stops it in the end. It
     takes nothing from the working directory."""
     folder, data = foreign_folder(tmp_path / "foreign", OURS + LIBRARIES), tmp_path / "data"
-    first = program(folder, data)
+    port = free_port()  # servers of other tests may take the usual one once it is free again
+    first = program(folder, data, port)
     url = said(first)
-    second = program(folder, data)
+    second = program(folder, data, port)
     assert said(second) == url
     family = psutil.Process(first.pid).children(recursive=True)
     servers = [one for one in family if one.status() != psutil.STATUS_ZOMBIE and "server" in str(one.cmdline())]

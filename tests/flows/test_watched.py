@@ -54,13 +54,13 @@ def dataset(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "watched_pipeline.py").write_text(PIPELINE)
     (tmp_path / "fine.ply").write_text("fine")
     (tmp_path / "broken.ply").write_text("broken")
-    (tmp_path / "set.yaml").write_text(DATASET)
+    (tmp_path / "watched.yaml").write_text(DATASET)  # runs of other tests on this server have other names
     monkeypatch.setenv("DCAP_DATA", str(tmp_path / "data"))
     monkeypatch.syspath_prepend(str(tmp_path))
     importlib.invalidate_caches()
     monkeypatch.delitem(importlib.sys.modules, "watched_pipeline", raising=False)  # type: ignore[attr-defined]
     monkeypatch.setattr("flows.sample_run.place_by", importlib.import_module("watched_pipeline").place)
-    return tmp_path / "set.yaml"
+    return tmp_path / "watched.yaml"
 
 
 @pytest.mark.slow
@@ -159,7 +159,7 @@ def test_a_killed_benchmark_goes_on(tmp_path: Path, pages: PrefectPages, busy: P
     killed = fake_benchmark(tmp_path, [f"{SLOW} heavy", "put the ball on the table"], pages.url)
     try:
         job = begun(tmp_path, killed)
-        (folder,) = (tmp_path / "data" / "runs").glob("set-*")
+        (folder,) = (tmp_path / "data" / "runs").glob("killed-*")
         wait_until((folder / "samples" / "s1" / "placement.json").exists)
         (run,) = pages.flow_runs(f"run:{folder.name}")
         os.kill(killed.pid, signal.SIGKILL)

@@ -65,12 +65,12 @@ def fake_benchmark(folder: Path, prompts: list[str], url: str = "", *options: st
     (folder / "fake_pipeline.py").write_text(PIPELINE + SLOW)
     (folder / "fine.ply").write_text("fine")
     rows = [f"- {{id: s{n}, scene: fine.ply, object: fine.ply, prompt: {p}}}" for n, p in enumerate(prompts)]
-    (folder / "set.yaml").write_text("\n".join(rows) + "\n")
+    (folder / "killed.yaml").write_text("\n".join(rows) + "\n")
     path = os.pathsep.join(map(str, (PROJECT_ROOT, PROJECT_ROOT / "tests" / "support", folder)))
     environment = {name: value for name, value in os.environ.items() if not name.startswith("PREFECT_")}
     server = {"PREFECT_API_URL": url} if url else {}
     return subprocess.Popen(
-        [sys.executable, "-c", PROGRAM, "benchmark", "--dataset", str(folder / "set.yaml"), "--json", *options],
+        [sys.executable, "-c", PROGRAM, "benchmark", "--dataset", str(folder / "killed.yaml"), "--json", *options],
         env=environment | {"DCAP_DATA": str(folder / "data"), "PYTHONPATH": path} | server,
         cwd=folder,
         stdout=subprocess.PIPE,
