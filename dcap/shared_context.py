@@ -9,23 +9,23 @@ P = ParamSpec("P")
 
 
 class SharedContext(Generic[P]):
-    """A context that the first thread enters and the last one leaves; those between find what the first has set."""
+    """A context that the first user enters and the last one leaves; those between find what the first has set."""
 
     def __init__(self, context: Callable[P, AbstractContextManager[object]]) -> None:
         self._context = context
-        self._lock, self._threads, self._entered = threading.Lock(), 0, ExitStack()
+        self._lock, self._users, self._entered = threading.Lock(), 0, ExitStack()
 
     @contextmanager
     def __call__(self, *arguments: P.args, **named: P.kwargs) -> Iterator[None]:
-        """Be in the context; the arguments of the first thread count."""
+        """Be in the context; the arguments of the first count."""
         with self._lock:
-            if self._threads == 0:
+            if self._users == 0:
                 self._entered.enter_context(self._context(*arguments, **named))
-            self._threads += 1
+            self._users += 1
         try:
             yield
         finally:
             with self._lock:
-                self._threads -= 1
-                if self._threads == 0:
+                self._users -= 1
+                if self._users == 0:
                     self._entered.close()

@@ -36,14 +36,14 @@ from dcap.scene.types.sample import Sample
 from dcap.scene.whole_files import write_whole
 from flows.display import Display, console_on_stderr, print_lines, print_table, summary_line
 from flows.failed_before import failed_before
-from flows.find_run import ASKED_VERSION, RUN, find_run, read_asked, read_keys
+from flows.find_run import ASKED_VERSION, RUN, find_run, read_asked, read_keys, undamaged
 from flows.judge_run import judged_rows, write_rows
 from flows.language_options import LEDGER, LanguageOptions
 from flows.measures_file import write_measures
 from flows.output import readable_json, write_placement
 from flows.place import PlaceConfig
 from flows.place_one import stage_lines
-from flows.run_files import asked_of_run, located, read_result, sample_from_json, undamaged
+from flows.run_files import asked_of_run, located, read_result, sample_from_json
 from flows.run_names import benchmark_tags
 from flows.runners import RunnerName, SampleRunner
 from flows.sample_run import OVERVIEW, STAGE_NAMES, FailedSample, FinishedSample, plan_sample

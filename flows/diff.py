@@ -14,13 +14,15 @@ from dcap.evaluation.run_diff import Pose, RunDiff, RunFacts, SampleFacts, diff_
 from dcap.evaluation.run_folder import sample_folder
 from dcap.scene.errors import InputError
 from dcap.scene.settings import runs_root
-from flows.find_run import RUN, find_run, read_asked, read_keys
-from flows.run_files import PLACEMENT, UNFINISHED, sample_from_json, undamaged
+from dcap.scene.types.sample import Sample
+from flows.find_run import RUN, find_run, read_asked, read_keys, undamaged
+from flows.output import RESULT
+from flows.run_files import PLACEMENT, UNFINISHED, sample_from_json
 from flows.scoring import scored_row
 from tasks.cache import deciding
 from tasks.why import flattened
 
-RESULT, TABLE = "placement.json", "results.parquet"
+TABLE = "results.parquet"
 NO_WORDS = frozenset({"sample", "method", "scene", "object", "prompt", "message", "seconds"})
 """Columns that tell what was asked, how long it took, or numbers in a sentence."""
 FILES = ("scene", "object", "labels")
@@ -52,20 +54,18 @@ def run_facts(folder: Path) -> RunFacts:
         return placement_facts(folder)
     tree = read_asked(folder / RUN)
     rows = rows_of(folder)
-    samples = {}
     with undamaged(folder / RUN):
-        for asked in tree["samples"]:
-            name = str(asked["id"])
-            samples[name] = sample_facts(asked, rows.get(name), sample_folder(folder, name))
+        asked = [sample_from_json(one) for one in tree["samples"]]
+    samples = {one.id: sample_facts(one, rows.get(one.id), sample_folder(folder, one.id)) for one in asked}
     return RunFacts(str(folder), samples, settings_of(tree), tree.get("versions") or {})
 
 
 def placement_facts(folder: Path) -> RunFacts:
     """What the folder of one placement says."""
     tree = read_asked(folder / PLACEMENT) if (folder / PLACEMENT).is_file() else {}
-    asked = tree.get("sample") or {}
     with undamaged(folder / PLACEMENT):
-        facts = {str(asked.get("id", "placement")): sample_facts(asked, None, folder)}
+        asked = sample_from_json(tree["sample"]) if tree else None
+    facts = {asked.id if asked else "placement": sample_facts(asked, None, folder)}
     return RunFacts(str(folder), facts, settings_of(tree) if tree else {}, {})
 
 
@@ -87,7 +87,7 @@ def sample_id(row: Mapping[str, Any]) -> str:
     return str(row["sample"]) if method == DCAP else f"{method}/{row['sample']}"
 
 
-def sample_facts(asked: Mapping[str, Any], row: Mapping[str, Any] | None, folder: Path) -> SampleFacts:
+def sample_facts(asked: Sample | None, row: Mapping[str, Any] | None, folder: Path) -> SampleFacts:
     """What is said of a sample, whose files lie in a folder."""
     tree = read_keys(folder / RESULT) if (folder / RESULT).is_file() else None
     if row is None:
@@ -96,7 +96,7 @@ def sample_facts(asked: Mapping[str, Any], row: Mapping[str, Any] | None, folder
         pose, times = pose_of(tree), dict((tree or {}).get("timings") or {})
     told = {name: value for name, value in row.items() if name not in NO_WORDS}
     return SampleFacts(
-        asked=dict(asked_words(asked)),
+        asked=dict(asked_words(asked)) if asked else {},
         outcome={name: value for name, value in told.items() if isinstance(value, str | bool)},
         pose=pose,
         numbers={name: value for name, value in told.items() if not isinstance(value, str | bool)},
@@ -104,16 +104,16 @@ def sample_facts(asked: Mapping[str, Any], row: Mapping[str, Any] | None, folder
     )
 
 
-def row_without_table(asked: Mapping[str, Any], tree: dict[str, Any] | None, folder: Path) -> Mapping[str, Any]:
+def row_without_table(asked: Sample | None, tree: dict[str, Any] | None, folder: Path) -> Mapping[str, Any]:
     """The row of a sample by its own files."""
-    if not asked:
+    if asked is None:
         return {"verdict": (tree or {}).get("verdict", "failed"), "reason": (tree or {}).get("reason") or ""}
-    return asdict(scored_row(sample_from_json(asked), tree, UNFINISHED, None, folder))
+    return asdict(scored_row(asked, tree, UNFINISHED, None, folder))
 
 
-def asked_words(asked: Mapping[str, Any]) -> Iterator[tuple[str, object]]:
+def asked_words(asked: Sample) -> Iterator[tuple[str, object]]:
     """What was asked of a sample, by dotted keys."""
-    for key, value in flattened({name: one for name, one in asked.items() if name not in UNASKED}):
+    for key, value in flattened({name: one for name, one in asdict(asked).items() if name not in UNASKED}):
         yield key, Path(str(value)).name if key in FILES else value
 
 

@@ -25,10 +25,12 @@ SHOWN_WIDTH = 46
 WIDTH = 160
 
 
-def console_on(stream: TextIO) -> Console:
+def console_on(stream: TextIO, *, quiet: bool = False) -> Console:
     """A console that shows words as they are and does not break lines where nobody looks at a terminal."""
     width = None if stream.isatty() else WIDTH
-    return Console(file=stream, highlight=False, markup=False, emoji=False, width=width)
+    return Console(
+        file=stream, quiet=quiet, highlight=False, markup=False, emoji=False, width=width, force_jupyter=False
+    )
 
 
 def console_on_stderr() -> Console:

@@ -1,11 +1,14 @@
 """Which folder a run has: what a command can tell at once, before anything is imported that computes."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
 from dcap.scene.errors import InputError
+from dcap.scene.given_text import shortened
 from dcap.scene.readers.files.json_text import read_json
 from dcap.scene.settings import runs_root
 
@@ -14,6 +17,8 @@ RUN = "run.json"
 ASKED_VERSION = 1
 """Of `run.json` and `sample.json`: raised where what earlier versions wrote can no longer be read."""
 DAMAGED = "the file is damaged, or of another version of dcap; run it again"
+SHOWN = 200
+"""Characters of what is wrong with a file that are shown."""
 
 
 class AskedKeys(BaseModel):
@@ -65,3 +70,16 @@ def read_keys(path: Path) -> dict[str, Any]:
     if not isinstance(tree, dict):
         raise InputError(f"{path}: {DAMAGED}")
     return tree
+
+
+@contextmanager
+def undamaged(path: Path) -> Iterator[None]:
+    """InputError where a file does not hold what we write into such."""
+    try:
+        yield
+    except (LookupError, TypeError, ValueError, AttributeError, AssertionError) as error:
+        why = f"{type(error).__name__}: {shortened(str(error), SHOWN)}"
+        if isinstance(error, ValidationError):
+            first = error.errors(include_url=False)[0]
+            why = f"{'.'.join(map(str, first['loc']))}: {first['msg']}"
+        raise InputError(f"{path}: {DAMAGED} ({why})") from None

@@ -17,9 +17,11 @@ from dcap.language.model.ledger import in_words, spending_of
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import InputError
 from dcap.scene.json_tree import JsonObject
+from dcap.scene.machine_errors import full_disk_of
 from dcap.scene.types.sample import Sample, SourceOptions
 from dcap.scene.whole_files import write_whole
 from flows.configure import configured
+from flows.display import console_on
 from flows.export_files import clear_exports
 from flows.film_output import FILM, write_film
 from flows.given import height_of, place_of
@@ -29,7 +31,7 @@ from flows.options import PlaceOptions
 from flows.output import ISO, iso_glb, load_values, write_placement
 from flows.place import PlaceConfig
 from flows.placement_json import AT_REST
-from flows.run_files import FinishedPlacement, write_asked
+from flows.run_files import FinishedPlacement, located, write_asked
 from flows.sample_run import STAGE_NAMES, FinishedSample, run_sample
 from flows.server import watching_server
 from tasks.arch import chosen_arch
@@ -44,20 +46,21 @@ def place_files(scene: str, thing: str, prompt: str, options: PlaceOptions, out:
     """
     if Path(scene).is_dir() and Path(scene).resolve() == out.resolve():
         raise InputError(f"--out {out}: the scene itself; give another folder for the next placement")
-    sample = sample_of(scene, thing, prompt, options)
+    sample = located(sample_of(scene, thing, prompt, options))
     asking = language_options(options)
     config = configured(options, language=asking.config(), arch=chosen_arch(options.arch))
     session = asking.session(out)
     if session.ledger:  # of an earlier placement into the same folder
         Path(session.ledger).unlink(missing_ok=True)
-    console = Console(file=sys.stderr, quiet=quiet, highlight=False, force_jupyter=False)
+    console = console_on(sys.stderr, quiet=quiet)
     with console.status("reading") as status:
         finished = run_watched(sample, config, session, stage_lines(console, status), console.print)
     if not any(one.computed for one in finished.results):
         console.print(f"all {len(finished.results)} stages cached")
     if session.ledger and Path(session.ledger).is_file():
         console.print(in_words(spending_of(Path(session.ledger))))
-    return write_results(finished, out, config, asking, options)
+    with full_disk_of(out):
+        return write_results(finished, out, config, asking, options)
 
 
 def run_watched(
@@ -65,7 +68,7 @@ def run_watched(
 ) -> FinishedSample:
     """Run a sample in a flow run if a server watches, else directly."""
     context = RunContext(on_event=listener, session=session)
-    with watching_server() as url:
+    with watching_server(say) as url:
         if not url:
             return run_sample(sample, config, context)
         from flows.watched import place_in_flow  # imports Prefect, after the server's address is known

@@ -3,22 +3,18 @@
 A run has `run.json`; a folder that `place --out` wrote has `sample.json`, and is named like a run with one sample.
 """
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-
-from pydantic import ValidationError
 
 from dcap.evaluation.run_folder import sample_folder
 from dcap.language.protocol.client import LanguageConfig
 from dcap.scene.errors import InputError
-from dcap.scene.given_text import shortened
 from dcap.scene.json_tree import JsonObject
 from dcap.scene.settings import runs_root
 from dcap.scene.types.sample import GivenPlace, KnownHeight, Sample, SourceOptions
 from dcap.scene.whole_files import write_whole
-from flows.find_run import ASKED_VERSION, DAMAGED, RUN, find_run, read_asked, read_keys
+from flows.find_run import ASKED_VERSION, RUN, find_run, read_asked, read_keys, undamaged
 from flows.language_options import LanguageOptions
 from flows.output import load_values, readable_json
 from flows.place import PlaceConfig
@@ -29,8 +25,6 @@ from tasks.artifact import Store
 PLACEMENT = "sample.json"
 UNFINISHED = "did not finish"
 """What there is to say of a sample that was not placed to its end."""
-SHOWN = 200
-"""Characters of what is wrong with a file that are shown."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,19 +91,6 @@ def chooser_of(folder: Path) -> LanguageConfig:
     with undamaged(folder / RUN):
         known = tree.get("config", {}).get("intent", {}).get("language", {})
         return LanguageConfig.model_validate(known)
-
-
-@contextmanager
-def undamaged(path: Path) -> Iterator[None]:
-    """InputError where a file does not hold what we write into such."""
-    try:
-        yield
-    except (LookupError, TypeError, ValueError, AttributeError, AssertionError) as error:
-        why = f"{type(error).__name__}: {shortened(str(error), SHOWN)}"
-        if isinstance(error, ValidationError):
-            first = error.errors(include_url=False)[0]
-            why = f"{'.'.join(map(str, first['loc']))}: {first['msg']}"
-        raise InputError(f"{path}: {DAMAGED} ({why})") from None
 
 
 def asked_of(run: str, sample: str | None) -> tuple[Asked, str]:

@@ -30,7 +30,9 @@ from dcap.scene.json_tree import JsonObject, JsonValue
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.sample import Sample
 from dcap.scene.types.segmentation import Segmentation
+from flows.find_run import undamaged
 from flows.measures_file import read_measures
+from flows.output import RESULT
 from tasks.artifact import Ref, Store
 from tasks.requests.surroundings import part_frame
 
@@ -41,12 +43,15 @@ REFERENCED = frozenset(BESIDE)
 def scored_row(
     sample: Sample, tree: JsonObject | None, error: str, truth: ExpectedOutcome | None, folder: Path
 ) -> SampleOutcome:
-    """The row of a sample whose files lie in a folder."""
-    row = row_of(sample, tree, error, truth)
+    """The row of a sample whose files lie in a folder; InputError where its placement.json is damaged."""
+    with undamaged(folder / RESULT):
+        row = row_of(sample, tree, error, truth)
     kept = read_measures(folder)
     measures = kept.get("measures")
     if tree is None or not isinstance(measures, Mapping) or row.verdict not in (AT_REST, AS_POSED):
         return row
+    with undamaged(folder / RESULT):
+        turned, box = turned_and_box(tree)
     sinking, drift = (one if isinstance(one, Mapping) else {} for one in (kept.get("indentation"), kept.get("drift")))
     found, reference = number(sinking.get("found_m")), number(sinking.get("reference_m"))
     margin = number(measures.get("com_margin_m"))
@@ -65,15 +70,13 @@ def scored_row(
         drift_deg=scaled(drift.get("angle_rad"), 180.0 / np.pi),
         drift_s=number(drift.get("seconds")),
     )
-    row = with_rules(row, kept, tree, truth)
+    row = with_rules(row, kept, box, truth)
     if truth is None or not truth.feasible:
         return with_scores(row)
-    pose = tree["pose"]
-    assert isinstance(pose, Mapping)
     support = tuple(str(measures.get(name) or "") for name in ("support_id", "support_label", "support_part"))
     place = place_measures(
         (support[0], support[1], support[2]), np.asarray(measures["middle"], dtype=float),
-        np.asarray(pose["quaternion"], dtype=float), truth, meant_regions(kept.get("scene"), truth, tree),
+        turned, truth, meant_regions(kept.get("scene"), truth, box),
     )  # fmt: skip
     row = replace(
         row,
@@ -89,8 +92,15 @@ def scored_row(
     return with_scores(row)
 
 
+def turned_and_box(tree: Mapping[str, JsonValue]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The object at rest: its quaternion (w, x, y, z), and the corners of its box [m], shape (2, 3)."""
+    pose = tree["pose"]
+    assert isinstance(pose, Mapping)
+    return np.asarray(pose["quaternion"], dtype=float), np.asarray(tree["object_aabb"], dtype=float).reshape(2, 3)
+
+
 def with_rules(
-    row: SampleOutcome, kept: Mapping[str, JsonValue], tree: Mapping[str, JsonValue], truth: ExpectedOutcome | None
+    row: SampleOutcome, kept: Mapping[str, JsonValue], box: NDArray[np.float64], truth: ExpectedOutcome | None
 ) -> SampleOutcome:
     """With what PlaceIt3D's rules say of a measured row; what was asked is None where scene or intent are gone.
 
@@ -106,13 +116,12 @@ def with_rules(
         return row
     known = loaded_scene(str(scene["kind"]), str(scene["sha256"]))
     said = loaded_intent(str(intent["kind"]), str(intent["sha256"]))
-    pose, measures = tree["pose"], kept["measures"]
-    assert isinstance(pose, Mapping)
+    measures = kept["measures"]
     assert isinstance(measures, Mapping)
     if known is None or said is None or "front" not in measures:  # not there in older files
         return row
     final = FinalBox(
-        box=upright_box(np.asarray(tree["object_aabb"], dtype=float)),
+        box=upright_box(box),
         front=np.asarray(measures["front"], dtype=float)[:2],
         support_id=str(measures.get("support_id") or ""),
         dz=np.inf if row.gap_m is None else max(row.gap_m, row.penetration_m or 0.0),
@@ -159,9 +168,10 @@ def known_or(unknown: float, value: object) -> float:
 
 
 def meant_regions(
-    scene: JsonValue, truth: ExpectedOutcome, tree: Mapping[str, JsonValue]
+    scene: JsonValue, truth: ExpectedOutcome, box: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], ...]:
-    """Outlines in plan of the region that was meant, on the part that was meant; empty where it is not known."""
+    """Outlines in plan of the region that was meant, on the part that was meant, for an object in a box; empty where it
+    is not known."""
     words = truth.region.split()
     if not words or REFERENCED & set(words) or not isinstance(scene, Mapping):
         return ()
@@ -171,7 +181,6 @@ def meant_regions(
     bases = [
         one for one in known.instances if one.id == truth.base_id or (not truth.base_id and one.label == truth.base)
     ]
-    box = np.asarray(tree["object_aabb"], dtype=float)
     reach = np.full(2, 0.5 * float(np.ptp(box[:, :2], axis=0).max()))
     found = []
     for base in bases:

@@ -19,7 +19,7 @@ import threading
 import time
 import tomllib
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import chdir, contextmanager
 from functools import cache
@@ -73,14 +73,17 @@ def prefect_server(port: int = PORT, *, only_there: bool = False) -> Iterator[st
 
 
 @contextmanager
-def watching_server() -> Iterator[str]:
-    """As `prefect_server` where a server runs already; yields an empty string where none does."""
+def watching_server(say: Callable[[str], object]) -> Iterator[str]:
+    """As `prefect_server` where a server runs already; yields an empty string where none does, and says so if one was
+    named."""
     reach_this_machine()
     given = os.environ.get(API_URL, "")
     if not given and running_url():
         _use(server_folder())  # from here on it stays as long as this process
-    running = given if given and is_healthy(given) else "" if given else running_url()
+    running = given if given and is_healthy(given, PATIENT_SECONDS) else "" if given else running_url()
     if not running:
+        if given:
+            say(f"{API_URL}={redacted_url(given)}: {unanswered(given)}; placed without it")
         yield ""
         return
     with _as_own_server(running) as url:
@@ -138,11 +141,11 @@ def unanswered(url: str) -> str:
 
 
 def wait_for_end(url: str) -> None:
-    """Wait until a server does not answer any more."""
+    """Wait until a server has ended: our own one is slow at worst, another one no longer answers."""
     missed = 0
-    while missed < MOST_MISSED:
+    while missed < MOST_MISSED and not own_server_has_ended():
         time.sleep(LOOK_SECONDS)
-        missed = 0 if is_healthy(url) else missed + 1
+        missed = 0 if OWN_URL in os.environ or is_healthy(url, PATIENT_SECONDS) else missed + 1
 
 
 def own_server_has_ended() -> bool:
@@ -214,10 +217,11 @@ def _set_environment() -> None:
 
 @contextmanager
 def _as_own_server(url: str) -> Iterator[str]:
-    """Name a server in the environment, for this process and all that it starts, and let Prefect see it."""
+    """Name a server in the environment, for this process and all that it starts, and let Prefect see it; where another
+    thread has named one, it is that."""
     with _shared_name(url):
         apply_settings()
-        yield url
+        yield os.environ[API_URL]
 
 
 @contextmanager
@@ -234,6 +238,7 @@ def _named(url: str) -> Iterator[None]:
     finally:
         for name in own:
             os.environ.pop(name, None)
+        os.environ.update(_retries_before)
 
 
 _shared_name = SharedContext(_named)
@@ -243,10 +248,13 @@ def _joined_server(port: int, only_there: bool) -> str:
     """Return the address of the server of this data folder, started if need be; this process counts as its user."""
     folder = server_folder()
     folder.mkdir(parents=True, exist_ok=True)
-    with (folder / STARTING).open("w") as file:
-        fcntl.flock(file, fcntl.LOCK_EX)  # programs that start at the same moment share one server
-        _use(folder)
-        return _wait_for_running(folder) or _start(folder, port, only_there)
+    _use(folder)
+    while not (url := _wait_for_running(folder)):
+        with (folder / STARTING).open("w") as file:
+            fcntl.flock(file, fcntl.LOCK_EX)  # programs that start at the same moment share one server
+            if not _kept_url():
+                return _start(folder, port, only_there)
+    return url
 
 
 def _wait_for_running(folder: Path) -> str:
@@ -259,7 +267,10 @@ def _wait_for_running(folder: Path) -> str:
         if is_healthy(url):
             return url
         if time.monotonic() > deadline:
-            raise DcapError(f"the Prefect server at {pages_of(url)} does not answer; stop it (log: {folder / LOG})")
+            keeper = (folder / SERVING).read_text().strip()
+            raise DcapError(
+                f"the Prefect server at {pages_of(url)} does not answer; stop process {keeper} (log: {folder / LOG})"
+            )
         time.sleep(POLL_SECONDS)
     return ""
 
@@ -333,6 +344,8 @@ def main() -> None:
     _set_environment()
     serving = (folder / SERVING).open("a")
     fcntl.flock(serving, fcntl.LOCK_EX)  # until this process ends
+    serving.truncate(0)
+    print(os.getpid(), file=serving, flush=True)
     environment = os.environ | {
         "PREFECT_SERVER_API_PORT": port,
         "PREFECT_HOME": str(folder),

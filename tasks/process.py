@@ -15,13 +15,14 @@ import tempfile
 import threading
 import time
 import traceback
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from multiprocessing.reduction import ForkingPickler
+from pathlib import Path
 from types import ModuleType
-from typing import Any, TypeVar
+from typing import IO, Any, TypeVar
 
 from threadpoolctl import threadpool_limits
 
@@ -80,7 +81,7 @@ def run_in_process(function: Callable[..., ResultT], *arguments: object, on_prog
     """
     preload()
     receiver, sender = CONTEXT.Pipe(duplex=False)
-    with tempfile.NamedTemporaryFile("r", errors="replace", prefix="dcap-stage-") as output, receiver:
+    with _output_file() as output, receiver:
         job = (sender, output.name, dict(os.environ), function, arguments)
         process = _start(job)
         sender.close()
@@ -104,6 +105,16 @@ def interrupt() -> None:
     _interrupted.set()
     for process in list(_running):
         _kill(process)
+
+
+@contextmanager
+def _output_file() -> Iterator[IO[str]]:
+    """Open a file for what a process prints. The process deletes it once it is open there: a kill leaves none."""
+    with tempfile.NamedTemporaryFile("r", errors="replace", prefix="dcap-stage-", delete=False) as output:
+        try:
+            yield output
+        finally:
+            Path(output.name).unlink(missing_ok=True)
 
 
 def _start(job: tuple[object, ...]) -> BaseProcess:
@@ -169,6 +180,7 @@ def _work(
     with open(output, "w") as file:
         os.dup2(file.fileno(), 1)
         os.dup2(file.fileno(), 2)
+    os.unlink(output)
     os.environ.clear()
     os.environ.update(environment)  # the fork server has that of its start
     for package in PACKAGES:

@@ -175,7 +175,8 @@ def every_record() -> Iterator[tuple[Path, Ref[Any] | None]]:
     """Yield the file of every record, sorted, with its result; None for a damaged one."""
     root = records_root()
     for path in sorted(root.iterdir()) if root.is_dir() else ():
-        if written := modified_ns(path):
+        written = modified_ns(path)
+        if written is not None:
             yield path, _read_once(path, written)
 
 
@@ -201,12 +202,12 @@ def records_behind(refs: Iterable[Ref[Any]]) -> Iterator[tuple[Path, Ref[Any]]]:
                 waiting += refs_in(ref.record.recipe)
 
 
-def modified_ns(path: Path) -> int:
-    """Return when a file or folder was changed; 0 where there is none, as somebody may just have deleted it."""
+def modified_ns(path: Path) -> int | None:
+    """Return when a file or folder was changed; None where there is none, as somebody may just have deleted it."""
     try:
         return path.stat().st_mtime_ns
     except FileNotFoundError:
-        return 0
+        return None
 
 
 @cache

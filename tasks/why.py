@@ -113,10 +113,10 @@ def flattened(tree: Any, prefix: str = "") -> Iterator[tuple[str, object]]:
 
 
 @lru_cache(maxsize=1)
-def _records_by_stage(root: Path, changed_ns: int) -> dict[str, list[Record]]:
+def _records_by_stage(root: Path, changed_ns: int | None) -> dict[str, list[Record]]:
     """Return all records by stage, newest first; read again when one has come or gone."""
     found: dict[str, list[tuple[int, Record]]] = {}
     for path, ref in every_record():
         if ref is not None and ref.record is not None:
-            found.setdefault(ref.record.recipe["stage"], []).append((modified_ns(path), ref.record))
+            found.setdefault(ref.record.recipe["stage"], []).append((modified_ns(path) or 0, ref.record))
     return {stage: [record for _, record in sorted(some, key=lambda one: -one[0])] for stage, some in found.items()}

@@ -75,6 +75,17 @@ def as_machine_errors() -> Iterator[None]:
         raise known from error
 
 
+@contextmanager
+def full_disk_of(folder: Path) -> Iterator[None]:
+    """Let a full disk be told as that of the folder in which the block writes: the system does not say which it was."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno in FULL and error.filename is None:
+            error.filename = str(folder)
+        raise
+
+
 def _of_system(error: OSError) -> str:
     """What the system refused, where, and what to change."""
     why = error.strerror or _words(error) or type(error).__name__

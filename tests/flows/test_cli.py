@@ -2,6 +2,7 @@
 
 import errno
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -10,6 +11,8 @@ from unittest.mock import Mock
 import pytest
 
 import dcap
+from dcap.scene.errors import MachineError
+from dcap.scene.machine_errors import as_machine_errors, full_disk_of
 from flows.cli.app import exit_code, main
 from flows.configure import configured
 from flows.options import PlaceOptions
@@ -178,6 +181,12 @@ def test_a_full_disk_is_no_wrong_option(
     monkeypatch.setattr("tempfile.TemporaryDirectory", Mock(side_effect=full))
     said = failed(capsys, "place", "a", "b", "put it", "--out", str(tmp_path / "out"))
     assert f"MiB in its folder ({tmp_path})" in said
+
+
+def test_a_disk_that_fills_up_is_named(tmp_path: Path) -> None:
+    """The system does not say on which disk a file was that it had opened before."""
+    with pytest.raises(MachineError, match=re.escape(str(tmp_path))), as_machine_errors(), full_disk_of(tmp_path):
+        Path("/dev/full").write_bytes(b"x")
 
 
 def test_help_is_not_an_error(capsys: pytest.CaptureFixture[str]) -> None:

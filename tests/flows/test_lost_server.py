@@ -303,10 +303,28 @@ def test_a_slow_server_is_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyP
     (server_folder() / server.ADDRESS).write_text(json.dumps({"url": url}))
     with (server_folder() / server.SERVING).open("w") as keeper:
         fcntl.flock(keeper, fcntl.LOCK_EX)
+        print(1234, file=keeper, flush=True)
         assert server._wait_for_running(server_folder()) == url
         monkeypatch.setattr(server, "START_SECONDS", 0.05)
-        with pytest.raises(DcapError, match="does not answer"):
+        with pytest.raises(DcapError, match="does not answer; stop process 1234"):
             server._wait_for_running(server_folder())
+
+
+def test_programs_wait_for_a_slow_server_at_the_same_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not one after the other, each for two minutes."""
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path))
+    monkeypatch.setattr(server, "is_healthy", lambda url: False)
+    monkeypatch.setattr(server, "START_SECONDS", 0.05)
+    server_folder().mkdir(parents=True)
+    (server_folder() / server.ADDRESS).write_text(json.dumps({"url": "http://127.0.0.1:9/api"}))
+    with (
+        (server_folder() / server.SERVING).open("w") as keeper,
+        (server_folder() / server.STARTING).open("w") as another,
+    ):
+        fcntl.flock(keeper, fcntl.LOCK_EX)
+        fcntl.flock(another, fcntl.LOCK_EX)
+        with pytest.raises(DcapError, match="does not answer"):
+            server._joined_server(server.PORT, only_there=False)
 
 
 def test_a_server_that_is_lost_at_the_beginning_costs_no_sample(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -336,6 +354,29 @@ def test_a_server_is_named_until_the_last_thread_has_ended(tmp_path: Path, monke
     assert os.environ["PREFECT_API_URL"] == url
     second.__exit__(None, None, None)
     assert "PREFECT_API_URL" not in os.environ
+
+
+def test_a_named_server_that_is_gone_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A single placement does without it."""
+    monkeypatch.setenv("PREFECT_API_URL", "http://127.0.0.1:9/api")
+    said: list[str] = []
+    with server.watching_server(said.append) as url:
+        assert url == ""
+    assert ["PREFECT_API_URL=http://127.0.0.1:9/api" in line for line in said] == [True]
+
+
+def test_pages_stay_while_their_server_is_slow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nobody waits for an answer of a server whose keeper lives: `dcap ui` would stop it by leaving."""
+    url = "http://127.0.0.1:9/api"
+    monkeypatch.setenv("DCAP_OWN_SERVER", url)
+    monkeypatch.setattr(server, "LOOK_SECONDS", 0.0)
+    ended = iter([False] * 5 + [True])
+    monkeypatch.setattr(server, "own_server_has_ended", lambda: next(ended))
+    server.wait_for_end(url)
+    assert next(ended, None) is None
+    monkeypatch.delenv("DCAP_OWN_SERVER")
+    monkeypatch.setattr(server, "own_server_has_ended", lambda: False)
+    server.wait_for_end(url)
 
 
 def test_a_dead_run_waits_for_its_own_server(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

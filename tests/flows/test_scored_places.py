@@ -11,6 +11,7 @@ import pytest
 
 from dcap.evaluation.outcome_table import AS_POSED, AT_REST, ExpectedOutcome, SampleOutcome
 from dcap.evaluation.region import TOLERANCE_M
+from dcap.scene.errors import InputError
 from dcap.scene.json_tree import JsonObject
 from dcap.scene.types.sample import Sample
 from flows.scoring import meant_regions, scored_row
@@ -41,6 +42,9 @@ def tree_of(verdict: str = AS_POSED, turn_deg: float = 0.0) -> JsonObject:
         "visible_fraction": 1.0, "object_aabb": [[-0.1, -0.1, 0.5], [0.1, 0.1, 0.7]],
         "pose": {"position": [0.0, 0.0, 0.6], "quaternion": [float(np.cos(half)), 0.0, 0.0, float(np.sin(half))]},
     }  # fmt: skip
+
+
+BOX = np.asarray(tree_of()["object_aabb"], dtype=float)
 
 
 def row(
@@ -98,7 +102,7 @@ def test_a_step_that_broke_leaves_drift_and_force_unknown(tmp_path: Path):
 def outline() -> np.ndarray:
     """The region that was meant, shape (k, 2) [m]."""
     scene = Store.default().save(dented_bed.scene_of()).to_json()
-    (polygon,) = meant_regions(scene, TRUTH, tree_of())
+    (polygon,) = meant_regions(scene, TRUTH, BOX)
     return polygon
 
 
@@ -189,6 +193,16 @@ def test_what_came_to_rest_is_as_expected_by_its_own_verdict(tmp_path: Path):
     assert found.as_expected
 
 
+def test_a_damaged_placement_is_told(tmp_path: Path) -> None:
+    """A key that is missing, or holds something else, is no error of ours."""
+    row(tmp_path)  # writes what was measured
+    no_turn: JsonObject = {"position": [0.0, 0.0, 0.6]}
+    damages: list[JsonObject] = [{"pose": None}, {"pose": no_turn}, {"object_aabb": [[0.0]]}, {"base": {}}]
+    for damage in damages:
+        with pytest.raises(InputError, match="the file is damaged"):
+            scored_row(SAMPLE, {**tree_of(), **damage}, "", TRUTH, tmp_path)
+
+
 def test_a_meant_region_is_on_the_part_that_was_meant():
     """The middle third of the bed's top about its middle; other words are elsewhere; a place beside something, another
     scene's base and no words at all say nothing."""
@@ -196,8 +210,8 @@ def test_a_meant_region_is_on_the_part_that_was_meant():
     polygon = outline()
     np.testing.assert_allclose(polygon.mean(axis=0), [0.0, 0.0], atol=1e-9)
     assert (np.abs(polygon) < [0.8, 1.0]).all()
-    (left,) = meant_regions(scene, replace(TRUTH, region="left"), tree_of())
-    (right,) = meant_regions(scene, replace(TRUTH, region="right"), tree_of())
+    (left,) = meant_regions(scene, replace(TRUTH, region="left"), BOX)
+    (right,) = meant_regions(scene, replace(TRUTH, region="right"), BOX)
     # the bed looks to -y: who looks at it from there has +x on the right
     assert left.mean(axis=0)[0] < -0.1 < 0.1 < right.mean(axis=0)[0]
     for truth in (
@@ -206,7 +220,7 @@ def test_a_meant_region_is_on_the_part_that_was_meant():
         replace(TRUTH, base_id="bed_7"),
         replace(TRUTH, base="sofa", base_id=""),
     ):
-        assert meant_regions(scene, truth, tree_of()) == ()
-    assert meant_regions(None, TRUTH, tree_of()) == ()
+        assert meant_regions(scene, truth, BOX) == ()
+    assert meant_regions(None, TRUTH, BOX) == ()
     # by its label, one region for each of that name
-    assert len(meant_regions(scene, replace(TRUTH, base="wall", base_id="", part=""), tree_of())) == 2
+    assert len(meant_regions(scene, replace(TRUTH, base="wall", base_id="", part=""), BOX)) == 2

@@ -241,7 +241,6 @@ def test_samples_go_on_without_their_server(tmp_path: Path, busy: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.long
 def test_an_interrupted_benchmark_ends_at_once(tmp_path: Path, busy: Path) -> None:
     """Although one stage computes in a thread and another in a process of its own; no process stays, its server
     neither, and nothing counts as failed."""
