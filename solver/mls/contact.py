@@ -42,6 +42,7 @@ Index = NDArray[np.int64]
 
 STABLE = 0.5  # stiffness of contact times the squared step and the mobility of what it acts on [-]; 4 is the limit
 CLOSING_SECONDS = 0.04  # in which an excess of penetration fades by e; coming to rest takes ten times as long
+FADING_SECONDS = 0.4  # in which the largest stiffness of a contact is forgotten by e
 SLACK = 0.5  # smallest cells that bodies may move before near points are looked up again
 RELEASE = 3.0  # how much of its offset a point loses over the way by which it comes out [-]
 AROUND = 4.0  # cells around near points whose nodes are carried along
@@ -78,6 +79,10 @@ class PairTouch:
     """Last position of each point [m], shape (n, 3)."""
     touched: NDArray[np.bool_]
     """Points that touched in the last step, shape (n,)."""
+    most: float = 0.0
+    """Largest stiffness of all points that touched at once, fading [N/m]."""
+    share: float = 1.0
+    """Of their springs that acts at once, for the bodies' masses [-]."""
 
     @classmethod
     def of(cls, pair: Pair, allowed: Array) -> "PairTouch":
@@ -167,8 +172,11 @@ class SurfaceContacts:
 
     def _explicit(self, bond: BondedPair, config: SolverConfig) -> BondedPair:
         """A bond whose points are no stiffer than steps can take."""
+        dt = config.mls_step_seconds
         mobility = sum(self._crowded(side.body, bond.a.rest) for side in (bond.a, bond.b))
-        return replace(bond, stiffness=np.minimum(bond.stiffness, STABLE / config.mls_step_seconds**2 / mobility))
+        stiffness = np.minimum(bond.stiffness, STABLE / dt**2 / mobility)
+        share = self._share(bond.a.body, bond.b.body, float(stiffness.sum()), dt)
+        return replace(bond, stiffness=share * stiffness)
 
     def act(self, dt: float) -> None:
         """Find what touches and give the impulses of dt [s] to the bodies."""
@@ -375,7 +383,10 @@ class SurfaceContacts:
         node, weight, material = node[on], weight[on], material[on]
         friction = touch.pair.friction.at(index, material)
         force, _, anchor, sliding = point_forces(friction, touch.memory, index, pushed, normal, slip)
-        force *= self._share_of_light(a, b, float(touch.memory.stiffness[index].sum()), dt)
+        # with a share that changed with each point that comes or goes, what lies on a slope would creep
+        touch.most = max(float(touch.memory.stiffness[index].sum()), touch.most * (1.0 - dt / FADING_SECONDS))
+        touch.share = self._share(a, b, touch.most, dt)
+        force *= touch.share
         touch.memory.anchor[index] = anchor
         touch.memory.sliding[index] = sliding & (np.linalg.norm(slip, axis=1) > STICK_SPEED * dt)
         load = np.einsum("ki,ki->k", force, normal)
@@ -392,9 +403,10 @@ class SurfaceContacts:
         rolling = float(load @ friction[:, 2] / max(load.sum(), 1e-300))
         return Acting(a, b, points, force, normal[:, None], load, rolling)
 
-    def _share_of_light(self, a: int, b: int, stiffness: float, dt: float) -> float:
-        """Share of the springs of a pair [N/m] that a step of dt [s] takes: together they may not throw one."""
-        mobility = sum(1.0 / self.model.bodies[i].mass for i in (a, b) if i in self.rigid.free)
+    def _share(self, a: int, b: int, stiffness: float, dt: float) -> float:
+        """Share of the springs of a pair [N/m] that a step of dt [s] takes: together they may not throw a body. As a
+        whole a soft one moves with its true mass, whatever its inertia against strain."""
+        mobility = sum(1.0 / self.model.bodies[i].mass for i in (a, b) if not self.model.bodies[i].fixed)
         return min(1.0, STABLE / max(dt**2 * stiffness * mobility, 1e-300))
 
     def _keep_sides(self, touch: PairTouch, gap: Array, normal: Array, slip: Array) -> None:

@@ -36,6 +36,7 @@ from solver.result import FinalState, RestBody, SettledModel, beside, build_resu
 Array = NDArray[np.float64]
 
 STEP_SHARE = 0.5  # of the step that material could take: contact may be four times as stiff
+LEAST_CELLS = 2.0  # across a contact whose area says something
 PEAK_DROP = 0.02  # a kinetic energy this much below its largest value has passed its peak [-]
 
 
@@ -217,7 +218,7 @@ class ExplicitDrop:
         rows, final = self.monitor.rows(), self._final(report)
         self.recorder.note(self.time, lambda: final.bodies, last=True)
         result = build_result(
-            verdict, final, self.monitor, rows, NotDone(), self.config, [], self.recorder.frames()
+            verdict, final, self.monitor, rows, NotDone(), self.config, self._unresolved(final), self.recorder.frames()
         )  # fmt: skip
         certificate = replace(
             result.certificate,
@@ -228,6 +229,16 @@ class ExplicitDrop:
         )
         material = {one.body.name: one.material() for one in self.soft.values()}
         return replace(result, certificate=certificate, material=material)
+
+    def _unresolved(self, final: FinalState) -> list[str]:
+        """A warning for each contact that is smaller than cells can tell."""
+        soft = {one.body.name for one in self.soft.values()}
+        return [
+            f"the contact of {row.a} and {row.b}, {1e4 * row.area_m2:.2g} cm2, is less than {LEAST_CELLS:g} cells of "
+            f"{1e3 * self.cell:.2g} mm across: its area and pressure are not resolved; give a smaller --resolution"
+            for row in final.contacts
+            if soft & {row.a, row.b} and row.area_m2 < (LEAST_CELLS * self.cell) ** 2
+        ]
 
     def _final(self, report: ContactReport) -> FinalState:
         """What the result says of the last state."""

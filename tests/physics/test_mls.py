@@ -4,11 +4,13 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from solver.certificate import ContactRow
 from solver.config import SolverConfig
 from solver.errors import ModelError, UnstableStep
 from solver.kernels.mls import ANGULAR_MOMENTUM, MOMENTUM
@@ -232,6 +234,28 @@ def test_a_bond_carries_what_hangs_on_it(lab):
     assert result.verdict == "at_rest"
     assert sign * held == pytest.approx([0.0, 0.0, 100.0 * 5e-4 * lab.gravity], abs=0.02)
     assert result.bodies[0].vertices[:, 2].max() == pytest.approx(-0.0005, abs=2e-4)
+
+
+@pytest.mark.slow
+def test_a_light_pad_under_a_heavy_weight_comes_to_rest(lab):
+    """A body moves as a whole with its true mass, and all of its springs together may not throw that."""
+    pad = lab.soft("pad", lab.Box(np.array([0.08, 0.08, 0.03])), [0, 0, 0.0155], E=1e4, rho=100.0, cell=0.0075,
+                   edge=0.003)  # fmt: skip
+    weight = lab.rigid("weight", lab.Box(np.array([0.08, 0.08, 0.04])), [0, 0, 0.051], mass=1.0)
+    model = Model((pad, weight, lab.floor()), np.array([0.0, 0.0, -9.81]), (), (("pad", "weight"),))
+    result = settle(model, SolverConfig(threads=2, method="mls", step_limit=150))
+    assert result.verdict == "at_rest"
+    carried = (1.0 + 100.0 * 0.08 * 0.08 * 0.03) * lab.gravity
+    assert result.contacts[0].normal_force_n == pytest.approx(carried, rel=0.02)
+
+
+def test_a_contact_that_cells_cannot_tell_is_named(lab):
+    """Smaller than two of them; contacts of rigid bodies alone have no cells."""
+    one = stepping(lab, blob(lab), lab.floor())
+    row = ContactRow("blob", "floor", (1.9 * one.cell) ** 2, 1.0, 0.0, 0.0, 0.0, 3, 0)
+    wide, rigid = replace(row, area_m2=(2.1 * one.cell) ** 2), replace(row, a="box")
+    said = one._unresolved(SimpleNamespace(contacts=(row, wide, rigid)))
+    assert ["contact of blob and floor" in line for line in said] == [True]
 
 
 @pytest.mark.slow
