@@ -219,7 +219,10 @@ def scored_rows(folder: Path, samples: Sequence[Sample], dataset: Path) -> tuple
     rows = []
     for sample, truth in zip(samples, truths_of(dataset, samples), strict=True):
         out = sample_folder(folder, sample.id)
-        rows.append(scored_row(sample, *read_result(out), truth, out))
+        try:
+            rows.append(scored_row(sample, *read_result(out), truth, out))
+        except InputError as damaged:
+            rows.append(scored_row(sample, None, str(damaged), truth, out))
     order = list(METHODS)
     return tuple(sorted(rows, key=lambda row: order.index(row.method)))
 

@@ -5,7 +5,6 @@ deformable supports of the scenes as a table and a plot. What is written appears
 """
 
 import os
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -32,7 +31,7 @@ from dcap.scene.readers.scenes.sugar import MESH_SUFFIXES
 from dcap.scene.settings import runs_root
 from dcap.scene.types.sample import Sample, SourceOptions
 from dcap.scene.types.segmentation import Segmentation
-from dcap.scene.whole_files import DRAFTS
+from dcap.scene.whole_files import draft_folder
 from flows.configure import configured
 from flows.language_options import language_options
 from flows.options import PlaceOptions
@@ -283,13 +282,12 @@ def write_dataset(
     texts = {path.name: dataset_text(rows, path.parent), TRUTH_FILE: truth_text(rows)}
     texts[SUPPORTS_TABLE] = supports_table(contents)
     texts.update(lists_of(splits))
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=path.parent, prefix=DRAFTS) as folder:
+    with draft_folder(path.parent) as folder:
         for file, text in texts.items():
-            (Path(folder) / file).write_text(text, encoding="utf-8")
-        save_supports_plot([deformable_supports(labels) for labels in contents.values()], Path(folder) / SUPPORTS_PLOT)
+            (folder / file).write_text(text, encoding="utf-8")
+        save_supports_plot([deformable_supports(labels) for labels in contents.values()], folder / SUPPORTS_PLOT)
         for file in (*texts, SUPPORTS_PLOT):
-            os.replace(Path(folder) / file, path.parent / file)
+            os.replace(folder / file, path.parent / file)
     return SampledDataset(
         path=str(path),
         scenes=len(made),

@@ -93,7 +93,8 @@ def sample_facts(asked: Sample | None, row: Mapping[str, Any] | None, folder: Pa
     if row is None:
         row = row_without_table(asked, tree, folder)
     with undamaged(folder / RESULT):
-        pose, times = pose_of(tree), dict((tree or {}).get("timings") or {})
+        pose = pose_of(tree)
+        times = {name: float(one) for name, one in ((tree or {}).get("timings") or {}).items()}
     told = {name: value for name, value in row.items() if name not in NO_WORDS}
     return SampleFacts(
         asked=dict(asked_words(asked)) if asked else {},
@@ -131,4 +132,6 @@ def pose_of(tree: Mapping[str, Any] | None) -> Pose | None:
     pose = (tree or {}).get("pose")
     if not isinstance(pose, Mapping):
         return None
-    return np.asarray(pose["position"], dtype=float), np.asarray(pose["quaternion"], dtype=float)
+    turned = np.asarray(pose["quaternion"], dtype=float).reshape(4)
+    assert turned.any()
+    return np.asarray(pose["position"], dtype=float).reshape(3), turned

@@ -27,7 +27,8 @@ WIDTH = 160
 
 def console_on(stream: TextIO, *, quiet: bool = False) -> Console:
     """A console that shows words as they are and does not break lines where nobody looks at a terminal."""
-    width = None if stream.isatty() else WIDTH
+    is_terminal = getattr(stream, "isatty", bool)()  # a program may have none, or an own one that only writes
+    width = None if is_terminal else WIDTH
     return Console(
         file=stream, quiet=quiet, highlight=False, markup=False, emoji=False, width=width, force_jupyter=False
     )

@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from dcap.scene.json_tree import JsonObject
-from dcap.scene.machine_errors import full_disk_of
 from flows.given_settings import given_settings
 from flows.options import DropOptions
 from flows.settings.effective import OWN
@@ -17,19 +16,18 @@ SOLVER = "drop.solver."
 
 def drop_case(case: Path | Mapping[str, object], options: DropOptions, out: Path, *, quiet: bool) -> JsonObject:
     """Settle the bodies of a case; writes the results into `out`, returns result.json."""
-    with full_disk_of(out):
-        return run_case(
-            case,
-            out,
-            solver=options.solver,
-            arch=chosen_arch(options.arch),
-            resolution=options.resolution,
-            threads=options.threads,
-            stability=options.stability,
-            load_aware=options.load_aware,
-            settings=solver_settings(),
-            quiet=quiet,
-        )
+    return run_case(
+        case,
+        out,
+        solver=options.solver,
+        arch=chosen_arch(options.arch),
+        resolution=options.resolution,
+        threads=options.threads,
+        stability=options.stability,
+        load_aware=options.load_aware,
+        settings=solver_settings(),
+        quiet=quiet,
+    )
 
 
 def solver_settings() -> Mapping[str, object]:

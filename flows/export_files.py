@@ -5,13 +5,12 @@
 
 import json
 import os
-import tempfile
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path, PurePosixPath
 
 from dcap.scene.errors import InputError
-from dcap.scene.whole_files import DRAFTS
+from dcap.scene.whole_files import draft_folder
 from flows.output import readable_json
 from flows.scene_splats import SETTLED_SPLATS
 
@@ -29,15 +28,15 @@ def write_files(folder: Path, files: Files, kind: str) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         check_free(folder, listed)
-        with tempfile.TemporaryDirectory(dir=folder, prefix=DRAFTS) as draft:
+        with draft_folder(folder) as draft:
             for name, content in listed.items():
-                path = Path(draft) / name
+                path = draft / name
                 path.parent.mkdir(parents=True, exist_ok=True)
                 path.write_bytes(content)
             clear_export(folder)
             for name in listed:
                 (folder / name).parent.mkdir(parents=True, exist_ok=True)
-                os.replace(Path(draft) / name, folder / name)
+                os.replace(draft / name, folder / name)
     except OSError as error:
         where = error.filename or folder
         raise InputError(f"{folder}: {where}: {error.strerror or error}; give another folder (--out)") from None

@@ -1,14 +1,13 @@
 """Writes the film of a drop: `drop.mp4`."""
 
 import os
-import tempfile
 from pathlib import Path
 
 import imageio_ffmpeg
 import numpy as np
 
 from dcap.geometry.raycast import Raycaster
-from dcap.scene.whole_files import DRAFTS
+from dcap.scene.whole_files import draft_folder
 from flows.map_output import automatic_camera
 from flows.run_files import FinishedPlacement
 from tasks.render.animation import drop_pictures
@@ -41,8 +40,8 @@ def write_film(placement: FinishedPlacement, folder: Path) -> Path | None:
     thing = settled_item(item, anchor, settled.bodies[0])
     camera = nearby(things, thing, automatic_camera(values, config), config)
     surfaces = values.scene_surface, values.object_surface
-    with tempfile.TemporaryDirectory(dir=folder, prefix=DRAFTS) as draft:
-        path = Path(draft) / FILM
+    with draft_folder(folder) as draft:
+        path = draft / FILM
         writer = imageio_ffmpeg.write_frames(
             str(path), (SIZE, SIZE), fps=PER_SECOND, codec=CODEC, quality=8, macro_block_size=8, output_params=EXACT
         )

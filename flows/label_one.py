@@ -2,14 +2,12 @@
 
 import os
 import sys
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
-from rich.console import Console
 
 from dcap.evaluation.labels_page import Row, labels_page
 from dcap.geometry.segmentation.main_surface import main_level
@@ -19,9 +17,10 @@ from dcap.scene.settings import runs_root
 from dcap.scene.types.sample import Sample
 from dcap.scene.types.scan import Scan
 from dcap.scene.types.segmentation import Instance, Segmentation
-from dcap.scene.whole_files import DRAFTS
+from dcap.scene.whole_files import draft_folder
 from dcap.scene.writers.labels import FoundThing, labels_text, labels_tree
 from flows.configure import configured
+from flows.display import console_on
 from flows.language_options import language_options
 from flows.options import PlaceOptions
 from flows.place import PlaceConfig, SceneRefs, scene_of
@@ -59,7 +58,7 @@ def label_scene(scene: str, out: Path | None, options: PlaceOptions, *, quiet: b
 
 def found_scene(sample: Sample, config: PlaceConfig, session: Session, *, quiet: bool) -> SceneRefs:
     """Run the two stages, or find their results in the cache."""
-    console = Console(file=sys.stderr, quiet=quiet, highlight=False, force_jupyter=False)
+    console = console_on(sys.stderr, quiet=quiet)
     with console.status("reading") as status:
         context = RunContext(on_event=stage_lines(console, status), session=session)
         with sample_context(sample, context):
@@ -123,9 +122,7 @@ def page_of(
 
 def write_all(folder: Path, files: dict[str, bytes], plan: NDArray[np.uint8]) -> None:
     """Write the files beside the folder's others and move them in; the plan as a picture of its own too."""
-    folder.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=folder, prefix=DRAFTS) as name:
-        draft = Path(name)
+    with draft_folder(folder) as draft:
         for file, data in files.items():
             (draft / file).write_bytes(data)
         Image.fromarray(plan).save(draft / PLAN)

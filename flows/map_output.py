@@ -5,7 +5,6 @@ In: what the stages returned, a camera and perhaps a photograph. Out: the folder
 
 import io
 import os
-import tempfile
 from contextlib import suppress
 from pathlib import Path
 
@@ -20,7 +19,7 @@ from dcap.geometry.rendering.map_files import COLMAP, COMPOSITE, FILES, write_ma
 from dcap.scene.errors import InputError
 from dcap.scene.readers.files.content import read_bytes
 from dcap.scene.readers.files.image import FORMATS, read_image
-from dcap.scene.whole_files import DRAFTS
+from dcap.scene.whole_files import draft_folder
 from flows.options import check_out
 from flows.placement_json import Values
 from flows.run_files import FinishedPlacement
@@ -46,9 +45,7 @@ def write_maps_of(
     found = conditioning_maps(what, view, config, cutaway=camera is None)
     over = None if image is None else composite(found, image)
     check_out(folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=folder, prefix=DRAFTS) as draft:
-        fresh = Path(draft)
+    with draft_folder(folder) as fresh:
         write_maps(fresh, found, view)
         if over is not None:
             Image.fromarray(over).save(fresh / COMPOSITE)

@@ -1,6 +1,5 @@
 """`measures.json` of a sample: what was measured of its final state, whoever made it."""
 
-import json
 from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
@@ -9,6 +8,7 @@ from dcap.scene.json_tree import JsonObject, JsonValue, object_to_json
 from dcap.scene.types.judged_views import JudgedViews
 from dcap.scene.types.measures import Drift, Indentation, Measures
 from dcap.scene.whole_files import write_whole
+from flows.find_run import read_keys
 from flows.output import load, readable_json
 from flows.sample_run import FinishedSample
 from tasks.artifact import Store
@@ -37,6 +37,6 @@ def write_measures(finished: FinishedSample, out: Path) -> JsonObject | None:
 
 
 def read_measures(out: Path) -> Mapping[str, JsonValue]:
-    """What `write_measures` wrote; empty where there is nothing."""
+    """What `write_measures` wrote; empty where there is nothing, InputError where it is damaged."""
     path = out / MEASURES
-    return json.loads(path.read_bytes()) if path.is_file() else {}
+    return read_keys(path) if path.is_file() else {}

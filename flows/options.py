@@ -20,7 +20,8 @@ from pydantic_settings import BaseSettings, InitSettingsSource, PydanticBaseSett
 from dcap.language.protocol.client import DEFAULT_MODEL
 from dcap.scene.errors import InputError
 from dcap.scene.given_text import LONGEST_PROMPT, LONGEST_WORDS, shortened, unfit
-from dcap.scene.machine_errors import FULL, machine_error
+from dcap.scene.machine_errors import machine_error
+from dcap.scene.whole_files import FULL
 from flows.given_settings import given_settings
 
 LARGEST_RESOLUTION_M = 1.0

@@ -3,7 +3,6 @@
 import json
 import os
 import shutil
-import tempfile
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -29,7 +28,7 @@ from dcap.scene.types.renders import Renders
 from dcap.scene.types.scan import Scan
 from dcap.scene.types.segmentation import Segmentation
 from dcap.scene.types.settled import Settled
-from dcap.scene.whole_files import DRAFTS
+from dcap.scene.whole_files import draft_folder
 from dcap.scene.writers.earlier_files import copy_earlier, note_files
 from dcap.scene.writers.glb import Node, glb_bytes, labelled_nodes
 from dcap.scene.writers.ply import mesh_to_ply
@@ -91,9 +90,8 @@ def write_placement(finished: FinishedSample, out: Path) -> JsonObject:
     The files are written as drafts and moved in, placement.json last: whoever sees it sees everything. They are copied
     from an earlier folder of the same placement, if there is one.
     """
-    out.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=out, prefix=DRAFTS) as draft_name:
-        draft, key = Path(draft_name), placement_key(finished)
+    with draft_folder(out) as draft:
+        key = placement_key(finished)
         files = copy_earlier(key, draft) or write_files(finished, draft)
         names = [name for name in files.values() if name != RESULT]
         (out / RESULT).unlink(missing_ok=True)

@@ -17,7 +17,6 @@ from dcap.language.model.ledger import in_words, spending_of
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import InputError
 from dcap.scene.json_tree import JsonObject
-from dcap.scene.machine_errors import full_disk_of
 from dcap.scene.types.sample import Sample, SourceOptions
 from dcap.scene.whole_files import write_whole
 from flows.configure import configured
@@ -59,8 +58,7 @@ def place_files(scene: str, thing: str, prompt: str, options: PlaceOptions, out:
         console.print(f"all {len(finished.results)} stages cached")
     if session.ledger and Path(session.ledger).is_file():
         console.print(in_words(spending_of(Path(session.ledger))))
-    with full_disk_of(out):
-        return write_results(finished, out, config, asking, options)
+    return write_results(finished, out, config, asking, options)
 
 
 def run_watched(

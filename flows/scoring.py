@@ -44,11 +44,13 @@ def scored_row(
     sample: Sample, tree: JsonObject | None, error: str, truth: ExpectedOutcome | None, folder: Path
 ) -> SampleOutcome:
     """The row of a sample whose files lie in a folder; InputError where its placement.json is damaged."""
+    if tree is None:
+        return row_of(sample, tree, error, truth)
     with undamaged(folder / RESULT):
         row = row_of(sample, tree, error, truth)
     kept = read_measures(folder)
     measures = kept.get("measures")
-    if tree is None or not isinstance(measures, Mapping) or row.verdict not in (AT_REST, AS_POSED):
+    if not isinstance(measures, Mapping) or row.verdict not in (AT_REST, AS_POSED):
         return row
     with undamaged(folder / RESULT):
         turned, box = turned_and_box(tree)
@@ -96,7 +98,9 @@ def turned_and_box(tree: Mapping[str, JsonValue]) -> tuple[NDArray[np.float64], 
     """The object at rest: its quaternion (w, x, y, z), and the corners of its box [m], shape (2, 3)."""
     pose = tree["pose"]
     assert isinstance(pose, Mapping)
-    return np.asarray(pose["quaternion"], dtype=float), np.asarray(tree["object_aabb"], dtype=float).reshape(2, 3)
+    turned = np.asarray(pose["quaternion"], dtype=float).reshape(4)
+    assert turned.any()
+    return turned, np.asarray(tree["object_aabb"], dtype=float).reshape(2, 3)
 
 
 def with_rules(

@@ -21,7 +21,7 @@ import tomllib
 import urllib.request
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import chdir, contextmanager
+from contextlib import chdir, contextmanager, suppress
 from functools import cache
 from http.client import HTTPException
 from importlib.util import find_spec
@@ -78,16 +78,16 @@ def watching_server(say: Callable[[str], object]) -> Iterator[str]:
     named."""
     reach_this_machine()
     given = os.environ.get(API_URL, "")
-    if not given and running_url():
+    if not given and _kept_url():
         _use(server_folder())  # from here on it stays as long as this process
-    running = given if given and is_healthy(given, PATIENT_SECONDS) else "" if given else running_url()
-    if not running:
-        if given:
-            say(f"{API_URL}={redacted_url(given)}: {unanswered(given)}; placed without it")
-        yield ""
+    url = given or _kept_url()
+    if url and is_healthy(url, PATIENT_SECONDS):
+        with _as_own_server(url) as named:
+            yield named
         return
-    with _as_own_server(running) as url:
-        yield url
+    if url:
+        say(f"no Prefect server answers at {pages_of(url)}: placed without it, and not on its pages")
+    yield ""
 
 
 def reach_this_machine() -> None:
@@ -267,12 +267,17 @@ def _wait_for_running(folder: Path) -> str:
         if is_healthy(url):
             return url
         if time.monotonic() > deadline:
-            keeper = (folder / SERVING).read_text().strip()
-            raise DcapError(
-                f"the Prefect server at {pages_of(url)} does not answer; stop process {keeper} (log: {folder / LOG})"
-            )
+            raise DcapError(f"the Prefect server at {pages_of(url)} does not answer; {_how_to_stop(folder)}")
         time.sleep(POLL_SECONDS)
     return ""
+
+
+def _how_to_stop(folder: Path) -> str:
+    """Return which process ends the server of a data folder, as far as it is known."""
+    with suppress(OSError):
+        if (keeper := (folder / SERVING).read_text().strip()).isdigit():
+            return f"stop process {keeper} (log: {folder / LOG})"
+    return f"stop it (log: {folder / LOG})"
 
 
 @cache

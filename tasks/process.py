@@ -15,14 +15,13 @@ import tempfile
 import threading
 import time
 import traceback
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from multiprocessing.reduction import ForkingPickler
-from pathlib import Path
 from types import ModuleType
-from typing import IO, Any, TypeVar
+from typing import Any, TypeVar
 
 from threadpoolctl import threadpool_limits
 
@@ -81,10 +80,12 @@ def run_in_process(function: Callable[..., ResultT], *arguments: object, on_prog
     """
     preload()
     receiver, sender = CONTEXT.Pipe(duplex=False)
-    with _output_file() as output, receiver:
-        job = (sender, output.name, dict(os.environ), function, arguments)
-        process = _start(job)
+    # a file without a name, so that nothing stays where this program is killed
+    with tempfile.TemporaryFile("w+", errors="replace") as output, receiver:
+        printed = Connection(os.dup(output.fileno()), readable=False)  # as such a descriptor can be sent
+        process = _start((sender, printed, dict(os.environ), function, arguments))
         sender.close()
+        printed.close()
         try:
             result: ResultT = _listen(process, receiver, on_progress)
             return result
@@ -92,6 +93,7 @@ def run_in_process(function: Callable[..., ResultT], *arguments: object, on_prog
             process.join()
             if _interrupted.is_set():
                 raise KeyboardInterrupt from None
+            output.seek(0)
             tail = "".join(output.readlines()[-LAST_LINES:])
             raise StageProcessError(f"the stage's process ended with {_exit_words(process)}\n{tail}") from None
         finally:
@@ -105,16 +107,6 @@ def interrupt() -> None:
     _interrupted.set()
     for process in list(_running):
         _kill(process)
-
-
-@contextmanager
-def _output_file() -> Iterator[IO[str]]:
-    """Open a file for what a process prints. The process deletes it once it is open there: a kill leaves none."""
-    with tempfile.NamedTemporaryFile("r", errors="replace", prefix="dcap-stage-", delete=False) as output:
-        try:
-            yield output
-        finally:
-            Path(output.name).unlink(missing_ok=True)
 
 
 def _start(job: tuple[object, ...]) -> BaseProcess:
@@ -168,7 +160,7 @@ def _exit_words(process: BaseProcess) -> str:
 
 def _work(
     sender: Connection,
-    output: str,
+    output: Connection,
     environment: Mapping[str, str],
     function: Callable[..., object],
     arguments: tuple[object, ...],
@@ -177,10 +169,9 @@ def _work(
     os.setsid()
     die_with_parent()
     threading.Thread(target=_end_with_program, daemon=True).start()
-    with open(output, "w") as file:
-        os.dup2(file.fileno(), 1)
-        os.dup2(file.fileno(), 2)
-    os.unlink(output)
+    os.dup2(output.fileno(), 1)
+    os.dup2(output.fileno(), 2)
+    output.close()
     os.environ.clear()
     os.environ.update(environment)  # the fork server has that of its start
     for package in PACKAGES:

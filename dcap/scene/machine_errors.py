@@ -19,8 +19,8 @@ from dcap.scene.given_text import shortened
 from dcap.scene.secrets import redacted
 from dcap.scene.settings import data_root, server_folder
 from dcap.scene.team_server import LOGIN, team_server
+from dcap.scene.whole_files import FULL
 
-FULL = (errno.ENOSPC, errno.EDQUOT)
 REFUSED = (errno.EACCES, errno.EPERM, errno.EROFS)
 NO_FOLDER = (errno.ENOTDIR, errno.ENOENT)
 EXHAUSTED = (errno.EMFILE, errno.ENFILE)
@@ -75,17 +75,6 @@ def as_machine_errors() -> Iterator[None]:
         raise known from error
 
 
-@contextmanager
-def full_disk_of(folder: Path) -> Iterator[None]:
-    """Let a full disk be told as that of the folder in which the block writes: the system does not say which it was."""
-    try:
-        yield
-    except OSError as error:
-        if error.errno in FULL and error.filename is None:
-            error.filename = str(folder)
-        raise
-
-
 def _of_system(error: OSError) -> str:
     """What the system refused, where, and what to change."""
     why = error.strerror or _words(error) or type(error).__name__
@@ -132,7 +121,7 @@ def _knob(path: Path) -> str:
 def _room(path: str) -> str:
     """How much room is left where a file was to be written, and wherever else files are."""
     data = _data_root()
-    places = [("its folder", Path(path).parent)] if path else []
+    places = [("its folder", Path(path) if Path(path).is_dir() else Path(path).parent)] if path else []
     places += [("DCAP_DATA", data)] if data else []
     places += [("TMPDIR", Path(tempfile.gettempdir())), ("the working directory", Path(os.curdir))]
     told = [f"{free_space(place) / 2**20:.0f} MiB in {name} ({place})" for name, place in places]

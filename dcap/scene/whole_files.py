@@ -1,5 +1,6 @@
 """Files that appear whole or not at all: what was there stays where a disk is full or the program is killed."""
 
+import errno
 import hashlib
 import os
 import tempfile
@@ -7,6 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+FULL = (errno.ENOSPC, errno.EDQUOT)
+"""Errors of a full disk."""
 NEW_FILE = 0o666
 """Rights of a new file, but for those that the user's mask takes away."""
 DRAFTS = ".writing-"
@@ -31,6 +34,20 @@ def whole_file(path: Path, mode: int = NEW_FILE) -> Iterator[Path]:
         if error.errno is None or not (error.filename is None or str(path.parent / DRAFTS) in str(error.filename)):
             raise  # of another file that the block reads, or of what a library has to say
         raise OSError(error.errno, error.strerror, str(path)) from error
+
+
+@contextmanager
+def draft_folder(folder: Path) -> Iterator[Path]:
+    """A folder inside of `folder`, which is made, for files that the block writes and then moves there. OSError of a
+    full disk names `folder`: the system does not name a file that is open."""
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        with tempfile.TemporaryDirectory(dir=folder, prefix=DRAFTS) as draft:
+            yield Path(draft)
+    except OSError as error:
+        if error.errno in FULL and error.filename is None:
+            error.filename = str(folder)
+        raise
 
 
 def write_whole(path: Path, data: bytes, mode: int = NEW_FILE) -> None:

@@ -3,7 +3,6 @@
 import json
 import os
 import sys
-import tempfile
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
@@ -17,6 +16,7 @@ from scipy.spatial.transform import Rotation
 from dcap.scene.errors import GeometryError, InputError
 from dcap.scene.json_tree import JsonObject, JsonValue, to_json
 from dcap.scene.types.mesh import Mesh
+from dcap.scene.whole_files import draft_folder
 from dcap.scene.writers.ply import mesh_to_ply
 from solver.certificate import History
 from solver.config import SolverConfig
@@ -154,9 +154,7 @@ def write_case(
 
     Files of an earlier result are replaced or removed; whatever else lies in the folder stays.
     """
-    out.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=out, prefix=".writing-") as name:
-        draft = Path(name)
+    with draft_folder(out) as draft:
         if result is not None:
             for body, rest in zip(bodies, result.bodies, strict=True):
                 (draft / f"{body.name}.ply").write_bytes(mesh_to_ply(Mesh.of(rest.vertices, body.faces)))

@@ -144,7 +144,7 @@ def indentation(settled: Settled, particles: Particles, base_id: str) -> float:
 def points_on(settled: Settled, particles: Particles, soft: str) -> Array:
     """Points (k, 3) at which the object lies on a soft body [m]; none where it lies on something else.
 
-    Of one that hops, and touches nothing just now, it is the point nearest to anything as it was before the drop.
+    Of one that hops, and touches nothing just now, it is its point nearest to the others as they were before the drop.
     """
     nothing = np.zeros((0, 3))
     if len(settled.contact_points):

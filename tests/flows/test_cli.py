@@ -12,7 +12,8 @@ import pytest
 
 import dcap
 from dcap.scene.errors import MachineError
-from dcap.scene.machine_errors import as_machine_errors, full_disk_of
+from dcap.scene.machine_errors import as_machine_errors
+from dcap.scene.whole_files import draft_folder
 from flows.cli.app import exit_code, main
 from flows.configure import configured
 from flows.options import PlaceOptions
@@ -185,7 +186,8 @@ def test_a_full_disk_is_no_wrong_option(
 
 def test_a_disk_that_fills_up_is_named(tmp_path: Path) -> None:
     """The system does not say on which disk a file was that it had opened before."""
-    with pytest.raises(MachineError, match=re.escape(str(tmp_path))), as_machine_errors(), full_disk_of(tmp_path):
+    words = re.escape(f"{tmp_path}: {os.strerror(errno.ENOSPC)}") + ".*" + re.escape(f"MiB in its folder ({tmp_path})")
+    with pytest.raises(MachineError, match=words), as_machine_errors(), draft_folder(tmp_path):
         Path("/dev/full").write_bytes(b"x")
 
 

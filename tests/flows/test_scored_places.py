@@ -197,7 +197,9 @@ def test_a_damaged_placement_is_told(tmp_path: Path) -> None:
     """A key that is missing, or holds something else, is no error of ours."""
     row(tmp_path)  # writes what was measured
     no_turn: JsonObject = {"position": [0.0, 0.0, 0.6]}
-    damages: list[JsonObject] = [{"pose": None}, {"pose": no_turn}, {"object_aabb": [[0.0]]}, {"base": {}}]
+    short: JsonObject = {**no_turn, "quaternion": [1.0]}
+    poses: list[JsonObject] = [{"pose": one} for one in (None, no_turn, short, {**no_turn, "quaternion": [0.0] * 4})]
+    damages: list[JsonObject] = [*poses, {"object_aabb": [[0.0]]}, {"base": {}}]
     for damage in damages:
         with pytest.raises(InputError, match="the file is damaged"):
             scored_row(SAMPLE, {**tree_of(), **damage}, "", TRUTH, tmp_path)
