@@ -27,8 +27,8 @@ WIDTH = 160
 
 def console_on(stream: TextIO, *, quiet: bool = False) -> Console:
     """A console that shows words as they are and does not break lines where nobody looks at a terminal."""
-    is_terminal = getattr(stream, "isatty", bool)()  # a program may have none, or an own one that only writes
-    width = None if is_terminal else WIDTH
+    asks = getattr(stream, "isatty", None)  # a program may have no stream, or one that can only be written to
+    width = None if asks is not None and asks() else WIDTH
     return Console(
         file=stream, quiet=quiet, highlight=False, markup=False, emoji=False, width=width, force_jupyter=False
     )

@@ -37,6 +37,6 @@ def write_measures(finished: FinishedSample, out: Path) -> JsonObject | None:
 
 
 def read_measures(out: Path) -> Mapping[str, JsonValue]:
-    """What `write_measures` wrote; empty where there is nothing, InputError where it is damaged."""
+    """Read what `write_measures` wrote; empty where there is nothing, InputError where it is damaged."""
     path = out / MEASURES
     return read_keys(path) if path.is_file() else {}

@@ -80,13 +80,13 @@ def watching_server(say: Callable[[str], object]) -> Iterator[str]:
     given = os.environ.get(API_URL, "")
     if not given and _kept_url():
         _use(server_folder())  # from here on it stays as long as this process
-    url = given or _kept_url()
+    url = given or _kept_url()  # again: it may have been about to end
     if url and is_healthy(url, PATIENT_SECONDS):
         with _as_own_server(url) as named:
             yield named
         return
     if url:
-        say(f"no Prefect server answers at {pages_of(url)}: placed without it, and not on its pages")
+        say(f"the Prefect server at {pages_of(url)} does not answer: this placement will not be on its pages")
     yield ""
 
 

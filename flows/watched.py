@@ -181,12 +181,12 @@ def in_flow(shown: Callable[..., Any], tags: Sequence[str], work: Callable[[], t
         if not ended:
             state.result()  # raises what the work has raised
         if own_server_has_ended():
-            lose_server()
+            give_up_server()
     except Exception as error:
         if not ended or not is_server_error(error):
             raise
         if is_lost_server(error):
-            lose_server()
+            give_up_server()
     finally:
         _work.reset(token)
         if was_given_up():
@@ -217,7 +217,7 @@ def place_in_flow(sample: Sample, config: PlaceConfig, context: RunContext, say:
         if placed or failed or not is_lost_server(error):
             raise
         if not was_given_up():
-            lose_server()
+            give_up_server()
             say(LOST)
         return run_sample(sample, config, context)
     if failed:
@@ -267,17 +267,12 @@ def place_all(
 def show_there(show: Callable[[], object]) -> None:
     """Show something on Prefect's pages, as long as the server was not lost: each request would wait for it."""
     if own_server_has_ended():
-        lose_server()
+        give_up_server()
     if not was_given_up():
         with pass_over_server_errors() as lost:
             show()
         if lost:
-            lose_server()
-
-
-def lose_server() -> None:
-    """Show nothing any more, and let Prefect repeat no request."""
-    give_up_server()
+            give_up_server()
 
 
 def show_pictures(finished: FinishedSample) -> None:

@@ -82,7 +82,7 @@ def run_in_process(function: Callable[..., ResultT], *arguments: object, on_prog
     receiver, sender = CONTEXT.Pipe(duplex=False)
     # a file without a name, so that nothing stays where this program is killed
     with tempfile.TemporaryFile("w+", errors="replace") as output, receiver:
-        printed = Connection(os.dup(output.fileno()), readable=False)  # as such a descriptor can be sent
+        printed = Connection(os.dup(output.fileno()), readable=False)  # a descriptor that can be sent
         process = _start((sender, printed, dict(os.environ), function, arguments))
         sender.close()
         printed.close()

@@ -42,7 +42,7 @@ Index = NDArray[np.int64]
 
 STABLE = 0.5  # stiffness of contact times the squared step and the mobility of what it acts on [-]; 4 is the limit
 CLOSING_SECONDS = 0.04  # in which an excess of penetration fades by e; coming to rest takes ten times as long
-FADING_SECONDS = 0.4  # in which the largest stiffness of a contact is forgotten by e
+FADING_SECONDS = 0.4  # time constant with which the largest stiffness of a contact fades
 SLACK = 0.5  # smallest cells that bodies may move before near points are looked up again
 RELEASE = 3.0  # how much of its offset a point loses over the way by which it comes out [-]
 AROUND = 4.0  # cells around near points whose nodes are carried along
@@ -81,8 +81,6 @@ class PairTouch:
     """Points that touched in the last step, shape (n,)."""
     most: float = 0.0
     """Largest stiffness of all points that touched at once, fading [N/m]."""
-    share: float = 1.0
-    """Of their springs that acts at once, for the bodies' masses [-]."""
 
     @classmethod
     def of(cls, pair: Pair, allowed: Array) -> "PairTouch":
@@ -385,8 +383,7 @@ class SurfaceContacts:
         force, _, anchor, sliding = point_forces(friction, touch.memory, index, pushed, normal, slip)
         # with a share that changed with each point that comes or goes, what lies on a slope would creep
         touch.most = max(float(touch.memory.stiffness[index].sum()), touch.most * (1.0 - dt / FADING_SECONDS))
-        touch.share = self._share(a, b, touch.most, dt)
-        force *= touch.share
+        force *= self._share(a, b, touch.most, dt)
         touch.memory.anchor[index] = anchor
         touch.memory.sliding[index] = sliding & (np.linalg.norm(slip, axis=1) > STICK_SPEED * dt)
         load = np.einsum("ki,ki->k", force, normal)

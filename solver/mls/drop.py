@@ -36,7 +36,7 @@ from solver.result import FinalState, RestBody, SettledModel, beside, build_resu
 Array = NDArray[np.float64]
 
 STEP_SHARE = 0.5  # of the step that material could take: contact may be four times as stiff
-LEAST_CELLS = 2.0  # across a contact whose area says something
+LEAST_CELLS = 2.0  # across a contact, for its area to be resolved
 PEAK_DROP = 0.02  # a kinetic energy this much below its largest value has passed its peak [-]
 
 

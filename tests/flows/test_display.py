@@ -1,7 +1,9 @@
 """What a benchmark shows counts every sample once and every stage that there is."""
 
 from dataclasses import replace
+from io import StringIO
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from rich.console import Console
@@ -12,7 +14,7 @@ from dcap.evaluation.run_summary import summary_of
 from dcap.scene.errors import InputError
 from dcap.scene.json_tree import JsonObject
 from dcap.scene.types.sample import Sample
-from flows.display import Display, print_table
+from flows.display import Display, console_on, print_table
 from flows.plan import print_plan
 from flows.sample_run import FailedSample, Plan
 from tasks.run_context import Event, StageEvent
@@ -92,3 +94,11 @@ def test_the_list_of_a_run_names_the_method_of_each_row(capsys: pytest.CaptureFi
     said = capsys.readouterr().err
     assert "method" not in said
     assert "as posed" not in said
+
+
+def test_a_program_may_have_no_terminal_at_all() -> None:
+    """Its standard error is missing, or an object that only writes."""
+    text = StringIO()
+    console_on(None, quiet=True).print("nothing")  # type: ignore[arg-type]
+    console_on(SimpleNamespace(write=text.write, flush=text.flush), quiet=False).print("a line")  # type: ignore[arg-type]
+    assert text.getvalue() == "a line\n"

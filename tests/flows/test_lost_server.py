@@ -175,7 +175,7 @@ def test_a_refusal_at_the_end_loses_no_result(tmp_path: Path, monkeypatch: pytes
     monkeypatch.setattr(watched, "flow_run", SimpleNamespace(id=str(uuid4())))
     monkeypatch.setattr(watched, "get_client", lambda sync_client: Answering(UNREACHED))
     lost: list[bool] = []
-    monkeypatch.setattr(watched, "lose_server", lambda: lost.append(True))
+    monkeypatch.setattr(watched, "give_up_server", lambda: lost.append(True))
     monkeypatch.setattr(watched, "was_given_up", lambda: bool(lost))
 
     def shown(error: Exception) -> Any:
@@ -333,7 +333,7 @@ def test_programs_wait_for_a_slow_server_at_the_same_time(tmp_path: Path, monkey
 
 def test_a_server_that_is_lost_at_the_beginning_costs_no_sample(monkeypatch: pytest.MonkeyPatch) -> None:
     """It is placed without a flow run, and a line says so; what else goes wrong is raised."""
-    monkeypatch.setattr(watched, "lose_server", lambda: None)
+    monkeypatch.setattr(watched, "give_up_server", lambda: None)
     monkeypatch.setattr(watched, "run_sample", lambda *_: "placed")
     said: list[str] = []
     sample = Sample("one", "room", "ball", "put it")
