@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 
 CELLS_ACROSS = 5.0  # cells in half the width of a predicted contact
 CELLS_AT_ENDS = 2.0  # and in the shorter half width where a long contact ends: pressure falls over about as much
+CELLS_AT_EDGES = 11.0  # and where it ends at an edge: a flat cylinder on a thin layer is 1.5 to 4 % short so
 MOST_FACTOR = 1e3  # on the wanted sizes: what is still over its budget then is so without any contact
 GROWTH = 1.6  # ratio of neighbouring cells away from a contact
 
@@ -61,6 +62,13 @@ def wanted_in_plan(contact: PlanContact, axis: int) -> WantedCells:
     return WantedCells(
         begin, end, np.append(half / CELLS_ACROSS, np.full(len(ends), contact.half_width / CELLS_AT_ENDS))
     )
+
+
+def wanted_at_edges(contact: PlanContact, axis: int) -> WantedCells:
+    """The cells that its exact depth asks for along x (0) or y (1) where it ends at an edge: one that lies half under
+    an edge gives way too little."""
+    place, size = contact.edges(axis), contact.half_width / CELLS_AT_EDGES
+    return WantedCells(place - size, place + size, np.full(len(place), size))
 
 
 def wanted_in_height(contact: PlanContact, low: float, high: float) -> WantedCells:

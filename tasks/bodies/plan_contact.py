@@ -69,6 +69,16 @@ class PlanContact:
         touching = np.isfinite(half)
         return (self.x, self.y)[axis][touching], half[touching]
 
+    def edges(self, axis: int) -> Array:
+        """Coordinates along an axis at which contact ends at a body's edge [m], shape (k,): pressure is above its mean
+        there, while it falls to nothing at the end of a round body."""
+        region, pressure = (np.moveaxis(one, axis, 0) for one in (self.patch.region, self.patch.pressure))
+        around = [(1, 1), (0, 0)]
+        inside, on = np.pad(region, around), np.pad(np.where(region, pressure, 0.0), around)
+        sharp = (inside[1:] != inside[:-1]) & (on[1:] + on[:-1] > pressure[region].mean())
+        place, half = (self.x, self.y)[axis], 0.5 * self.patch.spacing[axis]
+        return np.asarray(np.append(place - half, place[-1] + half)[sharp.any(axis=1)])
+
     @cached_property
     def half_width(self) -> float:
         """Half the width of the patch where it is narrower, mean over its load [m]."""

@@ -18,10 +18,11 @@ from dcap.scene.types.particles import (
     SimulationBody,
     SoftSimulationBody,
 )
-from tasks.bodies.contact_cells import WantedCells, cells_within, wanted_in_height, wanted_in_plan
+from tasks.bodies.contact_cells import WantedCells, cells_within, wanted_at_edges, wanted_in_height, wanted_in_plan
 from tasks.bodies.distance_samples import distance_samples
 from tasks.bodies.material_points import MaterialConstants, material_points, with_mass
 from tasks.bodies.node_states import grid_of, nodes_at_faces
+from tasks.bodies.plan_contact import within_any
 from tasks.bodies.soft_cells import Cells, Planes
 from tasks.case.contacts import PredictedContact, predicted_contacts
 from tasks.case.file import Case
@@ -37,6 +38,8 @@ CELLS_ACROSS_LAYERS = 8.0
 BUDGET = 30_000  # cells of one soft body, unless a resolution was asked for
 MOST_MARGIN = 0.02  # a signed distance reaches this far beyond the body [m], half its thickness for small ones
 MOST_SAMPLES = 250.0  # of a signed distance along its longest side: 16 million in a cube
+SHARP_SAMPLES = 8_000_000  # of a signed distance where sharp edges ask for more: 32 MB
+ROUNDED = 1e-4  # edges that samples round off by more than this are sharp [m]
 MOST_CELLS = 200_000  # cells of one soft body; more would not fit the time a user expects
 """What a person can raise with --resolution."""
 
@@ -50,7 +53,7 @@ def case_particles(case: Case, folder: Path, resolution: float | None, ended: Ca
         None if s.rigid else soft_grid(s, solids, contacts + later if s.fixed else contacts, resolution) for s in solids
     ]
     finest = min([g.size for g in grids if g is not None] or [min(s.smallest for s in solids) / RIGID_CELLS])
-    bodies = tuple(case_body(s, g, finest) for s, g in zip(solids, grids, strict=True))
+    bodies = tuple(case_body(s, g, finest, contacts) for s, g in zip(solids, grids, strict=True))
     pairs = tuple((p.a, p.b, p.static_friction, p.dynamic_friction) for p in case.friction_pairs)
     return Particles(bodies, pairs, finest, ())
 
@@ -61,11 +64,11 @@ def foreseen(case: Case, folder: Path) -> tuple[list[CaseSolid], list[PredictedC
     return solids, predicted_contacts(solids, float(np.linalg.norm(case.gravity)))
 
 
-def case_body(solid: CaseSolid, grid: Cells | None, finest: float) -> SimulationBody:
+def case_body(solid: CaseSolid, grid: Cells | None, finest: float, contacts: list[PredictedContact]) -> SimulationBody:
     """One body, soft with a grid of cells; `finest` is the smallest cell of all [m]."""
     planes = None if grid is None else grid.planes
     surface = solid.surface(planes, finest if grid is None else grid.size)
-    distance = sampled_distance(solid, surface, finest)
+    distance = sampled_distance(solid, surface, finest, contacts)
     inertial, friction = solid.inertial(), solid.material.friction
     name, velocity, spin = solid.body.name, np.asarray(solid.body.velocity), np.asarray(solid.body.angular_velocity)
     if planes is None:
@@ -85,16 +88,22 @@ def soft_grid(
     solid: CaseSolid, solids: list[CaseSolid], contacts: list[PredictedContact], resolution: float | None
 ) -> Cells:
     """The cells of a soft body: fine where a contact is predicted, or of `resolution` [m] there; coarser where that
-    takes more cells than the budget, unless they were asked for."""
+    takes more cells than the budget, first at edges, unless they were asked for."""
     joined = {one.body.name for one in bonded_group(solid, solids)}
     felt = [c for c in contacts if joined & c.names]
 
     def wanted(scale: float) -> list[WantedCells]:
         return [wanted_along(solid, axis, felt, resolution, scale) for axis in range(3)]
 
+    def wanted_with_edges(scale: float) -> list[WantedCells]:
+        x, y, z = wanted(scale)
+        edges = ([wanted_at_edges(c.plan, axis) for c in felt] for axis in range(2))
+        return [*(WantedCells.joined([one, *own]) for one, own in zip((x, y), edges, strict=True)), z]
+
     box = np.stack([solid.low, solid.high])
     if not resolution:
-        return cells_within(box, wanted, all_cells, BUDGET)[0]
+        cells, scale = cells_within(box, wanted_with_edges, all_cells, BUDGET)
+        return cells if scale == 1.0 else cells_within(box, wanted, all_cells, BUDGET)[0]
     cells = cells_within(box, wanted, all_cells, None)[0]
     if cells.count > MOST_CELLS:
         raise InputError(
@@ -144,12 +153,25 @@ def bonded_group(solid: CaseSolid, solids: list[CaseSolid]) -> list[CaseSolid]:
     return group
 
 
-def sampled_distance(solid: CaseSolid, surface: Mesh, finest: float) -> DistanceGrid:
-    """Samples of the signed distance as fine as the contact needs, as far out as another body comes."""
-    least = min(0.5 * solid.smallest, MOST_MARGIN)
+def sampled_distance(solid: CaseSolid, surface: Mesh, finest: float, contacts: list[PredictedContact]) -> DistanceGrid:
+    """Samples of the signed distance as fine as the contact needs, as far out as another body comes. Between samples
+    sharp edges are round, so they are finer where others may press on one."""
+    distance, least = solid.distance(surface), min(0.5 * solid.smallest, MOST_MARGIN)
     longest = float(solid.extent.max()) + 2.0 * least
     spacing = max(min(finest / 2.5, solid.smallest / 24.0), longest / MOST_SAMPLES)
-    return distance_samples(solid.distance(surface), solid.box, spacing, margin=max(4.0 * spacing, least))
+    grid = distance_samples(distance, solid.box, spacing, margin=max(4.0 * spacing, least))
+    if np.abs(sampler(grid)(touched_vertices(solid, surface, contacts))).max(initial=0.0) <= ROUNDED:
+        return grid
+    finer = spacing * (grid.values.size / SHARP_SAMPLES) ** (1.0 / 3.0)
+    return grid if finer > spacing else distance_samples(distance, solid.box, finer, margin=least)
+
+
+def touched_vertices(solid: CaseSolid, surface: Mesh, contacts: list[PredictedContact]) -> Array:
+    """Where others may press on a body [m], shape (n, 3): anywhere on one that moves, else where that is foreseen."""
+    if not solid.fixed:
+        return surface.vertices
+    boxes = [one.plan.boxes for one in contacts if solid.body.name in one.names]
+    return surface.vertices[within_any(surface.vertices, np.concatenate([np.zeros((0, 2, 2)), *boxes]))]
 
 
 def uniform_points(solid: CaseSolid, planes: Planes, distance: DistanceGrid, mass: float) -> MaterialPoints:

@@ -53,6 +53,17 @@ def test_a_cube_on_its_edge_touches_in_a_line():
     assert np.ptp(found.plan.across(0)[0]) == pytest.approx(0.1, abs=0.005)
 
 
+def test_a_flat_cylinder_ends_at_an_edge_and_a_ball_does_not():
+    """Everywhere along its rim but where that runs along the axis."""
+    (flat,) = contacts(body({"cylinder": {"radius": 0.05, "height": 0.1}}, 0.21))
+    (ball,) = contacts(body({"sphere": {"radius": 0.05}}, 0.21))
+    for axis in range(2):
+        edges, step = flat.plan.edges(axis), flat.plan.patch.spacing[axis]
+        assert np.abs(edges).max() == pytest.approx(0.05, abs=step)
+        assert np.diff(edges[edges > 0.01]).max() < 0.005
+        assert len(ball.plan.edges(axis)) == 0
+
+
 def test_what_falls_past_has_no_contact():
     """Nor has what is covered by a layer that is bonded to it."""
     assert contacts(body({"sphere": {"radius": 0.05}}, 0.3) | {"position": [0.5, 0, 0.3]}) == []
