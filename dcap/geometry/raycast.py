@@ -5,6 +5,7 @@ sides. Ray tracing is Embree's, in single precision: hits are accurate to about 
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 import numpy as np
@@ -18,6 +19,14 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.floating]
 Packed = NDArray[np.float32]
 IndexT = TypeVar("IndexT", bound=np.integer)
+
+
+ASLANT = np.array([0.36, 0.48, 0.8])
+"""A direction in which hardly any face of a room lies."""
+FLUSH = 1e-4
+"""Faces no farther apart than this coincide [m]."""
+GRAZING = 0.1
+"""Cosine between a ray and a face's normal below which the ray goes along the face rather than through it."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -71,6 +80,7 @@ class Raycaster:
         """All of a mesh, or some faces (k,) of it, which keep their numbers in it."""
         import open3d
 
+        self._mesh, self._faces = mesh, faces
         used = mesh.faces if faces is None else mesh.faces[faces]
         self._empty = len(used) == 0
         # a miss has number -1, which finds the last row
@@ -110,13 +120,48 @@ class Raycaster:
         self, origins: FloatArray, directions: FloatArray
     ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
         """All faces that rays cross: the ray and the face of each crossing, and how far along it is [m], shape (k,)
-        each; those of coinciding faces are all among them."""
+        each; of coinciding faces at least one that looks each way."""
         if self._empty or len(origins) == 0:
             nothing = np.zeros(0, dtype=np.int64)
             return nothing, nothing, np.zeros(0)
-        found = self._scene.list_intersections(rays(origins, directions))
-        ray, face = (found[name].numpy().astype(np.int64) for name in ("ray_ids", "primitive_ids"))
-        return ray, self._in_mesh(face), found["t_hit"].numpy().astype(np.float64)
+        scene, number, ahead = self._both_sides
+        found = scene.list_intersections(rays(origins, directions))
+        ray, side, index = (
+            found[name].numpy().astype(np.int64) for name in ("ray_ids", "geometry_ids", "primitive_ids")
+        )
+        return ray, number[index + ahead * side], found["t_hit"].numpy().astype(np.float64)
+
+    @cached_property
+    def _both_sides(self) -> tuple["open3d.t.geometry.RaycastingScene", NDArray[np.int64], int]:
+        """A ray tracer of the faces in two groups that look opposite ways, as it lists one alone of a group's faces
+        that are crossed at the same distance; the faces' numbers in the mesh, and how many the first group has."""
+        import open3d
+
+        number = np.arange(len(self._mesh.faces)) if self._faces is None else self._faces.astype(np.int64)
+        a, b, c = self._mesh.corners(number).transpose(1, 0, 2)
+        ahead = np.cross(b - a, c - a) @ ASLANT > 0.0
+        ahead = ahead if ahead.any() else ~ahead  # a group without faces has no number of its own
+        groups = number[ahead], number[~ahead]
+        scene = open3d.t.geometry.RaycastingScene()
+        for group in groups:
+            if len(group):
+                scene.add_triangles(tensor(self._mesh.vertices), tensor(self._mesh.faces[group], np.uint32))
+        return scene, np.concatenate(groups), len(groups[0])
+
+    def left_at(self, origins: FloatArray, directions: FloatArray) -> NDArray[np.float64]:
+        """How far along rays leave a solid in which they begin [m], inf of those that meet a surface from outside, or
+        none, shape (n,). A thing may stand flush on another: of faces that coincide any one will do, where the first
+        hit would be another one on another processor."""
+        ray, face, away = self.crossings(origins, directions)
+        first = np.full(len(origins), np.inf)
+        np.minimum.at(first, ray, away)
+        a, b, c = self._mesh.corners(face).transpose(1, 0, 2)
+        normal = np.cross(b - a, c - a)
+        ahead = np.einsum("ij,ij->i", normal, directions[ray]) > GRAZING * np.linalg.norm(normal, axis=1)
+        leaving = ray[ahead & (away <= first[ray] + FLUSH)]
+        left = np.full(len(origins), np.inf)
+        left[leaving] = first[leaving]
+        return left
 
     def nearest_facing(self, points: FloatArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The nearest point of the surface [m] and the unit normal of its face there, nan of an empty mesh, shape

@@ -170,9 +170,8 @@ def lifted_out(mesh: Mesh, ended: EndPose, beneath: Raycaster) -> Mesh:
     moved[:3, 3] = ended.position
     lying = mesh.transformed(moved)
     under = lying.triangles.mean(axis=1)
-    hits = beneath.cast(under, np.tile([0.0, 0.0, 1.0], (len(under), 1)))
-    inside = np.isfinite(hits.distance) & (hits.normal[:, 2] > 0.0) & (hits.distance < np.ptp(lying.vertices[:, 2]))
-    moved[2, 3] += OUT_OF_DENT + float(hits.distance[inside].max(initial=0.0))
+    left = beneath.left_at(under, np.tile([0.0, 0.0, 1.0], (len(under), 1)))
+    moved[2, 3] += OUT_OF_DENT + float(left[left < np.ptp(lying.vertices[:, 2])].max(initial=0.0))
     return mesh.transformed(moved)
 
 

@@ -66,7 +66,7 @@ def touching(thing: Mesh, scene: Mesh) -> Touching:
     size = float(np.ptp(thing.vertices, axis=0).max())
     edge = max(FINE * size, LEAST_EDGE)
     whole = Raycaster(scene)
-    enclosed = enclosed_depth(thing, whole, scene)
+    enclosed = enclosed_depth(thing, whole)
     solid = MeshDistance(thing)
     depth = max(inside_depth(solid, around(thing, scene, TOUCHING + edge), edge), enclosed)
     lines = columns(thing, whole, sunk=depth > TOUCHING)
@@ -136,31 +136,19 @@ def surface_points(mesh: Mesh, box: Array, edge: float) -> Array:
     return np.concatenate([fine.vertices, fine.triangles.mean(axis=1)])
 
 
-def enclosed_depth(thing: Mesh, scene: Raycaster, faces: Mesh) -> float:
+def enclosed_depth(thing: Mesh, scene: Raycaster) -> float:
     """How far the object's lowest point is below the surface over it where it is inside a solid as a whole [m], else 0:
     none of the surface is inside the object then. Inside: along most vertical lines both the next face above and the
     next one below are met from behind."""
     low, high = thing.bounds
     inner = np.linspace(0.2, 0.8, 5)
     plan = np.stack(np.meshgrid(*(low[a] + inner * (high - low)[a] for a in range(2))), axis=-1).reshape(-1, 2)
-    above = scene.cast(np.column_stack([plan, np.full(len(plan), high[2])]), np.tile(UP, (len(plan), 1)))
-    behind = np.isfinite(above.distance) & (above.normal[:, 2] > 0.0) & left_below(plan, float(low[2]), scene, faces)
+    above = scene.left_at(np.column_stack([plan, np.full(len(plan), high[2])]), np.tile(UP, (len(plan), 1)))
+    below = scene.left_at(np.column_stack([plan, np.full(len(plan), low[2])]), np.tile(DOWN, (len(plan), 1)))
+    behind = np.isfinite(above) & np.isfinite(below)
     if behind.sum() <= 0.5 * len(plan):
         return 0.0
-    return float(high[2] - low[2] + above.distance[behind].min())
-
-
-def left_below(plan: Array, height: float, scene: Raycaster, faces: Mesh) -> NDArray[np.bool_]:
-    """Where the next face below points (n, 2) at a height [m] is met from behind, shape (n,). A thing may stand flush
-    on another: of faces that coincide any one will do."""
-    ray, face, away = scene.crossings(
-        np.column_stack([plan, np.full(len(plan), height)]), np.tile(DOWN, (len(plan), 1))
-    )
-    first = np.full(len(plan), np.inf)
-    np.minimum.at(first, ray, away)
-    a, b, c = faces.corners(face).transpose(1, 0, 2)
-    down = np.cross(b - a, c - a)[:, 2] < 0.0
-    return np.asarray(np.bincount(ray, down & (away <= first[ray] + LANDED), minlength=len(plan)) > 0)
+    return float(high[2] - low[2] + above[behind].min())
 
 
 def support_margin(patch: Array, center: Array) -> float:

@@ -196,8 +196,7 @@ class PlacementSearch:
 
     def _inside(self, start: Array) -> NDArray[np.bool_]:
         """Whether a ray up soon leaves something through a face that looks up: then it began inside, shape (n,)."""
-        hits = self.caster.cast(start, np.tile([0.0, 0.0, 1.0], (len(start), 1)))
-        return np.asarray((hits.normal[:, 2] > 0.1) & (hits.distance < ROOM_HEIGHT))
+        return np.asarray(self.caster.left_at(start, np.tile([0.0, 0.0, 1.0], (len(start), 1))) < ROOM_HEIGHT)
 
     def find(
         self, region: Region, share: float, *, level: bool, steady: bool = False, anywhere: bool = False

@@ -77,3 +77,14 @@ def test_some_faces_keep_their_numbers() -> None:
     assert (ray == 0).all()
     assert sorted(face // 2) == [0, 2]
     assert np.allclose(sorted(away), [1.0, 3.0], atol=4 * EPS * 3.0)
+
+
+def test_a_solid_is_left_where_another_stands_flush_on_it() -> None:
+    """Whichever of the coinciding faces comes first in the mesh; from outside nothing is left."""
+    low, high = plate(1.0), Mesh.of(plate(1.0).vertices, plate(1.0).faces[:, ::-1])
+    start = np.array([[0.5, 0.4, 0.0], [0.5, 0.4, 2.0], [2.0, 2.0, 0.0]])
+    ways = np.array([[0, 0, 1.0], [0, 0, -1.0], [0, 0, 1.0]])
+    for pair in ([low, high], [high, low]):
+        left = Raycaster(Mesh.concatenate(pair)).left_at(start, ways)
+        assert np.allclose(left, [1.0, 1.0, np.inf], atol=4 * EPS)
+    assert np.isinf(Raycaster(plate(1.0)).left_at(start[1:2], ways[1:2])).all()

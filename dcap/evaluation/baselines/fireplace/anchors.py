@@ -100,10 +100,11 @@ def measured(
 def open_share(surface: InteractionSurface, caster: Raycaster) -> float:
     """Share of a surface over which nothing lies or stands [-]."""
     start = surface.points + ABOVE * surface.normal
-    hits = caster.cast(start, np.tile(surface.normal, (len(start), 1)))
+    way = np.tile(surface.normal, (len(start), 1))
+    distance = caster.cast(start, way).distance
     # what is left through a face that looks the same way was around the start: a mattress on its frame
-    within = (hits.normal @ surface.normal > 0.1) & (hits.distance < THICK)
-    return float(1.0 - ((hits.distance < OPEN) | within).mean())
+    within = caster.left_at(start, way) < THICK
+    return float(1.0 - ((distance < OPEN) | within).mean())
 
 
 def box_side(box: OrientedBox, frame: ViewerFrame, side: str) -> InteractionSurface:

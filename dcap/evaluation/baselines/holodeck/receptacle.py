@@ -140,9 +140,9 @@ def surface_under(
 def is_clear(caster: Raycaster, point: Array, bottom: float, half: Array, yaw: float) -> bool:
     """Whether nothing is in the box above `bottom` [m]: no ray through it upward, along it or across it hits."""
     spots = footprint(point, half, yaw)
-    hits = caster.cast(np.c_[spots, np.full(len(spots), bottom)], np.tile([0.0, 0.0, 1.0], (len(spots), 1)))
-    # where a ray leaves through a face that looks up, the spot is within something: under a pillow's surface
-    if (hits.distance < 2.0 * half[2]).any() or (hits.normal[:, 2] > 0.0).any():
+    start, up = np.c_[spots, np.full(len(spots), bottom)], np.tile([0.0, 0.0, 1.0], (len(spots), 1))
+    # where a ray leaves something, the spot is within it: under a pillow's surface
+    if (caster.cast(start, up).distance < 2.0 * half[2]).any() or np.isfinite(caster.left_at(start, up)).any():
         return False
     turn, levels = about_z(yaw), bottom + 2.0 * half[2] * (np.arange(GRID) + 0.5) / GRID
     for axis in (0, 1):
