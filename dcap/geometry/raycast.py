@@ -21,8 +21,10 @@ Packed = NDArray[np.float32]
 IndexT = TypeVar("IndexT", bound=np.integer)
 
 
-ASLANT = np.array([0.36, 0.48, 0.8])
+ASLANT = np.array([0.3517, 0.4793, 0.8041])
 """A direction in which hardly any face of a room lies."""
+MOST_FLUSH = 8
+"""Things on top of each other, each flush on the one below, through which a ray is followed."""
 FLUSH = 1e-4
 """Faces no farther apart than this coincide [m]."""
 GRAZING = 0.1
@@ -116,51 +118,37 @@ class Raycaster:
             return np.asarray(blocked.numpy(), dtype=bool)
         return self.blocked(packed_rays(origins, directions * limit[:, None]))
 
-    def crossings(
-        self, origins: FloatArray, directions: FloatArray
-    ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-        """All faces that rays cross: the ray and the face of each crossing, and how far along it is [m], shape (k,)
-        each; of coinciding faces at least one that looks each way."""
-        if self._empty or len(origins) == 0:
-            nothing = np.zeros(0, dtype=np.int64)
-            return nothing, nothing, np.zeros(0)
-        scene, number, ahead = self._both_sides
-        found = scene.list_intersections(rays(origins, directions))
-        ray, side, index = (
-            found[name].numpy().astype(np.int64) for name in ("ray_ids", "geometry_ids", "primitive_ids")
-        )
-        return ray, number[index + ahead * side], found["t_hit"].numpy().astype(np.float64)
-
     @cached_property
-    def _both_sides(self) -> tuple["open3d.t.geometry.RaycastingScene", NDArray[np.int64], int]:
-        """A ray tracer of the faces in two groups that look opposite ways, as it lists one alone of a group's faces
-        that are crossed at the same distance; the faces' numbers in the mesh, and how many the first group has."""
-        import open3d
-
-        number = np.arange(len(self._mesh.faces)) if self._faces is None else self._faces.astype(np.int64)
+    def _both_sides(self) -> tuple["Raycaster", "Raycaster"]:
+        """Of the faces that look ahead along a direction, and of all others: which of two coinciding faces is hit first
+        depends on the processor, and these are hit apart."""
+        number = np.arange(len(self._mesh.faces)) if self._faces is None else self._faces
         a, b, c = self._mesh.corners(number).transpose(1, 0, 2)
         ahead = np.cross(b - a, c - a) @ ASLANT > 0.0
-        ahead = ahead if ahead.any() else ~ahead  # a group without faces has no number of its own
-        groups = number[ahead], number[~ahead]
-        scene = open3d.t.geometry.RaycastingScene()
-        for group in groups:
-            if len(group):
-                scene.add_triangles(tensor(self._mesh.vertices), tensor(self._mesh.faces[group], np.uint32))
-        return scene, np.concatenate(groups), len(groups[0])
+        return Raycaster(self._mesh, number[ahead]), Raycaster(self._mesh, number[~ahead])
 
     def left_at(self, origins: FloatArray, directions: FloatArray) -> NDArray[np.float64]:
         """How far along rays leave a solid in which they begin [m], inf of those that meet a surface from outside, or
-        none, shape (n,). A thing may stand flush on another: of faces that coincide any one will do, where the first
-        hit would be another one on another processor."""
-        ray, face, away = self.crossings(origins, directions)
-        first = np.full(len(origins), np.inf)
-        np.minimum.at(first, ray, away)
-        a, b, c = self._mesh.corners(face).transpose(1, 0, 2)
-        normal = np.cross(b - a, c - a)
-        ahead = np.einsum("ij,ij->i", normal, directions[ray]) > GRAZING * np.linalg.norm(normal, axis=1)
-        leaving = ray[ahead & (away <= first[ray] + FLUSH)]
-        left = np.full(len(origins), np.inf)
-        left[leaving] = first[leaving]
+        none, shape (n,).
+
+        Where a ray meets faces from both sides at once, a thing stands flush on another, or a sheet has two sides: what
+        it meets next tells whether it has entered something there.
+        """
+        left, first, going = np.full(len(origins), np.inf), np.full(len(origins), np.inf), np.arange(len(origins))
+        start = np.array(origins, dtype=np.float64)
+        for turn in range(MOST_FLUSH):
+            way = directions[going]
+            hits = [one.cast(start[going], way) for one in self._both_sides]
+            near = np.minimum(hits[0].distance, hits[1].distance)
+            along = [np.where(h.distance <= near + FLUSH, np.einsum("ij,ij->i", h.normal, way), 0.0) for h in hits]
+            out, into = np.maximum(*along) > GRAZING, np.minimum(*along) < -GRAZING
+            if turn == 0:
+                first = near
+            leaving = going[out & ~into]
+            left[leaving] = first[leaving]
+            both = out & into
+            start[going[both]] += (near[both, None] + 2.0 * FLUSH) * way[both]
+            going = going[both]
         return left
 
     def nearest_facing(self, points: FloatArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

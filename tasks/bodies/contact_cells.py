@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 CELLS_ACROSS = 5.0  # cells in half the width of a predicted contact
 CELLS_AT_ENDS = 2.0  # and in the shorter half width where a long contact ends: pressure falls over about as much
-CELLS_AT_EDGES = 11.0  # and where it ends at an edge: a flat cylinder on a thin layer is 1.5 to 4 % short so
+CELLS_AT_EDGES = 11.0  # and where it ends at an edge: a flat cylinder on a thin layer is 1.5 to 3 % short so
 MOST_FACTOR = 1e3  # on the wanted sizes: what is still over its budget then is so without any contact
 GROWTH = 1.6  # ratio of neighbouring cells away from a contact
 

@@ -53,7 +53,7 @@ def case_particles(case: Case, folder: Path, resolution: float | None, ended: Ca
         None if s.rigid else soft_grid(s, solids, contacts + later if s.fixed else contacts, resolution) for s in solids
     ]
     finest = min([g.size for g in grids if g is not None] or [min(s.smallest for s in solids) / RIGID_CELLS])
-    bodies = tuple(case_body(s, g, finest, contacts) for s, g in zip(solids, grids, strict=True))
+    bodies = tuple(case_body(s, g, finest, contacts + later) for s, g in zip(solids, grids, strict=True))
     pairs = tuple((p.a, p.b, p.static_friction, p.dynamic_friction) for p in case.friction_pairs)
     return Particles(bodies, pairs, finest, ())
 
@@ -88,23 +88,20 @@ def soft_grid(
     solid: CaseSolid, solids: list[CaseSolid], contacts: list[PredictedContact], resolution: float | None
 ) -> Cells:
     """The cells of a soft body: fine where a contact is predicted, or of `resolution` [m] there; coarser where that
-    takes more cells than the budget, first at edges, unless they were asked for."""
+    takes more cells than the budget, unless a resolution was asked for. What it leaves is for cells at edges."""
     joined = {one.body.name for one in bonded_group(solid, solids)}
     felt = [c for c in contacts if joined & c.names]
 
     def wanted(scale: float) -> list[WantedCells]:
         return [wanted_along(solid, axis, felt, resolution, scale) for axis in range(3)]
 
-    def wanted_with_edges(scale: float) -> list[WantedCells]:
-        x, y, z = wanted(scale)
-        edges = ([wanted_at_edges(c.plan, axis) for c in felt] for axis in range(2))
-        return [*(WantedCells.joined([one, *own]) for one, own in zip((x, y), edges, strict=True)), z]
+    def wanted_at_edges_too(edge_scale: float) -> list[WantedCells]:
+        return [wanted_along(solid, axis, felt, None, 1.0, edge_scale) for axis in range(3)]
 
     box = np.stack([solid.low, solid.high])
+    cells, scale = cells_within(box, wanted, all_cells, None if resolution else BUDGET)
     if not resolution:
-        cells, scale = cells_within(box, wanted_with_edges, all_cells, BUDGET)
-        return cells if scale == 1.0 else cells_within(box, wanted, all_cells, BUDGET)[0]
-    cells = cells_within(box, wanted, all_cells, None)[0]
+        return cells if scale > 1.0 else cells_within(box, wanted_at_edges_too, all_cells, BUDGET)[0]
     if cells.count > MOST_CELLS:
         raise InputError(
             f"body {solid.body.name!r}: {cells.count:.3g} cells of {1e3 * cells.size:.2g} mm > {MOST_CELLS}; "
@@ -119,9 +116,15 @@ def all_cells(planes: Planes) -> int:
 
 
 def wanted_along(
-    solid: CaseSolid, axis: int, felt: list[PredictedContact], resolution: float | None, scale: float
+    solid: CaseSolid,
+    axis: int,
+    felt: list[PredictedContact],
+    resolution: float | None,
+    scale: float,
+    edge_scale: float = np.inf,
 ) -> WantedCells:
-    """The largest cells along an axis: through the body, and where contacts are felt."""
+    """The largest cells along an axis: through the body, and where contacts are felt, each larger by a factor, and
+    where these end at an edge by a factor of its own, inf for none."""
     low, high = float(solid.low[axis]), float(solid.high[axis])
     least = cells_through(solid)
     through = (high - low) / least[axis] if felt else scale * (resolution or min(solid.extent / least))
@@ -135,6 +138,8 @@ def wanted_along(
             middle = float(np.clip(height, low, high))
             wanted = wanted_in_height(contact.plan, middle, middle)
         found.append(wanted.resized(size=resolution, scale=scale, away=away))
+        if axis < 2 and np.isfinite(edge_scale):
+            found.append(wanted_at_edges(contact.plan, axis).resized(scale=edge_scale, away=away))
     return WantedCells.joined(found)
 
 
@@ -163,7 +168,7 @@ def sampled_distance(solid: CaseSolid, surface: Mesh, finest: float, contacts: l
     if np.abs(sampler(grid)(touched_vertices(solid, surface, contacts))).max(initial=0.0) <= ROUNDED:
         return grid
     finer = spacing * (grid.values.size / SHARP_SAMPLES) ** (1.0 / 3.0)
-    return grid if finer > spacing else distance_samples(distance, solid.box, finer, margin=least)
+    return grid if finer > spacing else distance_samples(distance, solid.box, finer, margin=max(4.0 * finer, least))
 
 
 def touched_vertices(solid: CaseSolid, surface: Mesh, contacts: list[PredictedContact]) -> Array:

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tasks.bodies.contact_cells import CELLS_ACROSS
+from dcap.geometry.distance import sampler
+from tasks.bodies.contact_cells import CELLS_ACROSS, CELLS_AT_EDGES
 from tasks.case.bodies import BUDGET, case_particles
 from tasks.case.contacts import heights, predicted_contacts
 from tasks.case.file import checked_case
@@ -62,6 +63,29 @@ def test_a_flat_cylinder_ends_at_an_edge_and_a_ball_does_not():
         assert np.abs(edges).max() == pytest.approx(0.05, abs=step)
         assert np.diff(edges[edges > 0.01]).max() < 0.005
         assert len(ball.plan.edges(axis)) == 0
+
+
+def test_cells_are_finest_at_an_edge_as_far_as_the_budget_goes():
+    """All that a flat cylinder asks for, and some for a brick that lies askew, whose edges are everywhere."""
+    askew = Rotation.from_euler("z", 30.0, degrees=True).as_quat(scalar_first=True).tolist()
+    flat = body({"cylinder": {"radius": 0.05, "height": 0.1}}, 0.21)
+    brick = body({"box": {"size": [0.24, 0.11, 0.07]}}, 0.2, quaternion=askew)
+    for thing, factor in ((flat, CELLS_AT_EDGES), (brick, 1.3 * CELLS_ACROSS)):
+        (found,) = contacts(thing)
+        slab = case_particles(checked_case({"bodies": [SLAB, thing]}, "case"), Path(), None).bodies[0]
+        x, y, z = slab.grid.planes  # type: ignore[union-attr]
+        rim = np.abs(0.5 * (x[1:] + x[:-1]) - found.plan.edges(0).max()).argmin()
+        assert np.diff(x)[rim] <= 1.05 * found.plan.half_width / factor
+        assert (len(x) - 1) * (len(y) - 1) * (len(z) - 1) <= BUDGET
+
+
+def test_samples_follow_a_sharp_edge():
+    """To a fifth of a millimetre; a hundredth of its size would be a millimetre and more."""
+    case = checked_case({"bodies": [SLAB, body({"cylinder": {"radius": 0.05, "height": 0.1}}, 0.21)]}, "case")
+    thing = case_particles(case, Path(), None).bodies[1]
+    angle = np.linspace(0.0, 6.0, 50)
+    rim = np.column_stack([0.05 * np.cos(angle), 0.05 * np.sin(angle), np.full(50, 0.16)])
+    assert np.abs(sampler(thing.distance)(rim)).max() < 2e-4
 
 
 def test_what_falls_past_has_no_contact():
