@@ -5,7 +5,6 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
@@ -18,7 +17,7 @@ from dcap.scene.types.sample import Sample
 from flows.find_run import RUN, find_run, read_asked, read_keys, undamaged
 from flows.output import RESULT
 from flows.run_files import PLACEMENT, UNFINISHED, sample_from_json
-from flows.scoring import scored_row
+from flows.scoring import pose_at_rest, scored_row
 from tasks.cache import deciding
 from tasks.why import flattened
 
@@ -128,10 +127,5 @@ def settings_of(tree: Mapping[str, Any]) -> dict[str, object]:
 
 
 def pose_of(tree: Mapping[str, Any] | None) -> Pose | None:
-    """The pose at rest."""
-    pose = (tree or {}).get("pose")
-    if not isinstance(pose, Mapping):
-        return None
-    turned = np.asarray(pose["quaternion"], dtype=float).reshape(4)
-    assert turned.any()
-    return np.asarray(pose["position"], dtype=float).reshape(3), turned
+    """Return the pose at rest; None where nothing came to rest."""
+    return pose_at_rest(tree) if tree and isinstance(tree.get("pose"), Mapping) else None

@@ -53,7 +53,8 @@ def scored_row(
     if not isinstance(measures, Mapping) or row.verdict not in (AT_REST, AS_POSED):
         return row
     with undamaged(folder / RESULT):
-        turned, box = turned_and_box(tree)
+        _, turned = pose_at_rest(tree)
+        box = np.asarray(tree["object_aabb"], dtype=float).reshape(2, 3)
     sinking, drift = (one if isinstance(one, Mapping) else {} for one in (kept.get("indentation"), kept.get("drift")))
     found, reference = number(sinking.get("found_m")), number(sinking.get("reference_m"))
     margin = number(measures.get("com_margin_m"))
@@ -94,13 +95,14 @@ def scored_row(
     return with_scores(row)
 
 
-def turned_and_box(tree: Mapping[str, JsonValue]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The object at rest: its quaternion (w, x, y, z), and the corners of its box [m], shape (2, 3)."""
+def pose_at_rest(tree: Mapping[str, JsonValue]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the position [m] and the quaternion (w, x, y, z) in a placement.json that has them; any error says that
+    it is damaged."""
     pose = tree["pose"]
     assert isinstance(pose, Mapping)
     turned = np.asarray(pose["quaternion"], dtype=float).reshape(4)
     assert turned.any()
-    return turned, np.asarray(tree["object_aabb"], dtype=float).reshape(2, 3)
+    return np.asarray(pose["position"], dtype=float).reshape(3), turned
 
 
 def with_rules(

@@ -24,7 +24,7 @@ IndexT = TypeVar("IndexT", bound=np.integer)
 ASLANT = np.array([0.3517, 0.4793, 0.8041])
 """A direction in which hardly any face of a room lies."""
 MOST_FLUSH = 8
-"""Things on top of each other, each flush on the one below, through which a ray is followed."""
+"""A ray is followed through at most so many places where faces that look opposite ways coincide."""
 FLUSH = 1e-4
 """Faces no farther apart than this coincide [m]."""
 GRAZING = 0.1
@@ -66,10 +66,10 @@ class PackedHits:
 
 
 class RayTracer(Protocol):
-    """What finds where packed rays, shape (n, 6), end."""
+    """Finds where packed rays, shape (n, 6), end."""
 
     def first_hits(self, packed: Packed) -> PackedHits:
-        """What rays hit first."""
+        """Return what rays hit first."""
 
     def blocked(self, packed: Packed) -> NDArray[np.bool_]:
         """Which rays hit anything within the length of their direction, shape (n,)."""
@@ -120,8 +120,8 @@ class Raycaster:
 
     @cached_property
     def _both_sides(self) -> tuple["Raycaster", "Raycaster"]:
-        """Of the faces that look ahead along a direction, and of all others: which of two coinciding faces is hit first
-        depends on the processor, and these are hit apart."""
+        """Ray tracers of the faces that look along one direction and of all others. Which of two coinciding faces a
+        single one reports depends on the processor."""
         number = np.arange(len(self._mesh.faces)) if self._faces is None else self._faces
         a, b, c = self._mesh.corners(number).transpose(1, 0, 2)
         ahead = np.cross(b - a, c - a) @ ASLANT > 0.0
@@ -131,11 +131,11 @@ class Raycaster:
         """How far along rays leave a solid in which they begin [m], inf of those that meet a surface from outside, or
         none, shape (n,).
 
-        Where a ray meets faces from both sides at once, a thing stands flush on another, or a sheet has two sides: what
-        it meets next tells whether it has entered something there.
+        Where a ray meets coinciding faces that look opposite ways, either a thing stands flush on another, or a sheet
+        has two sides. What the ray meets next tells which: after a flush contact it leaves the second thing, too.
         """
-        left, first, going = np.full(len(origins), np.inf), np.full(len(origins), np.inf), np.arange(len(origins))
-        start = np.array(origins, dtype=np.float64)
+        start, going = np.array(origins, dtype=np.float64), np.arange(len(origins))
+        left, first = np.full(len(origins), np.inf), np.zeros(len(origins))
         for turn in range(MOST_FLUSH):
             way = directions[going]
             hits = [one.cast(start[going], way) for one in self._both_sides]
@@ -143,7 +143,7 @@ class Raycaster:
             along = [np.where(h.distance <= near + FLUSH, np.einsum("ij,ij->i", h.normal, way), 0.0) for h in hits]
             out, into = np.maximum(*along) > GRAZING, np.minimum(*along) < -GRAZING
             if turn == 0:
-                first = near
+                first = near  # what a ray follows later lies behind it
             leaving = going[out & ~into]
             left[leaving] = first[leaving]
             both = out & into
@@ -167,7 +167,7 @@ class Raycaster:
         return np.asarray(self._scene.compute_distance(tensor(points)).numpy(), dtype=np.float64)
 
     def first_hits(self, packed: Packed) -> PackedHits:
-        """What rays hit first: origin and direction in the six columns, shape (n, 6)."""
+        """Return what rays hit first: origin and direction in the six columns, shape (n, 6)."""
         if self._empty or len(packed) == 0:
             nothing = np.zeros((len(packed), 3), dtype=np.float32)
             return PackedHits(
@@ -199,7 +199,7 @@ class JoinedTracers:
         self._first, self._second = first, second
 
     def first_hits(self, packed: Packed) -> PackedHits:
-        """What rays hit first of either."""
+        """Return what rays hit first of either."""
         one, two = self._first.first_hits(packed), self._second.first_hits(packed)
         nearer = two.distance < one.distance
         wide = nearer[:, None]

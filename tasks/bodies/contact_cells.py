@@ -65,8 +65,8 @@ def wanted_in_plan(contact: PlanContact, axis: int) -> WantedCells:
 
 
 def wanted_at_edges(contact: PlanContact, axis: int) -> WantedCells:
-    """The cells that its exact depth asks for along x (0) or y (1) where it ends at an edge: one that lies half under
-    an edge gives way too little."""
+    """Return the cells that an accurate depth needs along x (0) or y (1) where the contact ends at an edge: a cell that
+    lies half under an edge gives way too little."""
     place, size = contact.edges(axis), contact.half_width / CELLS_AT_EDGES
     return WantedCells(place - size, place + size, np.full(len(place), size))
 

@@ -70,8 +70,8 @@ class PlanContact:
         return (self.x, self.y)[axis][touching], half[touching]
 
     def edges(self, axis: int) -> Array:
-        """Coordinates along an axis at which contact ends at a body's edge [m], shape (k,): pressure is above its mean
-        there, while it falls to nothing at the end of a round body."""
+        """Return the coordinates along an axis at which the contact ends at an edge of a body [m], shape (k,): pressure
+        is above its mean there, while under a round body it falls to zero at the border."""
         region, pressure = (np.moveaxis(one, axis, 0) for one in (self.patch.region, self.patch.pressure))
         around = [(1, 1), (0, 0)]
         inside, on = np.pad(region, around), np.pad(np.where(region, pressure, 0.0), around)

@@ -88,20 +88,20 @@ def soft_grid(
     solid: CaseSolid, solids: list[CaseSolid], contacts: list[PredictedContact], resolution: float | None
 ) -> Cells:
     """The cells of a soft body: fine where a contact is predicted, or of `resolution` [m] there; coarser where that
-    takes more cells than the budget, unless a resolution was asked for. What it leaves is for cells at edges."""
+    takes more cells than the budget, unless a resolution was asked for. Any budget left goes to cells at edges."""
     joined = {one.body.name for one in bonded_group(solid, solids)}
     felt = [c for c in contacts if joined & c.names]
 
     def wanted(scale: float) -> list[WantedCells]:
         return [wanted_along(solid, axis, felt, resolution, scale) for axis in range(3)]
 
-    def wanted_at_edges_too(edge_scale: float) -> list[WantedCells]:
+    def with_edges(edge_scale: float) -> list[WantedCells]:
         return [wanted_along(solid, axis, felt, None, 1.0, edge_scale) for axis in range(3)]
 
     box = np.stack([solid.low, solid.high])
     cells, scale = cells_within(box, wanted, all_cells, None if resolution else BUDGET)
     if not resolution:
-        return cells if scale > 1.0 else cells_within(box, wanted_at_edges_too, all_cells, BUDGET)[0]
+        return cells if scale > 1.0 else cells_within(box, with_edges, all_cells, BUDGET)[0]
     if cells.count > MOST_CELLS:
         raise InputError(
             f"body {solid.body.name!r}: {cells.count:.3g} cells of {1e3 * cells.size:.2g} mm > {MOST_CELLS}; "
@@ -123,8 +123,8 @@ def wanted_along(
     scale: float,
     edge_scale: float = np.inf,
 ) -> WantedCells:
-    """The largest cells along an axis: through the body, and where contacts are felt, each larger by a factor, and
-    where these end at an edge by a factor of its own, inf for none."""
+    """Return the largest cells along an axis: through the body, where contacts are felt, and where these end at an
+    edge. `scale` and, at edges, `edge_scale` multiply the sizes; inf: no cells for edges."""
     low, high = float(solid.low[axis]), float(solid.high[axis])
     least = cells_through(solid)
     through = (high - low) / least[axis] if felt else scale * (resolution or min(solid.extent / least))
@@ -159,8 +159,8 @@ def bonded_group(solid: CaseSolid, solids: list[CaseSolid]) -> list[CaseSolid]:
 
 
 def sampled_distance(solid: CaseSolid, surface: Mesh, finest: float, contacts: list[PredictedContact]) -> DistanceGrid:
-    """Samples of the signed distance as fine as the contact needs, as far out as another body comes. Between samples
-    sharp edges are round, so they are finer where others may press on one."""
+    """Return samples of the signed distance as fine as the contact needs, as far out as another body comes.
+    Interpolation between samples rounds sharp edges off, so a body that may be pressed on one has finer samples."""
     distance, least = solid.distance(surface), min(0.5 * solid.smallest, MOST_MARGIN)
     longest = float(solid.extent.max()) + 2.0 * least
     spacing = max(min(finest / 2.5, solid.smallest / 24.0), longest / MOST_SAMPLES)
@@ -172,7 +172,8 @@ def sampled_distance(solid: CaseSolid, surface: Mesh, finest: float, contacts: l
 
 
 def touched_vertices(solid: CaseSolid, surface: Mesh, contacts: list[PredictedContact]) -> Array:
-    """Where others may press on a body [m], shape (n, 3): anywhere on one that moves, else where that is foreseen."""
+    """Return vertices on which others may press [m], shape (n, 3): all of a body that moves, else those where a
+    contact is predicted."""
     if not solid.fixed:
         return surface.vertices
     boxes = [one.plan.boxes for one in contacts if solid.body.name in one.names]

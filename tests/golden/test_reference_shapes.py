@@ -66,7 +66,7 @@ CASES: dict[str, tuple[JsonObject, float, float, float]] = {
 @pytest.mark.parametrize(
     "name", [pytest.param(one, marks=[pytest.mark.long] * (one != "a flat cylinder")) for one in CASES]
 )
-def test_it_sinks_as_deep_as_in_finite_elements(name: str, tmp_path: Path) -> None:
+def test_it_sinks_as_deep_as_the_reference(name: str, tmp_path: Path) -> None:
     """The cells follow the shape's own patch, and are finest where it ends at an edge."""
     case, top, depth, tolerance = CASES[name]
     path = tmp_path / "case.yaml"

@@ -41,7 +41,7 @@ MOVED = (0.25, 0.5, 1.0)
 CIRCLE = np.c_[np.cos(np.radians(45.0 * np.arange(8))), np.sin(np.radians(45.0 * np.arange(8)))]
 """Directions all around, shape (8, 2)."""
 CLOSE = 1e-3
-"""What comes this near is in contact [m]."""
+"""Points this near to each other are in contact [m]."""
 NEARBY = 2.0
 """How far from the aim a steady place is searched, in the same extents [-]."""
 SAMPLES = 24
@@ -195,7 +195,7 @@ class PlacementSearch:
         self.excluded[low[0] : high[0], low[1] : high[1]] = True
 
     def _inside(self, start: Array) -> NDArray[np.bool_]:
-        """Whether a ray up soon leaves something through a face that looks up: then it began inside, shape (n,)."""
+        """Return which points (n, 3) lie within something, which a ray up leaves again below a room's height."""
         return np.asarray(self.caster.left_at(start, np.tile([0.0, 0.0, 1.0], (len(start), 1))) < ROOM_HEIGHT)
 
     def find(

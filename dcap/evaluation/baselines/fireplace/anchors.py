@@ -36,7 +36,7 @@ OPEN = 0.03
 ABOVE = 0.001
 """Rays begin so far over a surface [m]: a blanket may lie as close to its mattress."""
 THICK = 0.25
-"""What lies on a surface, its own lower side missing or in the surface, is no thicker [m]."""
+"""A thing on a surface, its own lower side missing or in the surface, is no thicker than this [m]."""
 LEAST_OPEN = 0.1
 """Share of a surface that must be free [-]."""
 ENOUGH = 0.5
@@ -55,7 +55,7 @@ class AnchorSurface:
     flatness: float
     """How uneven it may be [m]."""
     open_area: float
-    """What of it is not covered [m^2]."""
+    """Area that is not covered [m^2]."""
     kind: str
     """planar, coarse or box."""
 
@@ -102,7 +102,7 @@ def open_share(surface: InteractionSurface, caster: Raycaster) -> float:
     start = surface.points + ABOVE * surface.normal
     way = np.tile(surface.normal, (len(start), 1))
     distance = caster.cast(start, way).distance
-    # what is left through a face that looks the same way was around the start: a mattress on its frame
+    # where a ray leaves something, its start was within it: the mattress on a frame
     within = caster.left_at(start, way) < THICK
     return float(1.0 - ((distance < OPEN) | within).mean())
 

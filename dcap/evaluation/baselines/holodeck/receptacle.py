@@ -32,7 +32,7 @@ LEVEL = 0.9
 ABOVE = 1e-3
 """Gap between surface and box [m]."""
 THIN = 0.03
-"""What is no thicker along x or y is laid flat [m]."""
+"""Assets that are no thicker than this along x or y are laid flat [m]."""
 SMALL, SMALL_AREA = 0.25, 0.0625
 """Extents [m] and area seen from above [m^2] up to which the turn is random."""
 SAG = 0.05
@@ -53,7 +53,7 @@ class ReceptaclePlace:
     yaw: float
     """[rad]."""
     tilt: Array
-    """What lays it flat, a rotation, shape (3, 3)."""
+    """The rotation that lays it flat, shape (3, 3)."""
     attempt: int
     """Which attempt it was, from 1."""
 
