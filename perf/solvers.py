@@ -3,9 +3,10 @@
 python -m perf.solvers FIRST OTHER... [--names tl,mls]
 
 Each is a run of one data set (`dcap benchmark --solver mls`, `--methods paper`). A cell has the depth to which the
-object has sunk in and the time of the drop, as a ratio to that of FIRST; where a sample did not come to rest on the
-support of FIRST, what it came to. Lines below count verdicts and supports that are those of FIRST, and give the medians
-over samples that rest on the same support; depths are compared where FIRST has at least LEAST_DEPTH.
+object has sunk in, the area of its contacts, and the time of the drop, as a ratio to that of FIRST; where a sample did
+not come to rest on the support of FIRST, what it came to. Lines below count verdicts and supports that are those of
+FIRST, and give the medians over samples that rest on the same support, and how far from a surface forces act at most;
+depths are compared where FIRST has at least LEAST_DEPTH.
 """
 
 import argparse
@@ -36,6 +37,10 @@ class Ending:
     """[m]; 0 where nothing was indented."""
     seconds: float
     """Time of the drop [s]."""
+    area: float = 0.0
+    """Of the contacts [m^2]."""
+    gap: float = 0.0
+    """How far from a surface forces act, of the proof [m]."""
 
     @property
     def at_rest(self) -> bool:
@@ -62,6 +67,8 @@ def ending_of(tree: Mapping[str, Any]) -> Ending:
         base,
         float(placement.get("indentation_m") or 0.0),
         float(tree["timings"].get("drop", 0.0)),
+        sum(float(one["area_m2"]) for one in tree["contacts"]),
+        float(((tree["certificate"] or {}).get("proof") or {"gap_m": {"value": 0.0}})["gap_m"]["value"]),
     )
 
 
@@ -70,7 +77,7 @@ def rows(runs: Sequence[Mapping[str, Ending]]) -> list[list[str]]:
     out = []
     for name, first in runs[0].items():
         if first.at_rest:
-            out.append([name, first.support, f"{1e3 * first.depth:.2f} mm, {first.seconds:.0f} s"])
+            out.append([name, first.support, f"{measures(first)}, {first.seconds:.0f} s"])
             out[-1] += [cell(first, run[name]) for run in runs[1:] if name in run]
     return out
 
@@ -82,7 +89,12 @@ def cell(first: Ending, other: Ending) -> str:
     if other.support != first.support:
         return f"on {other.support}"
     ratio = f"{other.seconds / first.seconds:.1f}" if first.seconds > 0.0 else "-"
-    return f"{1e3 * other.depth:.2f} mm, x {ratio}"
+    return f"{measures(other)}, x {ratio}"
+
+
+def measures(one: Ending) -> str:
+    """Return depth and area in words."""
+    return f"{1e3 * one.depth:.2f} mm, {1e4 * one.area:.1f} cm2"
 
 
 def summary(first: Mapping[str, Ending], other: Mapping[str, Ending], name: str) -> str:
@@ -98,7 +110,8 @@ def summary(first: Mapping[str, Ending], other: Mapping[str, Ending], name: str)
     return (
         f"{name}: {sum(other[key].at_rest for key in rest)} of {len(rest)} at rest, {len(same)} on the same support; "
         f"{alike} of {refused} others with the same reason; median difference of depth {depth}; "
-        f"median ratio of the drop's time {time}"
+        f"median ratio of the drop's time {time}; forces at most "
+        f"{1e3 * max((other[key].gap for key in same), default=0.0):.2f} mm from a surface"
     )
 
 

@@ -236,8 +236,8 @@ class ContactProof:
     """Largest distance of such a point from the surface of one of its two bodies; those that carry the last tenth of
     the force between two bodies do not count."""
     imbalance: CertificateRow
-    """Largest part of what a free body weighs or carries that is not held by forces within a millimetre of the surfaces
-    [-]."""
+    """Largest part of what a free body weighs or carries, or of a rigid one's torque, that is not held by forces which
+    push within a millimetre of the surfaces, or by bonds [-]."""
 
     @property
     def holds(self) -> bool:
@@ -281,6 +281,8 @@ class Certificate:
     """Smallest of the soft bodies' grids; mls only."""
     substeps: int | None = None
     """Explicit steps; mls only."""
+    inertia_scale: float | None = None
+    """Largest factor by which inertia against strain was scaled up, so that such steps are stable [-]; mls only."""
     interval_s: float | None = None
     """How often motion was judged; mls only."""
     proof: ContactProof | None = None

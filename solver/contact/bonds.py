@@ -6,7 +6,7 @@ Its stiffness makes the stretch under a load of LOADS times the free weight invi
 one side is soft a spring far stiffer than its cells would only cost iterations.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -123,11 +123,10 @@ def _only(attachment: BondedPoints, keep: NDArray[np.bool_]) -> BondedPoints:
     return BondedPoints(attachment.body, attachment.rest[keep], attachment.node[keep], attachment.weight[keep])
 
 
-def bond_table(model: Model, bonds: Sequence[BondedPair], state: State) -> tuple[BondRow, ...]:
-    """One row per bond for the certificate."""
+def bond_table(model: Model, acting: Iterable[tuple[BondedPair, NDArray[np.float64]]]) -> tuple[BondRow, ...]:
+    """One row per bond for the certificate, of the forces (k, 3) on its first body."""
     rows = []
-    for bond in bonds:
-        force = bond.force(model, state)
+    for bond, force in acting:
         a, b = model.bodies[bond.a.body].name, model.bodies[bond.b.body].name
         stretch = float((np.linalg.norm(force, axis=1) / bond.stiffness).max())
         rows.append(BondRow(a, b, len(force), float(np.linalg.norm(force.sum(axis=0))), stretch))

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from solver.certificate import NotDone, PointForces, Verdict
 from solver.config import SolverConfig
+from solver.contact.bonds import bond_table
 from solver.contact.table import contact_table, friction_margin, point_forces
 from solver.errors import ModelError
 from solver.frames import FrameRecorder
@@ -37,6 +38,8 @@ Array = NDArray[np.float64]
 
 STEP_SHARE = 0.5  # of the step that material could take: contact may be four times as stiff
 LEAST_CELLS = 2.0  # across a contact, for its area to be resolved
+LEAST_PARTICLES, PER_CELL = 3.0, 2.0
+"""Through a body, so that it can bend; through a cell [-]."""
 PEAK_DROP = 0.02  # a kinetic energy this much below its largest value has passed its peak [-]
 
 
@@ -84,6 +87,7 @@ class ExplicitDrop:
         self.recorder = FrameRecorder(model.bodies, self.length)
         self.time, self.steps = 0.0, 0
         self._refuse_overlap()
+        self._refuse_coarse()
 
     @property
     def cell(self) -> float:
@@ -149,6 +153,20 @@ class ExplicitDrop:
                 f"bodies {self.model.bodies[a].name!r} and {self.model.bodies[b].name!r} start {-1e3 * gap:.1f} mm "
                 f"inside each other (bound start_overlap = {1e3 * self.config.start_overlap:.1f} mm); move one of them"
             )
+
+    def _refuse_coarse(self) -> None:
+        """ModelError for a body that steps would not see bend: fewer than three particles through it."""
+        for _, body in self.model.soft_bodies:
+            ends = np.stack([body.vertices.min(axis=0), body.vertices.max(axis=0)])
+            for axis, planes in enumerate(body.interior.planes):
+                count = PER_CELL * float(np.diff(np.interp(ends[:, axis], planes, np.arange(len(planes))))[0])
+                if count < LEAST_PARTICLES:
+                    size = float(np.ptp(ends[:, axis]))
+                    raise ModelError(
+                        f"mls: {count:.1f} particles through body {body.name!r} ({1e3 * size:.3g} mm along "
+                        f"{'xyz'[axis]}), and explicit steps need {LEAST_PARTICLES:g}: give a resolution of "
+                        f"{PER_CELL * size / LEAST_PARTICLES:.2g} m or finer, or use method tl"
+                    )
 
     def _momenta(self) -> dict[int, Momentum]:
         """Of every watched body."""
@@ -224,7 +242,9 @@ class ExplicitDrop:
             result.certificate,
             method="mls",
             cell_m=self.cell,
+            bonds=bond_table(self.model, ((bond, force) for bond, _, force in report.bonded)) or None,
             substeps=self.steps,
+            inertia_scale=max(one.scale for one in self.soft.values()),
             interval_s=self.config.mls_interval_seconds,
         )
         material = {one.body.name: one.material() for one in self.soft.values()}

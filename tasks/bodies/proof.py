@@ -1,19 +1,21 @@
 """Whether the forces that hold bodies at rest act through contacts that exist on their final surfaces.
 
 In: the outcome of a drop, whichever method computed it. Out: the same with a `ContactProof`, and with no verdict of
-rest where that fails. Distances are measured to the triangles that are shown, by a ray tracer that no solver uses.
+rest where that fails. Distances are measured to the triangles that are shown, by code that no method of the solver
+uses while it computes.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dcap.geometry.raycast import tensor
 from dcap.scene.types.mesh import Mesh
-from solver.certificate import CertificateRow, ContactProof, PointForces, Verdict
-from solver.model.bodies import Model, SoftBody, free_motions
+from solver.certificate import Certificate, CertificateRow, ContactProof, PointForces, Verdict
+from solver.model.bodies import Body, Model, RigidBody, SoftBody, free_motions
+from solver.model.state import best_rigid_motion
 from solver.result import SettledModel
 
 Array = NDArray[np.float64]
@@ -30,22 +32,30 @@ are chords, some tenths of a millimetre beside it."""
 SIDE_SHARE = 0.03
 """How far the triangles of a soft body's surface may lie beside the curved surface that contact sees, over their sides
 [-]."""
+STRAIN = 0.2
+"""How far a place inside a soft body may have moved beside what its surface there did, over its depth [-]."""
 FARTHEST_M = 1e-3
 """A force that acts farther from a surface than this holds nothing [m]."""
+
+TINY = np.finfo(float).tiny
 
 
 def proven(model: Model, result: SettledModel) -> SettledModel:
     """The outcome with its proof; one at rest that the surfaces do not bear out has found no equilibrium."""
     surfaces = [Mesh.of(end.vertices, body.faces) for end, body in zip(result.bodies, model.bodies, strict=True)]
-    largest = LARGEST_GAP_M
-    if result.certificate.cell_m is not None:
-        largest = min(CELL_SHARE * result.certificate.cell_m, LARGEST_MLS_GAP_M)
-    proof = contact_proof(model, surfaces, result.forces, largest)
+    proof = contact_proof(model, surfaces, result.forces, largest_gap(result.certificate))
     certificate = replace(result.certificate, proof=proof)
     if result.verdict is not Verdict.AT_REST or proof.holds:
         return replace(result, certificate=certificate)
     warnings = (*result.warnings, refutation(proof))
     return replace(result, certificate=certificate, verdict=Verdict.NO_EQUILIBRIUM, warnings=warnings)
+
+
+def largest_gap(certificate: Certificate) -> float:
+    """How far from a surface a force may act [m]: of mls more, as its cells are coarser."""
+    if certificate.cell_m is None:
+        return LARGEST_GAP_M
+    return min(CELL_SHARE * certificate.cell_m, LARGEST_MLS_GAP_M)
 
 
 def refutation(proof: ContactProof) -> str:
@@ -54,23 +64,31 @@ def refutation(proof: ContactProof) -> str:
         gap, most = 1e3 * proof.gap_m.value, 1e3 * proof.gap_m.threshold
         return f"forces that hold it act {gap:.3g} mm beside the surfaces (at most {most:.3g} mm)"
     if not proof.imbalance.holds:
-        return f"{proof.imbalance.value:.1%} of what a body weighs or carries is held by nothing that touches it"
+        return f"{proof.imbalance.value:.1%} of what a body weighs or carries, or its torque, is held by nothing there"
     return ""
 
 
 def contact_proof(model: Model, surfaces: Sequence[Mesh], forces: PointForces, largest_gap: float) -> ContactProof:
     """Measure on the final surfaces, one for each body, where forces act and what they hold."""
+    if not all(np.isfinite(one).all() for one in (forces.force, forces.position, *(s.vertices for s in surfaces))):
+        return ContactProof(0, CertificateRow.at_most(0.0, largest_gap), CertificateRow.at_most(1.0, LARGEST_IMBALANCE))
     size = np.linalg.norm(forces.force, axis=1)
     gap, allowed = np.zeros(len(size)), np.full(len(size), largest_gap)
-    numbers = bool(np.isfinite(forces.force).all() and np.isfinite(forces.position).all())
-    touching = ~forces.bonded & (size > 0.0) & numbers  # of a state that holds other values nothing is proven
-    for which in (forces.a, forces.b):
-        for index in np.unique(which[touching]).tolist():
-            mine = np.flatnonzero(touching & (which == index))
-            away, side = distances(surfaces[index], forces.position[mine])
-            gap[mine] = np.maximum(gap[mine], away)
+    start, deep = np.zeros((2, len(size), 3)), np.zeros(len(size))
+    pushed = np.zeros(len(size), dtype=bool)
+    touching = ~forces.bonded & (size > 0.0)
+    for which_side, (which, sign) in enumerate(((forces.a, -1.0), (forces.b, 1.0))):
+        for index in np.unique(which).tolist():
+            mine = np.flatnonzero((touching | forces.bonded) & (which == index))
+            if len(mine) == 0:
+                continue
+            near = nearest(surfaces[index], forces.position[mine])
+            gap[mine] = np.maximum(gap[mine], near.distance)
+            pushed[mine] |= sign * np.einsum("ki,ki->k", forces.force[mine], near.normal) >= 0.0
+            start[which_side, mine] = started(model.bodies[index], surfaces[index], forces.position[mine], near)
+            deep[mine] = np.maximum(deep[mine], near.distance)
             if isinstance(model.bodies[index], SoftBody):
-                allowed[mine] = np.maximum(allowed[mine], np.minimum(SIDE_SHARE * side, FARTHEST_M))
+                allowed[mine] = np.maximum(allowed[mine], np.minimum(SIDE_SHARE * near.side, FARTHEST_M))
     rows = [CertificateRow.at_most(0.0, largest_gap)]
     pair = np.sort(np.column_stack([forces.a, forces.b]), axis=1)
     for one in np.unique(pair[touching], axis=0):
@@ -79,14 +97,50 @@ def contact_proof(model: Model, surfaces: Sequence[Mesh], forces: PointForces, l
         before = np.cumsum(size[order]) - size[order]
         last = order[before < COUNTED * size[order].sum()][-1]
         rows.append(CertificateRow.at_most(float(gap[last]), float(allowed[last])))
-    rest = max(imbalances(model, forces, forces.bonded | (touching & (gap <= FARTHEST_M))), default=0.0)
+    torn = np.linalg.norm(start[0] - start[1], axis=1) > FARTHEST_M + STRAIN * deep
+    valid = (forces.bonded & ~torn) | (touching & pushed & (gap <= FARTHEST_M))
+    rest = max(imbalances(model, surfaces, forces, valid), default=0.0)
     return ContactProof(
         int(touching.sum()), min(rows, key=lambda row: row.margin), CertificateRow.at_most(rest, LARGEST_IMBALANCE)
     )
 
 
-def distances(mesh: Mesh, points: Array) -> tuple[Array, Array]:
-    """Distance of points (k, 3) from a surface, and the longest side of the triangle that each is nearest to [m]."""
+@dataclass(frozen=True, eq=False, slots=True)
+class Nearest:
+    """The triangles of a surface that points are nearest to."""
+
+    distance: Array
+    """[m], shape (k,)."""
+    normal: Array
+    """Outward unit normals, shape (k, 3)."""
+    side: Array
+    """Longest sides [m], shape (k,)."""
+    face: NDArray[np.int64]
+    """Their indices, shape (k,)."""
+    weight: Array
+    """Weights of their corners at the nearest places, shape (k, 3)."""
+
+
+def started(body: Body, surface: Mesh, points: Array, near: Nearest) -> Array:
+    """Where places (k, 3) that move with the nearest triangle of a body were at the start [m]."""
+    corners = body.faces[near.face]
+    before, now = body.vertices[corners], surface.vertices[corners]
+    off = points - np.einsum("kc,kci->ki", near.weight, now)
+    turned_back = np.einsum("kij,klj,kl->ki", frames(before), frames(now), off)
+    start: Array = np.einsum("kc,kci->ki", near.weight, before) + turned_back
+    return start
+
+
+def frames(corner: Array) -> Array:
+    """An orthonormal frame of each triangle (k, 3, 3), as columns: along its first side, its normal, and across."""
+    side, other = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
+    normal = np.cross(side, other)
+    one, two = (v / np.maximum(np.linalg.norm(v, axis=1, keepdims=True), TINY) for v in (side, normal))
+    return np.stack([one, two, np.cross(one, two)], axis=2)
+
+
+def nearest(mesh: Mesh, points: Array) -> Nearest:
+    """Where points (k, 3) are nearest to a surface."""
     import open3d
 
     middle = points.mean(axis=0)  # single precision is finest around the origin
@@ -94,20 +148,42 @@ def distances(mesh: Mesh, points: Array) -> tuple[Array, Array]:
     scene.add_triangles(tensor(mesh.vertices - middle, np.float32), tensor(mesh.faces, np.uint32))
     found = scene.compute_closest_points(tensor(points - middle, np.float32), nthreads=1)
     away = np.linalg.norm(found["points"].numpy().astype(np.float64) - (points - middle), axis=1)
-    corner = mesh.vertices[mesh.faces[found["primitive_ids"].numpy()]]
+    face = found["primitive_ids"].numpy().astype(np.int64)
+    corner = mesh.vertices[mesh.faces[face]]
     side = np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=2).max(axis=1)
-    return away, side
+    u, v = found["primitive_uvs"].numpy().astype(np.float64).T
+    normal = found["primitive_normals"].numpy().astype(np.float64)
+    return Nearest(away, normal, side, face, np.column_stack([1.0 - u - v, u, v]))
 
 
-def imbalances(model: Model, forces: PointForces, valid: NDArray[np.bool_]) -> Iterator[float]:
-    """Unbalanced force on each free body over its weight, or what it carries where that is more, by valid points."""
+def imbalances(
+    model: Model, surfaces: Sequence[Mesh], forces: PointForces, valid: NDArray[np.bool_]
+) -> Iterator[float]:
+    """What valid forces leave unbalanced of each free body [-]: force over its weight, or over what it carries where
+    that is more, and of a rigid body torque about its centre of mass over the same times half its size. What rolling
+    resistance may hold is no unbalanced torque. A body without a valid force is not held at all."""
     heaviest = max((body.mass for body in model.bodies if not body.fixed), default=0.0) * model.gravity_strength
     for index, body in enumerate(model.bodies):
         if body.fixed:
             continue
-        own = np.concatenate([forces.force[valid & (forces.a == index)], -forces.force[valid & (forces.b == index)]])
+        first, second = valid & (forces.a == index), valid & (forces.b == index)
+        own = np.concatenate([forces.force[first], -forces.force[second]])
+        if len(own) == 0:
+            yield 1.0
+            continue
         weight = body.mass * model.gravity_strength
         carried = 0.5 * float(np.linalg.norm(own, axis=1).sum() - np.linalg.norm(own.sum(axis=0)))
-        scale = min(max(weight, carried), heaviest)
+        scale = max(min(max(weight, carried), heaviest), TINY)
         rest = (own.sum(axis=0) + body.mass * model.gravity) * free_motions(body)[:3]
         yield float(np.linalg.norm(rest)) / scale
+        if isinstance(body, RigidBody):
+            partners = {index, *forces.a[second].tolist(), *forces.b[first].tolist()}
+            lever = max(float(model.bodies[one].friction_rows[:, 2].max()) for one in partners)
+            position = np.concatenate([forces.position[first], forces.position[second]])
+            rotation, translation = best_rigid_motion(
+                body.vertices, surfaces[index].vertices, np.ones(len(body.vertices))
+            )
+            arm = position - (rotation @ body.center_of_mass + translation)
+            torque = np.linalg.norm(np.cross(arm, own).sum(axis=0) * free_motions(body)[3:])
+            rolling = lever * float(np.linalg.norm(own, axis=1).sum())
+            yield max(float(torque) - rolling, 0.0) / (scale * 0.5 * body.size)

@@ -21,7 +21,7 @@ from dcap.scene.writers.ply import mesh_to_ply
 from solver.certificate import History
 from solver.config import SolverConfig
 from solver.errors import ArchError, ModelError, UnstableStep
-from solver.model.bodies import Body
+from solver.model.bodies import Body, Model
 from solver.rest import Signals
 from solver.result import SettledModel
 from solver.settle import settle
@@ -73,18 +73,19 @@ def run_case(
                 "stability": stability,
             }
         )  # fmt: skip
+
+        def settled(one: Model) -> SettledModel:
+            return proven(one, settle(one, config, None if quiet else _progress))
+
         warm_up(model, config)  # compilation is not part of wall_s
         built = time.perf_counter()
-        result = settle(model, config, None if quiet else _progress)
+        result = settled(model)
         if chosen is None and elsewhere(case, path.parent, result):
-            again, told = dropped_again(
-                case, path.parent, result, lambda one: settle(one, config, None if quiet else _progress)
-            )
+            again, told = dropped_again(case, path.parent, result, settled)
             notes.append(told)
             if again is not None:
                 particles, model, result = again
                 bodies = model.bodies
-        result = proven(model, result)
         cell = result.certificate.cell_m or particles.resolution
     except (ModelError, ArchError) as error:
         raise InputError(f"{path}: {error}") from error

@@ -125,11 +125,13 @@ def mean_friction(one: Material, other: Material) -> tuple[float, float]:
 
 @pytest.mark.slow
 @pytest.mark.long
-def test_a_ball_on_a_blanket_dents_layers_not_a_block(place: Place) -> None:
+@pytest.mark.parametrize(("solver", "tolerance"), [("tl", 0.03), ("mls", 0.1)])
+def test_a_ball_on_a_blanket_dents_layers_not_a_block(place: Place, solver: str, tolerance: float) -> None:
     """Under a blanket 3 cm thick lies the mattress at every depth, and the dent is as deep as in those layers."""
     top, thick, blanket, radius = 0.5, 0.2, 0.03, 0.108
     ball = {"body": make.ball(radius)}
-    placed = place(make.bed(top, thick, blanket), "bed", ball, "bowling_ball", "put the bowling ball on the bed")
+    prompt = "put the bowling ball on the bed"
+    placed = place(make.bed(top, thick, blanket), "bed", ball, "bowling_ball", prompt, "--solver", solver)
     tree, bed = placed.tree, placed.body(1)
     assert (tree["verdict"], tree["reason"], tree["part"]) == ("at_rest", None, "blanket")
 
@@ -171,8 +173,12 @@ def test_a_ball_on_a_blanket_dents_layers_not_a_block(place: Place) -> None:
         layers, float(np.sqrt(crop[0] * crop[1] / np.pi)), radius, placed.weight, guess=0.03, cell=0.008, held=True
     )
     found = top + blanket - tree["object_aabb"][0][2]
-    assert found == pytest.approx(reference, rel=0.03)
-    assert abs(reference - found) <= tree["certificate"]["depth_error_m"]
+    assert found == pytest.approx(reference, rel=tolerance)
+    assert tree["certificate"]["proof"]["gap_m"]["value"] < 1e-3
+    if solver == "tl":
+        assert abs(reference - found) <= tree["certificate"]["depth_error_m"]
+    else:
+        assert tree["certificate"]["method"] == "mls"
 
 
 @pytest.mark.slow

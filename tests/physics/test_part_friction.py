@@ -22,8 +22,11 @@ def tilted(lab, angle):
     return lab.gravity * np.array([0.0, np.sin(angle), -np.cos(angle)])
 
 
-@pytest.mark.parametrize("kind", ["rigid", "soft"])
-def test_a_block_slides_on_the_slippery_part_alone(lab, kind):
+@pytest.mark.parametrize(
+    ("kind", "method"),
+    [("rigid", "tl"), ("soft", "tl"), pytest.param("soft", "mls", marks=pytest.mark.slow)],
+)
+def test_a_block_slides_on_the_slippery_part_alone(lab, kind, method):
     """One floor at 0.2, of friction 0.6 and 0.05 on its two sides: what lies on the rough one stays, the other goes."""
     rough, slippery = [0.6, 0.5, 0.0], [0.05, 0.04, 0.0]
     floor = halves(lab.floor(mu=(0.6, 0.5)), rough, slippery)
@@ -35,7 +38,7 @@ def test_a_block_slides_on_the_slippery_part_alone(lab, kind):
             block = lab.soft(
                 "block", lab.Box(np.full(3, 0.1)), [x, 0, 0.0502], E=1e6, rho=300.0, cell=0.025, mu=(0.6, 0.5)
             )
-        result = lab.drop(block, floor, gravity=tilted(lab, 0.2), step_limit=60)
+        result = lab.drop(block, floor, gravity=tilted(lab, 0.2), step_limit=60, method=method)
         ends.append(abs(result.bodies[0].translation[1]))
     assert ends[0] < 2e-3
     assert ends[1] > 0.05

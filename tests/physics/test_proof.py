@@ -1,6 +1,6 @@
 """The proof of rest accepts what a drop came to, and nothing that was moved by hand afterwards."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Literal
 
@@ -10,18 +10,20 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from dcap.scene.types.mesh import Mesh
+from solver.certificate import PointForces
 from solver.config import SolverConfig
 from solver.model.bodies import Body, Model
 from solver.settle import settle
-from tasks.bodies.proof import LARGEST_GAP_M, contact_proof, proven, refutation
+from tasks.bodies.proof import contact_proof, largest_gap, proven, refutation
 
 Points = NDArray[np.float64]
 
 
 def scenes(lab) -> dict[str, tuple[Body, ...]]:
-    """Bodies of each kind on bodies of each kind, the free one first."""
+    """Bodies of each kind on bodies of each kind, the one that is moved first; "tag" and "cap" are bonded to it."""
     slab = lab.soft("slab", lab.Box(np.array([0.2, 0.2, 0.06])), [0, 0, -0.03], E=3e4, cell=0.0125, fixed=True,
                     held=np.s_[:, :, 0], loaded=True)  # fmt: skip
+    cube = lab.soft("cube", lab.Box(np.full(3, 0.06)), [0, 0, 0.0305], E=2e4, rho=300.0, cell=0.0125)
     return {
         "a rigid block on a floor": (
             lab.rigid("block", lab.Box(np.full(3, 0.05)), [0, 0, 0.0252], mass=0.5),
@@ -31,15 +33,27 @@ def scenes(lab) -> dict[str, tuple[Body, ...]]:
             lab.rigid("ball", lab.Capsule(0.04, 0.0), [0, 0, 0.0405], mass=0.3, rolling=1e-3),
             slab,
         ),
-        "a soft cube on a floor": (
-            lab.soft("cube", lab.Box(np.full(3, 0.06)), [0, 0, 0.0305], E=2e4, rho=300.0, cell=0.0125),
-            lab.floor(),
-        ),
+        "a soft cube on a floor": (cube, lab.floor()),
         "a soft cube on foam": (
             lab.soft("cube", lab.Box(np.full(3, 0.06)), [0, 0, 0.0305], E=3e4, rho=200.0, cell=0.0125),
             slab,
         ),
+        "a block with a bonded one on foam": (
+            lab.rigid("tag", lab.Box(np.full(3, 0.03)), [0, 0, 0.0555], mass=0.1, edge=0.01),
+            lab.rigid("block", lab.Box(np.full(3, 0.04)), [0, 0, 0.0205], mass=0.2, edge=0.01),
+            slab,
+        ),
+        "a soft cube with a bonded cap": (
+            lab.rigid("cap", lab.Box(np.array([0.06, 0.06, 0.01])), [0, 0, 0.0655], mass=0.05, edge=0.01),
+            cube,
+            lab.floor(),
+        ),
     }  # fmt: skip
+
+
+def bonds_of(bodies: tuple[Body, ...]) -> tuple[tuple[str, str], ...]:
+    """The tag or cap with what it is bonded to."""
+    return ((bodies[0].name, bodies[1].name),) if bodies[0].name in ("tag", "cap") else ()
 
 
 def lifted(distance: float) -> Callable[[Points], Points]:
@@ -53,50 +67,63 @@ def turned(points: Points) -> Points:
     return np.asarray((points - middle) @ Rotation.from_rotvec([0.6, 0.0, 0.0]).as_matrix().T + middle)
 
 
-MOVES: dict[str, Callable[[Points], Points]] = {
-    **{f"lifted by {1e3 * d:.1f} mm": lifted(d) for d in (2.0 * LARGEST_GAP_M, 1e-3, 5e-3, 2e-2)},
-    **{f"pushed in by {1e3 * d:.1f} mm": lifted(-d) for d in (2.0 * LARGEST_GAP_M, 2e-3)},
-    "stood on an edge": turned,
-    "moved beside": lambda points: points + np.array([0.5, 0.0, 0.0]),
-    "made smaller": lambda points: points.mean(axis=0) + 0.9 * (points - points.mean(axis=0)),
-}
+def moves(bound: float) -> dict[str, Callable[[Points], Points]]:
+    """What is done to a body by hand; the least lift is twice the gap that is allowed [m]."""
+    return {
+        **{f"lifted by {1e3 * d:.2f} mm": lifted(d) for d in (2.0 * bound, 4.0 * bound, 5e-3, 2e-2)},
+        **{f"pushed in by {1e3 * d:.2f} mm": lifted(-d) for d in (2.0 * bound, 5e-3)},
+        "stood on an edge": turned,
+        "moved beside": lambda points: points + np.array([0.5, 0.0, 0.0]),
+        "made smaller": lambda points: points.mean(axis=0) + 0.8 * (points - points.mean(axis=0)),
+    }
+
+
+def moved_by_hand(ends: list[Points], bound: float, *, bonded: bool) -> Iterator[tuple[str, list[Points]]]:
+    """Final surfaces, changed: the first body is moved, or the support of all is gone."""
+    for what, move in moves(REACH if bonded else bound).items():
+        yield what, [move(ends[0]), *ends[1:]]
+    yield "without support", [*ends[:-1], ends[-1] - [0.0, 0.0, 1.0]]
+
+
+REACH = 1e-3
+"""How far the two ends of a bond may be apart [m]."""
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("method", ["tl", pytest.param("mls", marks=pytest.mark.long)])
 def test_a_state_that_was_moved_is_refuted(lab, method: Literal["tl", "mls"]) -> None:
     """Lifted from twice the gap on, pushed in, turned, or with its support gone: none holds; as it was, each does."""
-    missed = []
+    missed, tried = [], 0
     for name, bodies in scenes(lab).items():
         if method == "mls" and "rigid block" in name:
             continue
-        model = Model(bodies, np.array([0.0, 0.0, -9.81]))
+        model = Model(bodies, np.array([0.0, 0.0, -9.81]), bonds=bonds_of(bodies))
         result = proven(model, settle(model, SolverConfig(threads=2, method=method)))
-        assert result.verdict == "at_rest", name
+        assert result.verdict == "at_rest", (name, result.warnings)
         assert result.certificate.proof is not None
         assert result.certificate.proof.holds
-        ends = [one.vertices for one in result.bodies]
-        for what, move in MOVES.items():
-            if "ball" in name and move is turned:
-                continue  # it has no edge
-            own, support = move(ends[0]), ends[1]
-            surfaces = [Mesh.of(x, b.faces) for x, b in zip((own, support), model.bodies, strict=True)]
-            if contact_proof(model, surfaces, result.forces, LARGEST_GAP_M).holds:
+        ends, bound = [one.vertices for one in result.bodies], largest_gap(result.certificate)
+        for what, changed in moved_by_hand(ends, bound, bonded=bool(model.bonds)):
+            if "ball" in name and "edge" in what:
+                continue  # it has none
+            tried += 1
+            surfaces = [Mesh.of(x, b.faces) for x, b in zip(changed, model.bodies, strict=True)]
+            if contact_proof(model, surfaces, result.forces, bound).holds:
                 missed.append(f"{name}, {what}")
-        surfaces = [Mesh.of(x, b.faces) for x, b in zip((ends[0], ends[1] - [0, 0, 1]), model.bodies, strict=True)]
-        if contact_proof(model, surfaces, result.forces, LARGEST_GAP_M).holds:
-            missed.append(f"{name}, without support")
         check_forces(model, result, missed, name)
     assert missed == []
+    assert tried >= (59 if method == "tl" else 49)
 
 
 def check_forces(model: Model, result, missed: list[str], name: str) -> None:
     """Forces that are gone, too small, or no numbers are no rest; the verdict and a message say so."""
     forces = result.forces
+    last = np.arange(len(forces.force))[:, None] == len(forces.force) - 1
     for what, changed in {
         "without forces": forces.force[:0],
         "with half the force": 0.5 * forces.force,
-        "with a force that is no number": np.where(np.arange(len(forces.force))[:, None] == 0, np.nan, forces.force),
+        "with a force that is no number": np.where(last, np.nan, forces.force),
+        "with forces that pull": -forces.force,
     }.items():
         count = len(changed)
         other = replace(forces, a=forces.a[:count], b=forces.b[:count], position=forces.position[:count],
@@ -106,3 +133,49 @@ def check_forces(model: Model, result, missed: list[str], name: str) -> None:
             missed.append(f"{name}, {what}")
         assert found.certificate.proof is not None
         assert "nan" not in refutation(found.certificate.proof)
+
+
+def acting(lab, *where: tuple[float, float, float], lift: float = 0.0, bonded: bool = False):
+    """A block of 5 cm and 0.5 kg on a floor, its weight carried at so many places alike, and the proof of that once it
+    is lifted [m]."""
+    block, floor = lab.rigid("block", lab.Box(np.full(3, 0.05)), [0, 0, 0.025], mass=0.5), lab.floor()
+    model = Model((block, floor), np.array([0.0, 0.0, -9.81]))
+    each = 0.5 * 9.81 / max(len(where), 1)
+    position = np.array(where, dtype=float).reshape(-1, 3)
+    count = len(position)
+    forces = PointForces(np.zeros(count, int), np.ones(count, int), position, np.tile([0.0, 0.0, each], (count, 1)),
+                         np.full(count, bonded))  # fmt: skip
+    surfaces = [Mesh.of(lifted(lift)(block.vertices), block.faces), Mesh.of(floor.vertices, floor.faces)]
+    return contact_proof(model, surfaces, forces, 3e-4)
+
+
+FEET = [(x, y, 0.0) for x in (-0.02, 0.02) for y in (-0.02, 0.02)]
+
+
+def test_forces_at_feet_hold_a_block(lab) -> None:
+    """Of contacts, and of bonds."""
+    assert acting(lab, *FEET).holds
+    assert acting(lab, *FEET, bonded=True).holds
+
+
+@pytest.mark.parametrize(
+    ("where", "lift", "bonded"),
+    [
+        ([], 0.0, False),
+        (FEET[:1], 0.0, False),  # the whole weight at one corner turns it over
+        ([(x, y, -2e-3) for x, y, _ in FEET], 0.0, False),
+        ([(x, y, 0.05) for x, y, _ in FEET], 0.0, False),  # on its own top, far from the floor
+        (FEET, 2e-3, False),
+        (FEET, 5e-3, True),  # a bond across a gap
+    ],
+)
+def test_forces_that_cannot_hold_it_prove_nothing(lab, where, lift: float, bonded: bool) -> None:
+    """None at all, all at one corner, away from the surfaces, across a gap."""
+    assert not acting(lab, *where, lift=lift, bonded=bonded).holds
+
+
+def test_a_hovering_body_without_contact_points_has_not_come_to_rest(lab) -> None:
+    """What nothing touches is not held, whatever force a row tells of, and whether or not it moves."""
+    found = acting(lab)
+    assert found.points == 0
+    assert found.imbalance.value == 1.0

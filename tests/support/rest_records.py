@@ -63,7 +63,7 @@ def explicit_certificate() -> Certificate:
     """As mls writes it."""
     return Certificate(
         arch="cpu", method="mls", signals=signals(), kick=NotDone(), free_weight_n=9.81, length_m=0.2,
-        friction_cone_margin=0.9, inverted_particles=0, cell_m=0.01, substeps=4000, interval_s=8e-3,
+        friction_cone_margin=0.9, inverted_particles=0, cell_m=0.01, substeps=4000, inertia_scale=90.0, interval_s=8e-3,
     )  # fmt: skip
 
 

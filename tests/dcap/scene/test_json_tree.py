@@ -103,5 +103,5 @@ def test_a_certificate_has_the_keys_of_its_method() -> None:
     both = {"arch", "signals", "kick", "free_weight_n", "length_m", "friction_cone_margin", "inverted_particles"}
     implicit, explicit = set(object_to_json(implicit_certificate())), set(object_to_json(explicit_certificate()))
     assert implicit & explicit == both
-    assert explicit - both == {"method", "cell_m", "substeps", "interval_s"}
+    assert explicit - both == {"method", "cell_m", "substeps", "inertia_scale", "interval_s"}
     assert to_json(explicit_certificate().kick) == {"done": False}

@@ -1,5 +1,6 @@
 """Each verdict of the drop from a scene that produces it, and how outcomes are judged against what was asked."""
 
+import json
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -11,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from dcap.geometry.distance import distance_grid
 from dcap.geometry.primitives import Box, Capsule, Primitive
 from dcap.scene.errors import GeometryError
+from dcap.scene.json_tree import to_json
 from dcap.scene.types.anchor import Anchor, Lean
 from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
 from dcap.scene.types.materials import ContactFriction
@@ -96,6 +98,21 @@ def test_a_box_on_a_table_is_at_rest() -> None:
     assert isinstance(found, Settled)
     assert found.verdict == "at_rest"
     assert abs(found.bodies[0].surface.bounds[0, 2]) < 3e-4
+
+
+def test_a_contact_without_points_is_told_without_a_number() -> None:
+    """A row of a contact may tell of a force where nothing touches: its place is not known, and nothing says nan."""
+    item = body("object", Box(np.array([0.1, 0.1, 0.1])), [0, 0, 0.06], fixed=False)
+    found = run(item, table(), asked())
+    assert isinstance(found, Settled)
+    row = replace(found.contacts[0], points=0, area_m2=0.0)
+    none = replace(found, contacts=(row,), contact_points=np.zeros((0, 3)))
+    boxes = np.array([[[-0.05, -0.05], [0.05, 0.05]]])
+    particles = Particles((item, table()), (), 0.01, (), foreseen=boxes)
+    told = with_checks(none, particles, anchor(), asked(), DropConfig())
+    assert told.checks is not None
+    assert told.checks.foreseen_share is None
+    assert "nan" not in json.dumps(to_json(told.checks)).lower() + " ".join(told.warnings).lower()
 
 
 @pytest.mark.slow

@@ -1,14 +1,18 @@
 """One row of the library for each part, with its reason."""
 
+import re
+from pathlib import Path
+
 import pytest
 from box_rooms import CUBE, ROOM, ball, block, mug, thing
 from stage_chain import Stages
 
+from dcap.language.material_table import load_materials
 from dcap.language.offline.client import OfflineClient
 from dcap.scene.types.materials import BodyModel, PartMaterials
 from dcap.scene.types.outcome import Infeasible
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
-from tasks.materials.stage import MaterialsConfig, materials
+from tasks.materials.stage import MaterialsConfig, limited, materials
 
 OFFLINE = Stages()
 
@@ -46,6 +50,18 @@ def test_paper_limits_are_an_option():
     assert (plain.limits, clamped.limits) == ("none", "paper_limits")
     assert "paper's limits" in clamped.notes[0]
     assert plain.notes == ()
+
+
+def test_the_page_on_methods_says_which_rows_the_clamps_change():
+    """Each soft row that becomes stiffer or loses its layers, with its numbers, and no other."""
+    page = (Path(__file__).parents[3] / "docs/methods.md").read_text(encoding="utf-8")
+    told = dict(re.findall(r"^\| `(\w+)` \| (\S+ \| \S+) \|", page, re.MULTILINE))
+    changed = {}
+    for row in load_materials().values():
+        new = limited(row)[0].youngs_modulus
+        if new > row.youngs_modulus or row.layers is not None:
+            changed[row.id] = (row.youngs_modulus, new)
+    assert {name: tuple(map(float, numbers.split(" | "))) for name, numbers in told.items()} == changed
 
 
 def test_materials_hear_the_whole_prompt(stages):
