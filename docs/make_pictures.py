@@ -23,10 +23,10 @@ from dcap.geometry.camera import Camera, looking_at
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.rendering.picture import picture
 from dcap.scene.settings import data_root, runs_root
+from dcap.scene.types.intent import Intent
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.paint import PaintedMesh
 from dcap.scene.types.particles import SoftSimulationBody
-from dcap.scene.types.rotation import Rotation
 from dcap.scene.types.segmentation import Segmentation
 from dcap.synthetic.dataset import make_dataset
 from flows.map_output import automatic_camera
@@ -40,8 +40,9 @@ from tasks.render.maps import conditioning_maps, placed
 from tasks.render.settled_meshes import settled_item, settled_scene, shown
 from tasks.render.views import contact_middle, front
 from tasks.requests.marks import marked, plan_picture, room_pictures
-from tasks.requests.surroundings import part_frame
+from tasks.requests.surroundings import part_frame, wished_place
 from tasks.requests.views import instance_of
+from tasks.rotation.stage import three_flips
 
 plt.switch_backend("Agg")
 
@@ -189,10 +190,18 @@ def rotation_stage() -> Rgb:
     prompt = "set the laptop on the desk with its screen facing the chair"
     out = runs_root() / "docs" / "laptop"
     dcap.place(data_root() / "rooms" / "bedroom_02", laptop, prompt, out=out)
-    chosen = finished_placement(str(out), None).finished.placement.rotation
-    found = Store.default().load(chosen) if chosen else None
-    assert isinstance(found, Rotation)
-    return beside([small(one, 360) for one in found.pictures])
+    refs, store = finished_placement(str(out), None).finished.placement, Store.default()
+    assert refs.scene
+    assert refs.item
+    assert refs.intent
+    scene, item, intent = store.load(refs.scene), store.load(refs.item), store.load(refs.intent)
+    assert isinstance(scene, Segmentation)
+    assert isinstance(item, Segmentation)
+    assert isinstance(intent, Intent)
+    base = instance_of(scene, intent.base_id)
+    mesh = item.mesh.transformed(np.diag([intent.scale] * 3 + [1.0]))
+    place = wished_place(scene, base, intent, 0.5 * float(np.ptp(mesh.bounds[:, :2], axis=0).max()))
+    return beside([small(one, 360) for one in three_flips(scene, base, mesh, place, 512)])
 
 
 def anchor_stage() -> Rgb:

@@ -25,7 +25,7 @@ from dcap.evaluation.judging.judge import (
     same_family,
     scores,
 )
-from dcap.evaluation.judging.judged_pictures import NamedPicture, pictures_in
+from dcap.evaluation.judging.judged_pictures import pictures_in
 from dcap.evaluation.judging.judging_folder import (
     COMPARISONS,
     JUDGING,
@@ -46,6 +46,7 @@ from dcap.language.connect import connect
 from dcap.language.model.batch import batch_queue
 from dcap.language.model.ledger import Spending, spending_of
 from dcap.language.protocol.client import ClientName, LanguageConfig
+from dcap.language.protocol.requests import Picture
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import FormatError, InputError
 from dcap.scene.types.judged_views import BEFORE, PLACED
@@ -207,7 +208,7 @@ def with_metrics(rows: Sequence[SampleOutcome]) -> list[JudgedPlacement]:
 def with_pictures(folder: Path, rows: Sequence[SampleOutcome], methods: Sequence[str]) -> list[JudgedPlacement]:
     """What a model judges: final states with their pictures; InputError for one that is not there."""
     judged = [row for row in rows if standing_of(row) is Standing.JUDGED]
-    first: dict[str, tuple[NamedPicture, ...]] = {}
+    first: dict[str, tuple[Picture, ...]] = {}
     for row in sorted(judged, key=lambda one: methods.index(one.method)):
         if row.sample not in first:
             first[row.sample] = pictures_in(views_of(folder, row), BEFORE)
@@ -223,7 +224,7 @@ def views_of(folder: Path, row: SampleOutcome) -> Path:
 
 
 def judged_placement(
-    row: SampleOutcome, metrics: Metrics, before: tuple[NamedPicture, ...], views: tuple[NamedPicture, ...]
+    row: SampleOutcome, metrics: Metrics, before: tuple[Picture, ...], views: tuple[Picture, ...]
 ) -> JudgedPlacement:
     """A row as a judge gets it."""
     thing = Path(row.object).stem.replace("_", " ")

@@ -11,7 +11,7 @@ from dcap.language.model.apis import APIS
 from dcap.language.model.ledger import check_budget
 from dcap.language.model.reply_folder import MARK, ReplyFolder
 from dcap.language.protocol.client import DEFAULT_MODEL, ClientName, LanguageConfig
-from dcap.language.protocol.session import Session
+from dcap.language.protocol.session import MAX_TOKENS, TIMEOUT, Session
 from dcap.scene.errors import InputError
 from dcap.scene.spelling import not_one_of
 from flows.options import Options
@@ -29,6 +29,9 @@ class LanguageOptions:
     language: str = ""
     """offline, anthropic, openai or replay; empty: replay where a recording is named, else offline."""
     model: str = ""
+    effort: str = ""
+    max_tokens: int = MAX_TOKENS
+    reply_timeout: float = TIMEOUT
     record: str = ""
     replay: str = ""
     max_cost: float | None = None
@@ -57,6 +60,8 @@ class LanguageOptions:
             raise InputError(
                 f"--model {self.model} is for --language {', '.join(APIS)} or replay: offline asks no model"
             )
+        if client in (ClientName.OFFLINE, ClientName.REPLAY) and self.effort:
+            raise InputError(f"--effort {self.effort} is for --language {' or '.join(APIS)}: {client} asks no model")
         if client is ClientName.OPENAI and not self.model:
             raise InputError(
                 "--language openai needs --model NAME: a server of your own knows its models by its own names"
@@ -70,16 +75,20 @@ class LanguageOptions:
             return LanguageConfig()
         if client is ClientName.REPLAY:
             folder = ReplyFolder(Path(self.replay))
-            model, _, host = recorded_model(folder, self.model).partition("@")
-            return LanguageConfig(client=client, model=unquote(model), endpoint=host, recording=folder.content())
+            name, _, host = recorded_model(folder, self.model).partition("@")
+            model, _, effort = name.partition("+")
+            return LanguageConfig(
+                client=client, model=unquote(model), effort=effort, endpoint=host, recording=folder.content()
+            )
         model, api = self.model or DEFAULT_MODEL, APIS[client]
         api.check()
         if model.startswith("."):  # it names a folder
             raise InputError(f"--model {model!r} is not the name of a model")
         check_budget(model, self.max_cost)
         return LanguageConfig(
-            client=client, model=model, endpoint=api.endpoint(), recording=recording_of(self.record, plan=plan)
-        )
+            client=client, model=model, effort=self.effort, endpoint=api.endpoint(),
+            recording=recording_of(self.record, plan=plan),
+        )  # fmt: skip
 
     def session(self, folder: Path) -> Session:
         """What does not; ledger and batch queue lie in the run's folder."""
@@ -91,6 +100,8 @@ class LanguageOptions:
             ledger=str(folder.resolve() / LEDGER),
             max_cost=self.max_cost,
             batch=str(folder.resolve() / QUEUE) if self.batch else "",
+            max_tokens=self.max_tokens,
+            timeout=self.reply_timeout,
         )
 
 
@@ -105,7 +116,7 @@ def recorded_model(folder: ReplyFolder, wanted: str) -> str:
     models = folder.models()
     if not models:
         raise InputError(f"--replay {folder.root}: no recorded replies there; record some with --record DIR")
-    fitting = [name for name in models if wanted in ("", name, unquote(name.partition("@")[0]))]
+    fitting = [name for name in models if wanted in ("", name, unquote(name.partition("@")[0].partition("+")[0]))]
     if not fitting:
         raise InputError(f"--replay {folder.root} has replies of {', '.join(models)}, none of --model {wanted}")
     if len(fitting) > 1:

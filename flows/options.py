@@ -17,7 +17,8 @@ from pydantic import AfterValidator, BeforeValidator, Field, NonNegativeInt, Pos
 from pydantic.fields import FieldInfo
 from pydantic_settings import BaseSettings, InitSettingsSource, PydanticBaseSettingsSource, SettingsConfigDict
 
-from dcap.language.protocol.client import DEFAULT_MODEL
+from dcap.language.protocol.client import DEFAULT_MODEL, Effort
+from dcap.language.protocol.session import MAX_TOKENS, TIMEOUT
 from dcap.scene.errors import InputError
 from dcap.scene.given_text import LONGEST_PROMPT, LONGEST_WORDS, shortened, unfit
 from dcap.scene.machine_errors import machine_error
@@ -97,6 +98,8 @@ Mass = Annotated[float, within(0.0, float("inf"), "a positive number of kilogram
 Seed = Annotated[int, Field(ge=0, lt=LARGEST_SEED + 1)]
 Cost = Annotated[float, within(0.0, float("inf"), "a positive number of dollars")]
 MaxCost = Annotated[Cost | None, Setting("run.max_cost")]
+MaxTokens = Annotated[int, Field(ge=1024, le=128_000)]
+ReplyTimeout = Annotated[float, within(0.0, 86_400.0, "a number of seconds, at most a day")]
 
 
 class Options(BaseSettings):
@@ -155,6 +158,12 @@ class StageOptions(PhysicsOptions):
     language: Annotated[Language, Setting("run.language")] = ""
     """Who reads the sentence: offline (default), anthropic, openai, or replay (default where a recording is named)."""
     model: Annotated[Phrase, Setting("run.model"), Field(description=f"Model to ask; default: {DEFAULT_MODEL}.")] = ""
+    effort: Annotated[Effort, Setting("run.effort")] = ""
+    """How much the model thinks: low, medium, high ... (each model knows some); default: its own."""
+    max_tokens: Annotated[MaxTokens, Setting("run.max_tokens")] = MAX_TOKENS
+    """Longest answer of the model, thoughts included; one that is cut off is asked for again with twice the room."""
+    reply_timeout: Annotated[ReplyTimeout, Setting("run.reply_timeout")] = TIMEOUT
+    """Longest wait for one answer of the model [s]."""
     record: Annotated[TextOrPath, Setting("run.record", "DIR")] = ""
     """Keep a copy of each reply in this folder, for --replay."""
     replay: Annotated[TextOrPath, Setting("run.replay", "DIR")] = ""
@@ -265,6 +274,12 @@ class JudgeOptions(Options):
     """Who judges: offline (default: the metric rubric), anthropic, openai or replay."""
     model: Phrase = ""
     """Model to ask; it must take pictures."""
+    effort: Effort = ""
+    """How much the model thinks: low, medium, high ... (each model knows some); default: its own."""
+    max_tokens: MaxTokens = MAX_TOKENS
+    """Longest answer of the model, thoughts included; one that is cut off is asked for again with twice the room."""
+    reply_timeout: ReplyTimeout = TIMEOUT
+    """Longest wait for one answer of the model [s]."""
     record: Annotated[TextOrPath, Setting(metavar="DIR")] = ""
     """Keep a copy of each reply in this folder."""
     replay: Annotated[TextOrPath, Setting(metavar="DIR")] = ""

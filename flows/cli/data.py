@@ -73,8 +73,8 @@ def dataset_prepare_sugar(
 
 @dataset_app.command("label")
 @with_options(
-    PlaceOptions, "language", "model", "record", "replay", "max_cost", "label", "up", "unit", "height_of", "labels",
-    "threads",
+    PlaceOptions, "language", "model", "effort", "max_tokens", "reply_timeout", "record", "replay", "max_cost", "label",
+    "up", "unit", "height_of", "labels", "threads",
 )  # fmt: skip
 def dataset_label(
     scene: Annotated[str, typer.Argument(help="Folder (InteriorGS, ScanNet, SuGaR), mesh or Gaussian splats.")],
@@ -98,8 +98,9 @@ def dataset_label(
 
 @dataset_app.command("sample")
 @with_options(
-    PlaceOptions, "language", "model", "record", "replay", "max_cost", "up", "unit", "object_up", "object_unit"
-)
+    PlaceOptions, "language", "model", "effort", "max_tokens", "reply_timeout", "record", "replay", "max_cost", "up",
+    "unit", "object_up", "object_unit",
+)  # fmt: skip
 def dataset_sample(
     scenes: Annotated[Path, typer.Argument(help="Folder whose subfolders and meshes are scenes, or one scene.")],
     objects: Annotated[Path, typer.Option(metavar="FOLDER", help="Folder of meshes, named by what they are: mug.glb.")],

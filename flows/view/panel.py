@@ -248,7 +248,9 @@ def add_signals(gui: viser.GuiApi, signals: SignalSeries) -> None:
 
 
 def add_rotation(gui: viser.GuiApi, rotation: Rotation) -> None:
-    """The three pictures and the choice."""
+    """The choice, and the three pictures if a model was shown some."""
     gui.add_html(texts.page(texts.rotation_words(rotation)))
+    if not rotation.pictures:
+        gui.add_html(texts.page("chosen by sentence and shape: nobody looked at pictures"))
     for axis, picture in zip("xyz", rotation.pictures, strict=False):
         gui.add_image(picture, label=f"half a turn about {axis}")

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.geometry.placement.named_regions import ViewerFrame
-from dcap.language.protocol.requests import AnchorRequest, BoxView, PartView, vector
+from dcap.language.protocol.requests import AnchorRequest, BoxView, PartView, Picture, vector
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.mesh import Mesh
@@ -47,7 +47,12 @@ def anchor_request(scene: Segmentation, base: Instance, intent: Intent, prompt: 
         part_boxes=tuple(box_view(str(k), part.name, part.box, frame, base) for k, part in enumerate(base.parts)),
         references=asked_boxes(scene, base, intent, frame),
         neighbours=tuple(box_view(one.id, one.label, one.box, frame, base) for one in others),
-        pictures=(partial(base_from_above, scene, base, frame, others),),
+        pictures=(
+            Picture(
+                "the base from above; who looks at its front stands at the bottom edge",
+                partial(base_from_above, scene, base, frame, others),
+            ),
+        ),
     )
 
 

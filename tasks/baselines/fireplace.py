@@ -39,7 +39,7 @@ from dcap.language.protocol.fireplace import (
     OutlinesRequest,
     PruningRequest,
 )
-from dcap.language.protocol.requests import ObjectView, PictureMaker, vector
+from dcap.language.protocol.requests import ObjectView, Picture, vector
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.mesh import Mesh
@@ -117,11 +117,14 @@ def outlines_request(
     seen = object_view(item)
     x, y, z = (intent.scale * length for length in seen.size)
     fronts = (np.append(part_frame(scene, one, one.box).front, 0.0) for one in scene.instances)
-    views, pictures = instance_views(scene), tuple[PictureMaker, ...]()
+    views, pictures = instance_views(scene), tuple[Picture, ...]()
     if any(one.confidence < UNSURE and not one.structure for one in scene.instances):
         numbers = numbers_of(scene)
         views = tuple(replace(view, number=numbers.get(index, 0)) for index, view in enumerate(views))
-        pictures = (partial(plan_of, scene), partial(view_of, scene))
+        pictures = (
+            Picture("the room as a plan, from above; each thing has its number", partial(plan_of, scene)),
+            Picture("the room over a corner; each thing has its number", partial(view_of, scene)),
+        )
     return OutlinesRequest(
         prompt=prompt,
         object_name=intent.object_name,
@@ -291,7 +294,7 @@ def plausible(options: Sequence[Described], object_name: str, chooser: Chooser) 
             chooser.prompt,
             object_name,
             tuple(ChoiceOption(LETTERS[i], options[k].label, options[k].facts) for i, k in enumerate(group)),
-            tuple(options[k].picture for k in group),
+            tuple(Picture(f"option {LETTERS[i]}", options[k].picture) for i, k in enumerate(group)),
         )
         for group in groups
     ]

@@ -35,7 +35,7 @@ from dcap.language.protocol.fireplace import (
     ChoiceRequest,
     ConstraintOutline,
 )
-from dcap.language.protocol.requests import PictureMaker
+from dcap.language.protocol.requests import Picture, PictureMaker
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.segmentation import Instance, Segmentation
 from tasks.baselines.fireplace_pictures import surface_picture, thing_picture
@@ -77,7 +77,7 @@ class Chooser:
 
         def decide(batch: Sequence[tuple[str, int]]) -> int:
             shown = tuple(ChoiceOption(name, options[k].label, options[k].facts) for name, k in batch)
-            pictures = tuple(options[k].picture for _, k in batch)
+            pictures = tuple(Picture(f"option {name}", options[k].picture) for name, k in batch)
             self.asked.append(kind)
             reply = self.client.ask(CHOICE, ChoiceRequest(self.prompt, kind, sought, shown, pictures))
             return dict(batch)[reply.chosen]

@@ -7,7 +7,7 @@ from functools import cache, partial
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.language.protocol.requests import IntentRequest, PictureMaker, vector
+from dcap.language.protocol.requests import IntentRequest, Picture, vector
 from dcap.scene.types.segmentation import Segmentation
 from tasks.requests.marks import marked, numbers_of, plan_picture, room_pictures
 from tasks.requests.views import instance_views, object_view, room_center
@@ -20,7 +20,7 @@ VIEWS = 2
 
 def intent_request(scene: Segmentation, item: Segmentation, prompt: str, given_base: str) -> IntentRequest:
     """What a client needs to choose; pictures are made only if it looks."""
-    views, pictures = instance_views(scene), tuple[PictureMaker, ...]()
+    views, pictures = instance_views(scene), tuple[Picture, ...]()
     if any(one.confidence < UNSURE and not one.structure for one in scene.instances):
         numbers = numbers_of(scene)
         views = tuple(replace(view, number=numbers.get(index, 0)) for index, view in enumerate(views))
@@ -29,7 +29,7 @@ def intent_request(scene: Segmentation, item: Segmentation, prompt: str, given_b
     return IntentRequest(prompt, object_view(item), views, center, pictures, given_base)
 
 
-def set_of_marks(scene: Segmentation, numbers: Mapping[int, int]) -> tuple[PictureMaker, ...]:
+def set_of_marks(scene: Segmentation, numbers: Mapping[int, int]) -> tuple[Picture, ...]:
     """The plan and the views, made together at the first look."""
 
     @cache
@@ -40,4 +40,7 @@ def set_of_marks(scene: Segmentation, numbers: Mapping[int, int]) -> tuple[Pictu
     def shown(index: int) -> NDArray[np.uint8]:
         return made()[index]
 
-    return tuple(partial(shown, index) for index in range(1 + VIEWS))
+    names = ("the room as a plan, from above", *(f"the room over a corner, view {k}" for k in range(1, VIEWS + 1)))
+    return tuple(
+        Picture(f"{name}; each thing has its number", partial(shown, index)) for index, name in enumerate(names)
+    )

@@ -8,7 +8,7 @@ an object is looked for in the frame in which it stands: what `dcap.geometry.pla
 its lower half reaches out, else -y.
 """
 
-from functools import partial
+from functools import cache, partial
 from typing import Literal
 
 import numpy as np
@@ -31,7 +31,7 @@ from dcap.language.offline.pose_choice import to_right
 from dcap.language.protocol.client import LanguageConfig
 from dcap.language.protocol.questions import ROTATION
 from dcap.language.protocol.replies import ROUNDED, RotationReply
-from dcap.language.protocol.requests import FacingView, PoseView, RotationRequest, Vector, vector
+from dcap.language.protocol.requests import FacingView, Picture, PoseView, RotationRequest, Vector, vector
 from dcap.scene.errors import GeometryError, LanguageError
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.mesh import Mesh
@@ -48,6 +48,9 @@ Array = NDArray[np.float64]
 ELONGATED = 1.15
 """A thing longer than this times its width is laid along its support [-]."""
 AXIS_COLORS = {"x": (214, 40, 40), "y": (30, 140, 50), "z": (40, 70, 210)}
+
+SIDES = ("the viewer's side", "the right", "behind", "the left")
+"""From where pictures are seen, as who looks at the support's front says it; all but the first in an ablation only."""
 
 
 class RotationConfig(BaseModel, frozen=True, extra="forbid"):
@@ -73,13 +76,16 @@ def rotation(
     trusted = to_right(thing_of(intent.object_name), righting=righting, stands=stands, file_up=float(own[2, 2]))
     believed = own if trusted else np.eye(3)
     place = wished_place(scene, base, intent, 0.5 * float(np.ptp(mesh.bounds[:, :2], axis=0).max()))
-    pictures = three_flips(scene, base, mesh, place, config.picture_size)
     if not config.chosen:
-        return Rotation(np.eye(3), pictures, prompt, "upright", "the pose of the file is kept", None)
-    shown = pictures
-    if config.views > len(FLIPS):
-        sides = (three_flips(scene, base, mesh, place, config.picture_size, np.pi / 2 * k) for k in (1, 2, 3))
-        shown = (*pictures, *(one for side in sides for one in side))
+        return Rotation(np.eye(3), (), prompt, "upright", "the pose of the file is kept", None)
+
+    @cache
+    def flips(quarter: int) -> tuple[NDArray[np.uint8], ...]:
+        return three_flips(scene, base, mesh, place, config.picture_size, 0.5 * np.pi * quarter)
+
+    def flip(quarter: int, k: int) -> NDArray[np.uint8]:
+        return np.copy(flips(quarter)[k])
+
     has_front = front_of(rotated(mesh, believed), side)[1]
     facing = wished_facing(intent, has_front=has_front)
     request = RotationRequest(
@@ -98,7 +104,11 @@ def rotation(
         righting=righting,
         turn_deg=intent.orientation.turn_deg,
         on_legs=on_legs(mesh, believed[2]),
-        pictures=tuple(partial(np.copy, one) for one in shown),
+        pictures=tuple(
+            Picture(f"the object, flipped by 180 degrees about {axis}, seen from {side}", partial(flip, quarter, k))
+            for quarter, side in enumerate(SIDES[: config.views // len(FLIPS)])
+            for k, axis in enumerate(FLIPS)
+        ),
     )
     reply = client.ask(ROTATION, request)
     matrix = matrix_of(reply, request, scene, base, mesh)
@@ -108,6 +118,7 @@ def rotation(
     said = "" if not intent.orientation.words else f"; the prompt says {intent.orientation.words!r}"
     candidate, facing = (reply.pose_id, reply.facing_id) if reply.quaternion is None else ("quaternion", "as given")
     pose = asked_pose(request, reply, matrix, mesh, lead)
+    pictures = flips(0) if flips.cache_info().currsize else ()  # made only where a model looks
     return Rotation(matrix, pictures, request.prompt, candidate, f"{reply.reason}, {facing}{said}", pose)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from dcap.geometry.segmentation.rooms.traits import Traits
 from dcap.language.protocol.replies import OTHER, LabelReply
-from dcap.language.protocol.requests import LabelRequest, PictureMaker
+from dcap.language.protocol.requests import LabelRequest, Picture
 
 
 def label_levels(traits: Sequence[Traits]) -> list[list[int]]:
@@ -24,7 +24,7 @@ def label_request(
     number: int,
     traits: Sequence[Traits],
     known: Mapping[int, LabelReply],
-    pictures: tuple[PictureMaker, ...],
+    pictures: tuple[Picture, ...],
     allowed: tuple[str, ...],
 ) -> LabelRequest:
     """The question about one thing; `known` are the answers so far, `allowed` what it may be called."""

@@ -11,7 +11,7 @@ from dcap.geometry.segmentation.labels import SYNONYMS
 from dcap.language.connect import Client
 from dcap.language.offline.lexicon import part_words
 from dcap.language.protocol.questions import PARTS
-from dcap.language.protocol.requests import PartsRequest, ProposedPart
+from dcap.language.protocol.requests import PartsRequest, Picture, ProposedPart
 from dcap.scene.types.segmentation import Instance, Part, Segmentation
 from tasks.requests.views import Sums, part_views, sums_of
 from tasks.segment.part_pictures import paint, parts_picture
@@ -47,5 +47,7 @@ def parts_request(scene: Segmentation, index: int, sums: Sums) -> PartsRequest:
         for view, part in zip(part_views(scene, index, sums), instance.parts, strict=True)
     )
     names = {*SYNONYMS, *part_words(), *(part.name for part in instance.parts)}
-    pictures = (partial(parts_picture, scene, index),)
+    pictures = (
+        Picture("the thing alone, each part in its own colour with its index", partial(parts_picture, scene, index)),
+    )
     return PartsRequest(instance.id, instance.label, parts, tuple(sorted(names)), pictures)

@@ -19,7 +19,7 @@ from dcap.language.connect import Client
 from dcap.language.offline.shapes import labels, measures_of
 from dcap.language.protocol.questions import LABEL
 from dcap.language.protocol.replies import OTHER, LabelReply
-from dcap.language.protocol.requests import LabelRequest
+from dcap.language.protocol.requests import LabelRequest, Picture
 from dcap.scene.types.mesh import Mesh
 from tasks.requests.pictures import close_up, in_the_room
 from tasks.segment.fused_rooms import likely_things, room_labels
@@ -69,8 +69,10 @@ def asked(mesh: Mesh, room: DecomposedRoom, traits: tuple[Traits, ...], client: 
 
     def request(i: int) -> LabelRequest:
         pictures = (
-            partial(in_the_room, mesh, room, traits[i].box, room.things[i]),
-            partial(close_up, mesh, room, traits[i].box, room.things[i]),
+            Picture(
+                "the room, the thing in bright magenta", partial(in_the_room, mesh, room, traits[i].box, room.things[i])
+            ),
+            Picture("the thing from near", partial(close_up, mesh, room, traits[i].box, room.things[i])),
         )
         return label_request(i, traits, known, pictures, allowed)
 

@@ -21,13 +21,14 @@ from tasks.mesh.stage import MeshConfig
 
 OTHER: dict[str, Any] = {
     "out": Path("elsewhere"), "solver": "mls", "resolution": 0.013, "threads": 3, "arch": "cuda", "stability": True,
-    "load_aware": True, "language": "anthropic", "model": "m", "record": "r", "replay": "p", "max_cost": 1.5,
+    "load_aware": True, "language": "anthropic", "model": "m", "effort": "low",
+    "max_tokens": 2048, "reply_timeout": 90.0, "record": "r", "replay": "p", "max_cost": 1.5,
     "label": "sofa", "up": "y", "unit": "cm", "object_label": "mug", "object_up": "-z", "object_unit": "in",
     "mass": 2.5, "seed": 7, "paper_limits": True, "height_of": "table=0.75", "labels": "labels.json", "at": "1,2.5,-3",
     "support": "0,0,0,1,1,1", "ambiguous": "best", "method": "paper", "maps": True, "animate": True, "surface": "iso",
 }  # fmt: skip
 """A value of every option that is not its default."""
-ASKED = {"language", "model", "record", "replay", "max_cost"}
+ASKED = {"language", "model", "effort", "max_tokens", "reply_timeout", "record", "replay", "max_cost"}
 """They reach the stages through LanguageOptions; tests/flows/test_model_runs.py follows them."""
 
 

@@ -1,7 +1,6 @@
 """A stand-in for Anthropic's API on the loopback interface: messages and batches, and a model that reads like our own.
 
-It objects (HTTP 400) to what the real one documents as an error: forced tools, sampling parameters, an assistant turn
-at the end, schema keywords that its grammar does not know. `answers` are given in turn, the last one for ever.
+It refuses what the real one refuses (api_rules.py). `answers` are given in turn, the last one for ever.
 """
 
 import json
@@ -12,6 +11,7 @@ from datetime import UTC, datetime
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
+from api_rules import ANTHROPIC_RULES, Body, Call, anthropic_shape, refusal
 from pydantic import TypeAdapter
 
 from dcap.evaluation.sampling.questions import SAMPLES
@@ -20,14 +20,11 @@ from dcap.language.protocol import fireplace, questions
 from dcap.language.protocol.questions import Question
 
 KEY = "sk-never-to-be-shown"
-Body = dict[str, Any]
 Answer = tuple[int, Body]
 ASKED = (*vars(questions).values(), *vars(fireplace).values(), SAMPLES)
 QUESTIONS: dict[str, Question[Any, Any]] = {one.name: one for one in ASKED if isinstance(one, Question)}
-UNKNOWN_KEYWORDS = (
-    "prefixItems", "minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum", "minLength", "maxLength", "maxItems",
-    "pattern", "default",
-)  # fmt: skip
+HEADERS = {"anthropic-version": "2023-06-01", "x-api-key": KEY}
+"""Of a question of a batch: those of the batch were looked at when it came."""
 
 
 class FakeApi:
@@ -59,12 +56,19 @@ class FakeApi:
         with self.guard:
             self.asked.append(body)
             make = self.answers.pop(0) if len(self.answers) > 1 else self.answers[0]
-        if said := objection(body):
-            return error(400, "invalid_request_error", said)
         return make(body)
 
-    def post(self, path: str, body: Body) -> Answer:
+    def checked(self, body: Body) -> Answer:
+        """The reply to a question of a batch."""
+        wrong = refusal(Call(body, headers=HEADERS), ANTHROPIC_RULES, anthropic_shape)
+        return self.message(body) if wrong is None else error(wrong.status, wrong.kind, wrong.message)
+
+    def post(self, call: Call) -> Answer:
         """What a POST returns."""
+        path, body = call.path, call.body
+        wrong = refusal(call, ANTHROPIC_RULES, anthropic_shape)
+        if wrong is not None:
+            return error(wrong.status, wrong.kind, wrong.message)
         if path == "/v1/messages":
             return self.message(body)
         name = f"msgbatch_{len(self.batches)}"
@@ -94,7 +98,7 @@ class FakeApi:
 
     def result(self, request: Body) -> Body:
         """The result of one question of a batch."""
-        status, reply = self.message(request["params"])
+        status, reply = self.checked(request["params"])
         if status == 200:
             return {"custom_id": request["custom_id"], "result": {"type": "succeeded", "message": reply}}
         if status == 410:
@@ -107,9 +111,10 @@ def handler_of(api: FakeApi) -> type[BaseHTTPRequestHandler]:
 
     class Handler(BaseHTTPRequestHandler):
         def do_POST(self) -> None:
-            api.headers.append({name.lower(): value for name, value in self.headers.items()})
-            body = json.loads(self.rfile.read(int(self.headers["content-length"])))
-            self.reply(*api.post(self.path.split("?")[0], body))
+            headers = {name.lower(): value for name, value in self.headers.items()}
+            api.headers.append(headers)
+            data = self.rfile.read(int(headers["content-length"]))
+            self.reply(*api.post(Call(json.loads(data), self.path.split("?")[0], headers, len(data))))
 
         def do_GET(self) -> None:
             self.reply(*api.get(self.path.split("?")[0]))
@@ -128,33 +133,6 @@ def handler_of(api: FakeApi) -> type[BaseHTTPRequestHandler]:
             """Quiet."""
 
     return Handler
-
-
-def objection(body: Body) -> str:
-    """What the real API would not take, empty if it would."""
-    if body.get("tool_choice", {}).get("type") in ("tool", "any"):
-        return "tool_choice forces tool use"
-    if "temperature" in body or "top_p" in body:
-        return "sampling parameters are not supported"
-    if body["messages"][-1]["role"] != "user":
-        return "the conversation must end with a user message"
-    if any(not message["content"] for message in body["messages"]):
-        return "messages must not be empty"
-    return unknown_keyword(body["output_config"]["format"]["schema"])
-
-
-def unknown_keyword(schema: Any) -> str:
-    """A keyword of JSON schema that the grammar does not know; objects must be closed, arrays must say of what."""
-    if isinstance(schema, list):
-        return next((said for one in schema if (said := unknown_keyword(one))), "")
-    if not isinstance(schema, dict):
-        return ""
-    if schema.get("type") == "object" and schema.get("additionalProperties") is not False:
-        return "additionalProperties must be false"
-    if schema.get("type") == "array" and "items" not in schema:
-        return "an array needs items"
-    found = next((word for word in UNKNOWN_KEYWORDS if word in schema and not isinstance(schema[word], dict)), "")
-    return f"{found} is not supported" if found else unknown_keyword(list(schema.values()))
 
 
 def message(text: str, stop: str = "end_turn", **usage: int) -> Answer:
@@ -185,7 +163,7 @@ def data_of(body: Body) -> Body:
     """The data that a call brings, its blocks together."""
     found: Body = {}
     for block in body["messages"][0]["content"]:
-        if block["type"] == "text":
+        if block["type"] == "text" and "<data>" in block["text"]:
             found |= json.loads(block["text"].split("<data>")[1].split("</data>")[0])
     return found
 

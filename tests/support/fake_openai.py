@@ -1,12 +1,13 @@
 """A stand-in for a server of chat completions on the loopback interface, with the same models as Anthropic's stand-in.
 
-What comes is put into the form of the Messages API, given to the model, and the reply put back. It objects to what
-strict mode documents as an error: a property that is not required, a default, something beside a reference.
+What comes is put into the form of the Messages API, given to the model, and the reply put back. It refuses what the
+real one refuses (api_rules.py).
 """
 
 from typing import Any
 
-from fake_api import Answer, Body, FakeApi, error
+from api_rules import OPENAI_RULES, Body, Call, Refusal, openai_shape, refusal
+from fake_api import Answer, FakeApi
 
 
 class FakeOpenAi(FakeApi):
@@ -20,40 +21,24 @@ class FakeOpenAi(FakeApi):
     def url(self) -> str:
         return f"{super().url}/v1"
 
-    def post(self, path: str, body: Body) -> Answer:
+    def post(self, call: Call) -> Answer:
         """What a POST returns."""
-        if path != "/v1/chat/completions":
-            return error(404, "not_found_error", f"no {path}")
-        self.raw.append(body)
-        if said := complaint(body):
-            return error(400, "invalid_request_error", said)
-        status, reply = self.message(as_messages(body))
-        return (status, completion(reply)) if status == 200 else (status, reply)
+        if call.path != "/v1/chat/completions":
+            return failure(Refusal(f"Invalid URL (POST {call.path})", 404))
+        self.raw.append(call.body)
+        wrong = refusal(call, OPENAI_RULES, openai_shape)
+        if wrong is not None:
+            return failure(wrong)
+        status, reply = self.message(as_messages(call.body))
+        if status == 200:
+            return status, completion(reply)
+        return failure(Refusal(reply["error"]["message"], status, reply["error"]["type"]))
 
 
-def complaint(body: Body) -> str:
-    """What a strict server would not take, empty if it would."""
-    form = body["response_format"]
-    if form["type"] != "json_schema" or form["json_schema"]["strict"] is not True:
-        return "a strict json_schema is expected"
-    if ("max_tokens" in body) is ("max_completion_tokens" in body):
-        return "one limit of tokens is expected"
-    if body["messages"][0]["role"] != "system":
-        return "the system text comes first"
-    return loose(form["json_schema"]["schema"])
-
-
-def loose(schema: Any) -> str:
-    """Where a schema is not strict."""
-    if isinstance(schema, list):
-        return next((said for one in schema if (said := loose(one))), "")
-    if not isinstance(schema, dict):
-        return ""
-    if schema.get("type") == "object" and sorted(schema["required"]) != sorted(schema["properties"]):
-        return f"required lacks a property of {sorted(schema['properties'])}"
-    if "$ref" in schema and len(schema) > 1:
-        return f"{schema['$ref']} has siblings"
-    return loose(list(schema.values()))
+def failure(wrong: Refusal) -> Answer:
+    """An error as this API gives it."""
+    told = {"message": wrong.message, "type": wrong.kind, "param": wrong.param, "code": wrong.code}
+    return wrong.status, {"error": told}
 
 
 def as_messages(body: Body) -> Body:

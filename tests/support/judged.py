@@ -3,8 +3,8 @@
 import numpy as np
 
 from dcap.evaluation.judging.judge import JudgedPlacement
-from dcap.evaluation.judging.judged_pictures import NamedPicture
 from dcap.evaluation.judging.rubric import Metrics
+from dcap.language.protocol.requests import Picture
 
 GOOD: Metrics = {
     "support_hit": True, "part_hit": True, "region_distance_m": 0.01, "orientation_error_deg": None,
@@ -15,8 +15,8 @@ REPLY = {"analysis": "seen", "right_place": "left", "physics_naturalness": "left
 SCORES = {"analysis": "seen", "right_place": 8, "physics_naturalness": 6.5}
 
 
-def flat(name: str, shade: int) -> NamedPicture:
-    return NamedPicture(name, lambda: np.full((8, 10, 3), shade, dtype=np.uint8))
+def flat(name: str, shade: int) -> Picture:
+    return Picture(name, lambda: np.full((8, 10, 3), shade, dtype=np.uint8))
 
 
 def placement(sample: str, method: str, shade: int, **metrics: float | bool | None) -> JudgedPlacement:

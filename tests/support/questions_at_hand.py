@@ -14,6 +14,7 @@ from dcap.language.protocol.requests import (
     MaterialsRequest,
     PartsRequest,
     PartView,
+    Picture,
     PoseView,
     ProposedPart,
     RotationRequest,
@@ -26,10 +27,15 @@ def pose(name: str, up: tuple[float, float, float], probability: float = 0.2) ->
     return PoseView(name, eye if up[2] > 0 else turned, probability, up, (0.0, -1.0, 0.0), (0.1, 0.1, 0.1))
 
 
+def flat(name: str, shade: int) -> Picture:
+    """A picture of one shade."""
+    return Picture(name, lambda: np.full((8, 8, 3), shade, dtype=np.uint8))
+
+
 def rotation_request() -> RotationRequest:
     poses = (pose("upright", (0.0, 0.0, 1.0)), pose("flip_y", (0.0, 0.0, -1.0)))
     facings = (FacingView("aligned", (0.0, -1.0, 0.0)), FacingView("keep", (0.0, 0.0, 0.0)))
-    shot = [lambda k=k: np.full((8, 8, 3), 10 * k, dtype=np.uint8) for k in range(3)]
+    shot = [flat(f"the object, flipped by 180 degrees about {axis}", 10 * k) for k, axis in enumerate("xyz")]
     return RotationRequest("mug upside down", "mug", "upside_down", "", poses, facings, 1, False, tuple(shot))
 
 
@@ -42,7 +48,7 @@ def anchor_request() -> AnchorRequest:
     boxes = (BoxView("lamp_1", "table lamp", (0.3, 0.1, 0.5), (0.2, 0.2, 0.4)),)
     return AnchorRequest(
         "put the mug on the left of the table", "on the left", "mug", (0.1, 0.1), "table", parts, "", "", ("left",), (),
-        right, front, neighbours=boxes, pictures=(lambda: np.full((8, 8, 3), 70, dtype=np.uint8),),
+        right, front, neighbours=boxes, pictures=(flat("the base from above", 70),),
     )  # fmt: skip
 
 
@@ -52,7 +58,7 @@ def materials_request() -> MaterialsRequest:
 
 
 def label_request() -> LabelRequest:
-    shot = [lambda k=k: np.full((8, 8, 3), 10 * k, dtype=np.uint8) for k in range(2)]
+    shot = [flat(name, 10 * k) for k, name in enumerate(("the room", "the thing from near"))]
     return LabelRequest(
         "thing_3", (2.0, 1.6, 0.9), 0.0, 0.9, 0.5, 2.0, 0.4, 1, 0.55, 1.0, 0.8, 0.05, "floor", "floor", 0.02, 2,
         (0.8, 0.8, 0.8), 12.0, 0.4, ("bed", "sofa", "desk"), tuple(shot),
@@ -62,7 +68,7 @@ def label_request() -> LabelRequest:
 def parts_request() -> PartsRequest:
     views = [PartView(k, name, (0.0, 0.0, 0.4), (1.0, 0.6, 0.1)) for k, name in enumerate(("top", "leg", "leg"))]
     parts = tuple(ProposedPart(view, 0.7, (1.0, 0.0, 0.0)) for view in views)
-    return PartsRequest("4", "desk", parts, ("board", "leg", "top"), (lambda: np.zeros((8, 8, 3), dtype=np.uint8),))
+    return PartsRequest("4", "desk", parts, ("board", "leg", "top"), (flat("the thing alone", 0),))
 
 
 AT_HAND = (

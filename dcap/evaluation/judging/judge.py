@@ -10,12 +10,13 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import combinations, pairwise
 
-from dcap.evaluation.judging.judged_pictures import BEFORE_TITLES, NamedPicture, side_by_side
+from dcap.evaluation.judging.judged_pictures import BEFORE_TITLES, side_by_side
 from dcap.evaluation.judging.questions import JUDGE_PAIR, JUDGE_SCORE, PairRequest, ScoreRequest
 from dcap.evaluation.judging.rubric import RUBRIC, Metrics
 from dcap.evaluation.statistics.comparisons import Comparison, JudgedAxis
 from dcap.language.connect import Client
 from dcap.language.protocol.client import ClientName, LanguageConfig
+from dcap.language.protocol.requests import Picture
 from dcap.scene.errors import InputError
 
 MODELS = {
@@ -42,9 +43,9 @@ class JudgedPlacement:
     prompt: str
     object_name: str
     metrics: Metrics
-    before: tuple[NamedPicture, ...]
+    before: tuple[Picture, ...]
     """The clean scene and the asset alone: the same for all methods of a sample."""
-    views: tuple[NamedPicture, ...]
+    views: tuple[Picture, ...]
     """The canonical views: `room` and `top` from one camera for all methods of a sample, the others centred on the
     object from the same directions and distance."""
 
@@ -127,10 +128,8 @@ def in_order(placements: Iterable[JudgedPlacement]) -> list[JudgedPlacement]:
 
 def score_request(one: JudgedPlacement) -> ScoreRequest:
     """The question for two scores."""
-    shown = (*titled(one.before), *(NamedPicture(f"the object placed, view {v.name}", v.make) for v in one.views))
-    return ScoreRequest(
-        one.prompt, one.object_name, tuple(p.name for p in shown), one.metrics, tuple(p.make for p in shown)
-    )
+    shown = (*titled(one.before), *(Picture(f"the object placed, view {v.name}", v.make) for v in one.views))
+    return ScoreRequest(one.prompt, one.object_name, one.metrics, shown)
 
 
 def pair_request(left: JudgedPlacement, right: JudgedPlacement) -> PairRequest:
@@ -143,18 +142,11 @@ def pair_request(left: JudgedPlacement, right: JudgedPlacement) -> PairRequest:
     both = [side_by_side(a, b) for a, b in zip(left.views, right.views, strict=True)]
     shown = (
         *titled(left.before),
-        *(NamedPicture(f"left and right placement side by side, view {v.name}", v.make) for v in both),
+        *(Picture(f"left and right placement side by side, view {v.name}", v.make) for v in both),
     )
-    return PairRequest(
-        left.prompt,
-        left.object_name,
-        tuple(p.name for p in shown),
-        left.metrics,
-        right.metrics,
-        tuple(p.make for p in shown),
-    )
+    return PairRequest(left.prompt, left.object_name, left.metrics, right.metrics, shown)
 
 
-def titled(before: tuple[NamedPicture, ...]) -> tuple[NamedPicture, ...]:
+def titled(before: tuple[Picture, ...]) -> tuple[Picture, ...]:
     """The clean scene and the asset, by what they are."""
-    return tuple(NamedPicture(name, one.make) for name, one in zip(BEFORE_TITLES, before, strict=False))
+    return tuple(Picture(name, one.make) for name, one in zip(BEFORE_TITLES, before, strict=False))

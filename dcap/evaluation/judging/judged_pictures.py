@@ -5,13 +5,12 @@ names and makers of pictures for a question.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.language.protocol.requests import PictureMaker
+from dcap.language.protocol.requests import Picture
 from dcap.scene.errors import InputError
 from dcap.scene.readers.files.image import read_image
 
@@ -21,29 +20,21 @@ BEFORE_TITLES = ("the scene before the object is placed", "the object alone")
 """How a judge is told what the pictures are that all methods of a sample share."""
 
 
-@dataclass(frozen=True, slots=True)
-class NamedPicture:
-    """A picture and what it shows."""
-
-    name: str
-    make: PictureMaker
-
-
-def pictures_in(folder: Path, names: Sequence[str]) -> tuple[NamedPicture, ...]:
+def pictures_in(folder: Path, names: Sequence[str]) -> tuple[Picture, ...]:
     """`NAME.png` of a folder of views for each name; InputError for one that is not there."""
     if not names:
         raise InputError(f"{folder}: no view is named; a judge needs at least one")
     return tuple(picture_at(folder / f"{name}.png", name) for name in names)
 
 
-def picture_at(path: Path, name: str) -> NamedPicture:
+def picture_at(path: Path, name: str) -> Picture:
     """A picture that is read when somebody looks; InputError now if there is none."""
     if not path.is_file():
         raise InputError(f"{path}: no such picture; a judge needs the run's views, which the benchmark renders")
-    return NamedPicture(name, lambda: read_image(path.read_bytes(), str(path)))
+    return Picture(name, lambda: read_image(path.read_bytes(), str(path)))
 
 
-def side_by_side(left: NamedPicture, right: NamedPicture) -> NamedPicture:
+def side_by_side(left: Picture, right: Picture) -> Picture:
     """Two pictures of one view in one; InputError, when made, if they differ in size."""
     if left.name != right.name:
         raise InputError(f"a pair shows one view, not {left.name!r} beside {right.name!r}")
@@ -55,4 +46,4 @@ def side_by_side(left: NamedPicture, right: NamedPicture) -> NamedPicture:
         strip = np.full((first.shape[0], GAP, 3), 255, dtype=np.uint8)
         return np.concatenate([first, strip, second], axis=1)
 
-    return NamedPicture(left.name, make)
+    return Picture(left.name, make)

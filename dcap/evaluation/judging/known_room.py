@@ -16,7 +16,6 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from dcap.evaluation.judging.judged_pictures import NamedPicture
 from dcap.evaluation.judging.rubric import Metrics
 from dcap.evaluation.metrics.columns import columns
 from dcap.evaluation.metrics.touching import touching
@@ -25,6 +24,7 @@ from dcap.geometry.raycast import Raycaster
 from dcap.geometry.rendering.cutaway import cut_faces
 from dcap.geometry.rendering.picture import picture
 from dcap.geometry.solid.repair import subdivide_near
+from dcap.language.protocol.requests import Picture
 from dcap.scene.errors import InputError
 from dcap.scene.types.gravity import GRAVITY
 from dcap.scene.types.mesh import Mesh
@@ -222,13 +222,13 @@ class RoomWithBall:
             "com_supported": found.margin >= 0.0,
         }
 
-    def before(self, asked: str) -> tuple[NamedPicture, ...]:
+    def before(self, asked: str) -> tuple[Picture, ...]:
         """The clean room and the ball alone."""
-        return NamedPicture("clean", lambda: self.seen(None, asked, ROOM)), NamedPicture("asset", asset)
+        return Picture("clean", lambda: self.seen(None, asked, ROOM)), Picture("asset", asset)
 
-    def views(self, place: BallPlace, asked: str) -> tuple[NamedPicture, ...]:
+    def views(self, place: BallPlace, asked: str) -> tuple[Picture, ...]:
         """The fixed pictures of a placement."""
-        return tuple(NamedPicture(view, lambda view=view: self.seen(place, asked, view)) for view in VIEWS)  # type: ignore[misc]
+        return tuple(Picture(view, lambda view=view: self.seen(place, asked, view)) for view in VIEWS)  # type: ignore[misc]
 
     @cached_property
     def seen(self) -> Callable[[BallPlace | None, str, str], NDArray[np.uint8]]:

@@ -13,7 +13,7 @@ from pydantic import AfterValidator, BaseModel, Field, WithJsonSchema
 from dcap.evaluation.judging.rubric import RUBRIC, Metrics, rubric_scores, worst_metric
 from dcap.evaluation.statistics.comparisons import JudgedAxis, Winner
 from dcap.language.protocol.questions import Question
-from dcap.language.protocol.requests import PictureMaker
+from dcap.language.protocol.requests import Picture
 from dcap.scene.errors import LanguageError
 
 AnswerT = TypeVar("AnswerT")
@@ -27,11 +27,9 @@ class ScoreRequest:
 
     prompt: str
     object_name: str
-    picture_names: tuple[str, ...]
-    """What each picture shows, in their order."""
     metrics: Metrics = field(default_factory=dict)
     """For the rubric only."""
-    pictures: tuple[PictureMaker, ...] = field(default=(), compare=False)
+    pictures: tuple[Picture, ...] = field(default=(), compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,12 +38,11 @@ class PairRequest:
 
     prompt: str
     object_name: str
-    picture_names: tuple[str, ...]
-    """What each picture shows, in their order; those of placements show both side by side."""
     left_metrics: Metrics = field(default_factory=dict)
     """For the rubric only."""
     right_metrics: Metrics = field(default_factory=dict)
-    pictures: tuple[PictureMaker, ...] = field(default=(), compare=False)
+    pictures: tuple[Picture, ...] = field(default=(), compare=False)
+    """Those of placements show both side by side."""
 
 
 # The rubric may know nothing of an axis; a model has seen the pictures and must judge it. So null is in no schema that

@@ -13,8 +13,10 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
-from dcap.language.model.payload import CACHED, Payload
+from dcap.language.model.payload import Payload
 from dcap.language.model.reply_folder import Message
+from dcap.language.protocol.client import LanguageConfig
+from dcap.language.protocol.session import TIMEOUT, Session
 from dcap.scene.errors import LanguageError, RefusedError
 from dcap.scene.redaction import redacted_url
 
@@ -25,10 +27,6 @@ USUAL = "api.anthropic.com"
 """Where the SDK asks unless told otherwise."""
 RETRIES = 5
 """Times the SDK tries again after a rate limit, an overload or a lost connection."""
-TIMEOUT = 300.0
-"""Longest wait for one answer [s]; a model may think before it answers."""
-MAX_TOKENS = 8192
-"""Longest answer, thoughts included; the largest reply (materials of 30 parts) takes about 1500."""
 PICTURE_TOKENS = 5000
 """More than a picture takes: the API documents width x height / 750, and ours have at most 960 x 720 pixels."""
 PASSING = (408, 409, 429)
@@ -37,11 +35,12 @@ SHOWN = 300
 """Characters of a server's message that an error quotes."""
 
 
-def reply_of(model: str, payload: Payload) -> Message:
+def reply_of(config: LanguageConfig, payload: Payload, session: Session) -> Message:
     """The API's reply to one call."""
-    with told_in_a_line(model):
-        raw = connection().messages.with_raw_response.create(**call_of(model, payload))
-    return as_message(model, raw.http_response.text)
+    with told_in_a_line(config.model, session.timeout):
+        api = connection().with_options(timeout=session.timeout)
+        raw = api.messages.with_raw_response.create(**call_of(config, payload, session))
+    return as_message(config.model, raw.http_response.text)
 
 
 def size_of(payload: Payload) -> int:
@@ -72,18 +71,15 @@ def connection() -> "anthropic.Anthropic":
         raise no_access(error) from None
 
 
-def call_of(model: str, payload: Payload) -> dict[str, Any]:
+def call_of(config: LanguageConfig, payload: Payload, session: Session) -> dict[str, Any]:
     """The arguments of one call: the answer is one JSON object of the reply's form."""
-    import anthropic
-
+    effort = {"effort": config.effort} if config.effort else {}
     return {
-        "model": model,
-        "max_tokens": MAX_TOKENS,
-        "system": [{"type": "text", "text": payload.system, **CACHED}],
+        "model": config.model,
+        "max_tokens": payload.tokens(session.max_tokens),
+        "system": [{"type": "text", "text": payload.system}],
         "messages": list(payload.messages),
-        "output_config": {
-            "format": {"type": "json_schema", "schema": anthropic.transform_schema(dict(payload.schema))}
-        },
+        "output_config": {"format": {"type": "json_schema", "schema": payload.schema}, **effort},
     }
 
 
@@ -110,7 +106,7 @@ def well_formed(message: object) -> bool:
 
 
 @contextmanager
-def told_in_a_line(model: str) -> Iterator[None]:
+def told_in_a_line(model: str, timeout: float = TIMEOUT) -> Iterator[None]:
     """Failures of the SDK as LanguageError in one line, without headers and key; RefusedError: nothing was done."""
     import anthropic
 
@@ -119,7 +115,7 @@ def told_in_a_line(model: str) -> Iterator[None]:
     except anthropic.APIStatusError as error:
         raise failed(model, error.status_code, message_of(error.body, error.message)) from None
     except anthropic.APITimeoutError:
-        raise unanswered(model) from None
+        raise unanswered(model, timeout) from None
     except anthropic.APIError as error:
         raise unreachable(model, error, "ANTHROPIC_BASE_URL") from None
     except anthropic.AnthropicError as error:
@@ -142,9 +138,9 @@ def failed(model: str, status: int, said: str) -> LanguageError:
     return (RefusedError if refused else LanguageError)(f"{model} answered HTTP {status}: {said}")
 
 
-def unanswered(model: str) -> LanguageError:
+def unanswered(model: str, timeout: float) -> LanguageError:
     """What is said where every try took too long."""
-    return LanguageError(f"{model} gave no answer within {TIMEOUT:.0f} s, {RETRIES + 1} times")
+    return LanguageError(f"{model} gave no answer within {timeout:g} s (--reply-timeout), {RETRIES + 1} times")
 
 
 def unreachable(model: str, error: Exception, variable: str) -> LanguageError:

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dcap.language.model import anthropic_api, openai_api
-from dcap.language.model.anthropic_api import MAX_TOKENS, size_of
+from dcap.language.model.anthropic_api import size_of
 from dcap.language.model.ledger import Ledger
 from dcap.language.model.payload import Payload
 from dcap.language.model.reply_folder import Message
-from dcap.language.protocol.client import ClientName
+from dcap.language.protocol.client import ClientName, LanguageConfig
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import RefusedError
 
@@ -18,7 +18,7 @@ from dcap.scene.errors import RefusedError
 class ModelApi:
     """How one is asked."""
 
-    reply_of: Callable[[str, Payload], Message]
+    reply_of: Callable[[LanguageConfig, Payload, Session], Message]
     """The reply to one call."""
     endpoint: Callable[[], str]
     """Address that is asked where it is not the usual one."""
@@ -27,16 +27,17 @@ class ModelApi:
     check: Callable[[], None] = lambda: None
     """InputError if what it needs is not installed."""
 
-    def ask_at_once(self, model: str, payload: Payload, session: Session) -> Message:
+    def ask_at_once(self, config: LanguageConfig, payload: Payload, session: Session) -> Message:
         """The reply to one call, which the ledger has; RefusedError: nothing was done, and nothing is charged."""
         ledger = Ledger(Path(session.ledger) if session.ledger else None, session.max_cost, session.sample)
-        booked = ledger.reserve(model, payload.question, size_of(payload), MAX_TOKENS)
+        tokens = payload.tokens(session.max_tokens)
+        booked = ledger.reserve(config.model, payload.question, size_of(payload), tokens)
         try:
-            message = self.reply_of(model, payload)
+            message = self.reply_of(config, payload, session)
         except RefusedError:
             ledger.release(booked)
             raise
-        ledger.settle(booked, model, payload.question, message, how="asked", digest=payload.digest)
+        ledger.settle(booked, config.model, payload.question, message, how="asked", digest=payload.digest)
         return message
 
 

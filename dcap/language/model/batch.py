@@ -20,7 +20,7 @@ from typing import Any
 from dcap.language.model.ledger import BATCH_FACTOR, Ledger, is_alive, locked
 from dcap.language.model.payload import Payload
 from dcap.language.model.reply_folder import Message, ReplyFolder, write_whole
-from dcap.language.protocol.client import Idle
+from dcap.language.protocol.client import Idle, LanguageConfig
 from dcap.language.protocol.session import Session
 from dcap.scene import errors
 from dcap.scene.errors import BudgetError, DcapError, LanguageError, RefusedError
@@ -39,18 +39,21 @@ CLOSED = "closed"
 """File by which a queue says that it answers no more."""
 
 
-def ask_in_batch(name: str, model: str, payload: Payload, session: Session, kept: ReplyFolder, idle: Idle) -> Message:
-    """Queue a question and wait for its reply; replies are kept under `name`."""
+def ask_in_batch(config: LanguageConfig, payload: Payload, session: Session, kept: ReplyFolder, idle: Idle) -> Message:
+    """Queue a question and wait for its reply."""
     from dcap.language.model.anthropic_api import call_of, size_of
 
     queue, digest = Path(session.batch), payload.digest
     (queue / f"{digest}.error").unlink(missing_ok=True)  # of an earlier try
     asked = {"question": payload.question, **payload.readable()}
-    entry = {"name": name, "model": model, "sample": session.sample, "call": call_of(model, payload), "asked": asked}
+    entry = {
+        "name": config.source, "model": config.model, "sample": session.sample,
+        "call": call_of(config, payload, session), "asked": asked,
+    }  # fmt: skip
     if queue.is_dir():
         write_whole(queue / f"{digest}.json", entry | {"size": size_of(payload)})
     with idle():
-        return waited_for(queue, kept, name, digest)
+        return waited_for(queue, kept, config.source, digest)
 
 
 def waited_for(queue: Path, kept: ReplyFolder, name: str, digest: str) -> Message:
@@ -146,7 +149,7 @@ class BatchQueue:
 
     def send(self, paths: list[Path]) -> None:
         """One batch of these questions, as far as the budget goes."""
-        from dcap.language.model.anthropic_api import MAX_TOKENS, connection, told_in_a_line
+        from dcap.language.model.anthropic_api import connection, told_in_a_line
 
         queued: dict[str, dict[str, Any]] = {}
         for path in paths:
@@ -156,8 +159,9 @@ class BatchQueue:
                 continue
             try:
                 booked = self.ledger.reserve(
-                    question["model"], question["asked"]["question"], question["size"], MAX_TOKENS, BATCH_FACTOR
-                )
+                    question["model"], question["asked"]["question"], question["size"],
+                    question["call"]["max_tokens"], BATCH_FACTOR,
+                )  # fmt: skip
             except BudgetError as error:
                 self.fail([path.stem], error)
                 continue

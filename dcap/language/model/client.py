@@ -15,7 +15,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from dcap.language.model.ledger import Ledger
+from dcap.language.model.ledger import Ledger, Usage
 from dcap.language.model.payload import Payload, payload_of, rejection
 from dcap.language.model.reply_folder import Message, ReplyFolder
 from dcap.language.protocol.client import ClientName, Idle, LanguageConfig
@@ -29,6 +29,8 @@ AT_A_TIME = 4
 """Questions of one stage that are under way together."""
 MOST_IN_A_BATCH = 256
 """The same where they wait for a batch: threads that sleep."""
+CUT_OFF = "max_tokens"
+"""Why a reply ended that was cut off."""
 SHOWN = 300
 """Characters of a bad answer that an error quotes."""
 
@@ -60,13 +62,15 @@ class ModelClient:
             if message.get("stop_reason") == "refusal":
                 raise LanguageError(f"{self.model} refused to answer the question {question.name!r}{self._aside(sent)}")
             answer = text_of(message)
+            if message.get("stop_reason") == CUT_OFF:
+                problem = f"the answer was cut off after {written(message)} tokens, thoughts included (--max-tokens)"
+                payload = payload.with_more_room()
+                continue
             try:
-                return question.parsed(json_of(answer, message), request)
+                return question.parsed(json_of(answer), request)
             except ValueError as error:
                 problem = reason_of(error)
-            given = message.get("content")
-            turn = [{"role": "assistant", "content": given}] if given else []  # the API takes no empty turn
-            payload = payload.followed_by(*turn, rejection(problem))
+            payload = payload.followed_by(*turn_of(message), rejection(problem))
         raise LanguageError(
             f"{self.model} gave {ATTEMPTS} invalid answers to {question.name!r}, last: {problem}; "
             f"{' '.join(answer.split())[:SHOWN]}{self._aside(sent)}"
@@ -143,9 +147,9 @@ def kept_or_asked(config: LanguageConfig, session: Session, kept: ReplyFolder) -
                 f"{api.endpoint() or 'none'}; set it back, or start a new run"
             )
         elif session.batch:
-            message = ask_in_batch(name, model, payload, session, kept, idle)
+            message = ask_in_batch(config, payload, session, kept, idle)
         else:
-            message = api.ask_at_once(model, payload, session)
+            message = api.ask_at_once(config, payload, session)
             kept.keep(name, payload, message)
         if recording is not None:
             recording.keep(name, payload, message)
@@ -160,15 +164,27 @@ def note_kept(model: str, payload: Payload, message: Message, session: Session) 
     ledger.settle("", model, payload.question, message, how="kept", digest=payload.digest)
 
 
+def written(message: Message) -> int:
+    """Tokens that a model wrote, thoughts included."""
+    return Usage.of(message).output_tokens
+
+
+def turn_of(message: Message) -> list[dict[str, Any]]:
+    """A reply as a turn of the conversation, up to its last text: the API takes no turn that ends in a thought, and no
+    turn or text that is empty."""
+    content = [one for one in message.get("content", []) if one.get("type") != "text" or one["text"].strip()]
+    while content and content[-1].get("type") != "text":
+        content.pop()
+    return [{"role": "assistant", "content": content}] if content else []
+
+
 def text_of(message: Message) -> str:
     """What the model says, without what it thinks."""
     return "".join(block.get("text", "") for block in message.get("content", []) if block.get("type") == "text")
 
 
-def json_of(text: str, message: Message) -> Any:
+def json_of(text: str) -> Any:
     """An answer as JSON; ValueError if it is none."""
-    if message.get("stop_reason") == "max_tokens":
-        raise ValueError("the answer was cut off: give a shorter one")
     try:
         return json.loads(text)
     except (ValueError, RecursionError) as error:  # the latter where brackets are nested by the thousand

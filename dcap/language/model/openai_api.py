@@ -9,15 +9,13 @@ overload or a lost connection is tried again by the SDK.
 import importlib.util
 import json
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from dcap.language.model.anthropic_api import (
-    MAX_TOKENS,
     RETRIES,
-    TIMEOUT,
     address_name,
     failed,
     message_of,
@@ -27,6 +25,8 @@ from dcap.language.model.anthropic_api import (
 )
 from dcap.language.model.payload import Payload
 from dcap.language.model.reply_folder import Message
+from dcap.language.protocol.client import LanguageConfig
+from dcap.language.protocol.session import TIMEOUT, Session
 from dcap.scene.errors import InputError, LanguageError, RefusedError
 
 if TYPE_CHECKING:
@@ -40,11 +40,12 @@ CUT_OFF, FILTERED = "length", "content_filter"
 """Reasons for which a completion has ended that make it unusable."""
 
 
-def reply_of(model: str, payload: Payload) -> Message:
+def reply_of(config: LanguageConfig, payload: Payload, session: Session) -> Message:
     """The server's reply to one call."""
-    with told_in_a_line(model):
-        raw = connection().chat.completions.with_raw_response.create(**call_of(model, payload))
-    return as_message(model, raw.text)
+    with told_in_a_line(config.model, session.timeout):
+        api = connection().with_options(timeout=session.timeout)
+        raw = api.chat.completions.with_raw_response.create(**call_of(config, payload, session))
+    return as_message(config.model, raw.text)
 
 
 def endpoint() -> str:
@@ -72,15 +73,17 @@ def connection() -> "openai.OpenAI":
     return _connection(key or NO_KEY, os.environ.get("OPENAI_BASE_URL", ""))
 
 
-def call_of(model: str, payload: Payload) -> dict[str, Any]:
+def call_of(config: LanguageConfig, payload: Payload, session: Session) -> dict[str, Any]:
     """The arguments of one call: the answer is one JSON object of the reply's form."""
-    form = {"name": payload.question, "strict": True, "schema": strict_schema(payload.schema)}
+    form = {"name": payload.question, "strict": True, "schema": payload.schema}
+    effort = {"reasoning_effort": config.effort} if config.effort else {}
     return {
-        "model": model,
+        "model": config.model,
         "messages": [{"role": "system", "content": payload.system}, *map(turn_of, payload.messages)],
         "response_format": {"type": "json_schema", "json_schema": form},
         # the older name is all that many servers know, and what the usual one no longer takes
-        ("max_tokens" if endpoint() else "max_completion_tokens"): MAX_TOKENS,
+        ("max_tokens" if endpoint() else "max_completion_tokens"): payload.tokens(session.max_tokens),
+        **effort,
     }
 
 
@@ -97,31 +100,6 @@ def part_of(block: Mapping[str, Any]) -> dict[str, Any]:
         return {"type": "text", "text": block["text"]}
     source = block["source"]
     return {"type": "image_url", "image_url": {"url": f"data:{source['media_type']};base64,{source['data']}"}}
-
-
-def strict_schema(schema: Mapping[str, Any]) -> dict[str, Any]:
-    """The form of a reply as strict mode takes it: closed objects, every property required, no bare default, and
-    nothing beside a reference; what its grammar does not know stands in descriptions, for both makers alike."""
-    import anthropic
-
-    known = anthropic.transform_schema(dict(schema))
-    found: dict[str, Any] = required(known, known.get("$defs", {}))
-    return found
-
-
-def required(tree: Any, definitions: Mapping[str, Any]) -> Any:
-    """The schema with all properties required and references with siblings written out."""
-    if isinstance(tree, Sequence) and not isinstance(tree, str):
-        return [required(one, definitions) for one in tree]
-    if not isinstance(tree, Mapping):
-        return tree
-    if "$ref" in tree and len(tree) > 1:
-        beside = {name: value for name, value in tree.items() if name != "$ref"}
-        return required({**definitions[tree["$ref"].rpartition("/")[2]], **beside}, definitions)
-    found = {name: required(value, definitions) for name, value in tree.items()}
-    if found.get("type") == "object":
-        found |= {"additionalProperties": False, "required": list(found.get("properties", {}))}
-    return found
 
 
 def as_message(model: str, text: str) -> Message:
@@ -152,7 +130,7 @@ def usage_of(told: Mapping[str, Any]) -> dict[str, int]:
 
 
 @contextmanager
-def told_in_a_line(model: str) -> Iterator[None]:
+def told_in_a_line(model: str, timeout: float) -> Iterator[None]:
     """Failures of the SDK as LanguageError in one line, without headers and key; RefusedError: nothing was done."""
     check_installed()
     import openai
@@ -162,7 +140,7 @@ def told_in_a_line(model: str) -> Iterator[None]:
     except openai.APIStatusError as error:
         raise failed(model, error.status_code, message_of(error.body, error.message)) from None
     except openai.APITimeoutError:
-        raise unanswered(model) from None
+        raise unanswered(model, timeout) from None
     except openai.APIError as error:
         raise unreachable(model, error, "OPENAI_BASE_URL") from None
     except openai.OpenAIError as error:

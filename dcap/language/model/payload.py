@@ -9,7 +9,7 @@ import base64
 import hashlib
 import io
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache
 from typing import Any
@@ -22,13 +22,26 @@ from PIL import Image
 from pydantic import BaseModel
 
 from dcap.language.protocol.questions import Question, ReplyT, RequestT
-from dcap.language.protocol.requests import PictureMaker
+from dcap.language.protocol.requests import Picture
+from dcap.language.protocol.session import MOST_TOKENS
 from dcap.scene.settings import resource
 
 PROMPTS = "prompts"
 PICTURES = "pictures"
 CACHED = {"cache_control": {"type": "ephemeral"}}
 """Ends a part of the prompt that the API shall keep for the next question."""
+CACHED_FROM = 16_000
+"""Characters of a prompt's beginning from which it is worth keeping: 4,096 tokens, the most that any model asks for."""
+LIMITS = {
+    "minimum": "at least {:g}",
+    "exclusiveMinimum": "more than {:g}",
+    "maximum": "at most {:g}",
+    "minLength": "not empty",
+    "maxLength": "at most {} characters",
+    "minItems": "at least {} entries",
+    "maxItems": "at most {} entries",
+}
+"""Keywords of JSON schema that no grammar knows, and how a description says them."""
 
 Block = Mapping[str, Any]
 
@@ -41,7 +54,9 @@ class Payload:
     system: str
     messages: tuple[Mapping[str, Any], ...]
     schema: Mapping[str, Any]
-    """JSON schema of the answer, as pydantic writes it."""
+    """JSON schema of the answer."""
+    room: int = 1
+    """How many times as long as usual the answer may be: 2 after one that was cut off."""
 
     @property
     def digest(self) -> str:
@@ -60,7 +75,9 @@ class Payload:
 
     def readable(self) -> dict[str, Any]:
         """The payload for a person: pictures by the digest of their pixels, which no PNG writer changes."""
-        tree = {"system": self.system, "messages": list(self.messages), "schema": self.schema}
+        tree: dict[str, Any] = {"system": self.system, "messages": list(self.messages), "schema": self.schema}
+        if self.room > 1:  # another question, so that the reply that was cut off is not its answer
+            tree["room"] = self.room
         found: dict[str, Any] = json.loads(json.dumps(tree))
         for message in found["messages"]:
             for block in message["content"]:
@@ -72,6 +89,14 @@ class Payload:
         """The conversation with more turns."""
         return replace(self, messages=(*self.messages, *messages))
 
+    def with_more_room(self) -> "Payload":
+        """The same conversation, for an answer that may be twice as long."""
+        return replace(self, room=2 * self.room)
+
+    def tokens(self, max_tokens: int) -> int:
+        """Longest answer where `max_tokens` is the usual one [tokens]."""
+        return max(max_tokens, min(self.room * max_tokens, MOST_TOKENS))
+
 
 def payload_of(question: Question[RequestT, ReplyT], request: RequestT) -> Payload:
     """The first call for a request; makes its pictures."""
@@ -80,12 +105,15 @@ def payload_of(question: Question[RequestT, ReplyT], request: RequestT) -> Paylo
     for name in field_names(request):
         if name not in (PICTURES, *question.unseen):
             (shared if name in question.shared else own)[name] = plain(getattr(request, name))
+    system = template(f"{question.name}.system.j2").render()
     content: list[Block] = []
     if shared:
-        content.append({"type": "text", "text": data_text(question.name, shared), **CACHED})
-    content += [picture_block(make) for make in getattr(request, PICTURES, ())]
+        text = data_text(question.name, shared)
+        kept = CACHED if len(system) + len(text) >= CACHED_FROM else {}
+        content.append({"type": "text", "text": text, **kept})
+    for number, one in enumerate(getattr(request, PICTURES, ()), 1):
+        content += [{"type": "text", "text": f"Picture {number}: {one.name}"}, picture_block(one)]
     content.append({"type": "text", "text": data_text(question.name, own)})
-    system = template(f"{question.name}.system.j2").render()
     return Payload(question.name, system, ({"role": "user", "content": content},), schema_of(question.reply))
 
 
@@ -102,23 +130,41 @@ def rejection(reason: str) -> dict[str, Any]:
 
 @cache
 def schema_of(reply: type[BaseModel]) -> Mapping[str, Any]:
-    """JSON schema of a reply; fixed tuples as arrays of their one type, which is all that the API's grammar knows."""
-    schema: dict[str, Any] = uniform_arrays(reply.model_json_schema())
-    return schema
+    """JSON schema of a reply that the grammars of all APIs know. Every property is required, in the order in which it
+    stands in the class, so that what is written first can decide what follows: an API refuses too many optional
+    properties, and would write them last. Limits that no grammar knows stand in descriptions."""
+    schema = reply.model_json_schema()
+    return strict_schema(schema, schema.get("$defs", {}))
 
 
-def uniform_arrays(tree: Any) -> Any:
-    """The schema with `items` instead of equal `prefixItems`."""
-    if isinstance(tree, Sequence) and not isinstance(tree, str):
-        return [uniform_arrays(one) for one in tree]
-    if not isinstance(tree, Mapping):
-        return tree
-    found = {name: uniform_arrays(value) for name, value in tree.items() if name != "prefixItems"}
-    if prefix := tree.get("prefixItems"):
-        if any(one != prefix[0] for one in prefix):
-            raise TypeError(f"a tuple of different types cannot be asked for: {prefix}")
-        found["items"] = uniform_arrays(prefix[0])
-    return found
+def strict_schema(tree: Mapping[str, Any], definitions: Mapping[str, Any]) -> dict[str, Any]:
+    """A part of a schema without references, defaults, titles and keywords of limits."""
+    if "$ref" in tree:
+        siblings = {name: value for name, value in tree.items() if name != "$ref"}
+        return strict_schema({**definitions[tree["$ref"].rpartition("/")[2]], **siblings}, definitions)
+    found = {name: tree[name] for name in ("type", "enum", "const") if name in tree}
+    if "anyOf" in tree:
+        found["anyOf"] = [strict_schema(one, definitions) for one in tree["anyOf"]]
+    if tree.get("type") == "array":
+        found["items"] = strict_schema(items_of(tree), definitions)
+    if tree.get("type") == "object":
+        properties = {name: strict_schema(one, definitions) for name, one in tree.get("properties", {}).items()}
+        found |= {"properties": properties, "required": list(properties), "additionalProperties": False}
+    limits = ", ".join(words.format(tree[name]) for name, words in LIMITS.items() if name in tree)
+    said = "; ".join(filter(None, (tree.get("description", ""), limits)))
+    return found | ({"description": said} if said else {})
+
+
+def items_of(array: Mapping[str, Any]) -> Mapping[str, Any]:
+    """What the entries of an array are; those of a fixed tuple must all be the same."""
+    prefix = array.get("prefixItems")
+    if prefix is None:
+        items: Mapping[str, Any] = array["items"]
+        return items
+    if any(one != prefix[0] for one in prefix):
+        raise TypeError(f"a tuple of different types cannot be asked for: {prefix}")
+    first: Mapping[str, Any] = prefix[0]
+    return first
 
 
 def field_names(value: Any) -> list[str]:
@@ -137,9 +183,9 @@ def plain(value: object) -> object:
     return value
 
 
-def picture_block(make: PictureMaker) -> dict[str, object]:
+def picture_block(one: Picture) -> dict[str, object]:
     """A picture as the API takes it."""
-    data = base64.standard_b64encode(png(make())).decode()
+    data = base64.standard_b64encode(png(one.make())).decode()
     return {"type": "image", "source": {"type": "base64", "media_type": "image/png", "data": data}}
 
 

@@ -221,11 +221,10 @@ def limit_outlines(request: OutlinesRequest, support: Support, limits: Iterable[
             found.append({"function": "far_from", "metres": OFF, **whole(support, one.reference)})
             continue
         for target in targets_of(request, support, one):
-            metres = one.metres if one.metres is not None else 0.0
             if one.kind in ("exactly", "at_most", "nearest"):
-                found.append({"function": "close_to", "metres": metres or TOUCHING, **target})
+                found.append({"function": "close_to", "metres": one.metres or TOUCHING, **target})
             if one.kind in ("exactly", "at_least"):
-                found.append({"function": "far_from", "metres": metres, **target})
+                found.append({"function": "far_from", "metres": one.metres, **target})
             if one.kind in ("away", "farthest", "not_on", "not_in"):
                 reach = {"away": AWAY, "farthest": FARTHEST, "not_on": OFF, "not_in": 2.0 * AT_EDGE}[one.kind]
                 found.append({"function": "far_from", "metres": reach, **target})

@@ -38,7 +38,7 @@ def limit(target: Target, place: Place, request: IntentRequest) -> None:
             replace(place, relation=relation, nouns=(whose,)),
         )  # "10 cm from the right side of the lamp"
     kind = {"exactly": "exactly", "least": "at_least", "most": "at_most"}[measure.mode] if measure else place.relation
-    metres = measure.metres if measure else None
+    metres = measure.metres if measure else 0.0
     if noun.region or noun.is_region:
         names = regions_of(noun, target.base)
         if not names or (noun.owner is not None and target.base not in candidates(noun.owner, request.instances)):
@@ -73,7 +73,7 @@ def exclude(target: Target, place: Place, request: IntentRequest) -> None:
     if noun.region or noun.is_region:
         names = regions_of(noun, target.base)
         if names:
-            keep(target, place, "not_in", names, [""], None)
+            keep(target, place, "not_in", names, [""], 0.0)
         else:
             target.not_understood.append(place.text)
         return
@@ -93,9 +93,9 @@ def exclude(target: Target, place: Place, request: IntentRequest) -> None:
         target.words.append(place.text)  # what is not there is kept off by itself
         return
     if place.relation in (*SUPPORT, "at", "under", "against"):
-        keep(target, place, "not_on", [], found, None)
+        keep(target, place, "not_on", [], found, 0.0)
     elif place.relation in BESIDE:
-        keep(target, place, "not_in", list(BESIDE[place.relation]), found, None)
+        keep(target, place, "not_in", list(BESIDE[place.relation]), found, 0.0)
     else:
         target.not_understood.append(place.text)
 
@@ -117,7 +117,7 @@ def off_wall(wall: InstanceView, other: InstanceView) -> float:
 
 
 def keep(
-    target: Target, place: Place, kind: str, regions: Sequence[str], references: Sequence[str], metres: float | None
+    target: Target, place: Place, kind: str, regions: Sequence[str], references: Sequence[str], metres: float
 ) -> None:  # fmt: skip
     """Add a constraint for each reference."""
     for reference in references:

@@ -8,6 +8,7 @@ dcap/language/protocol/session.py.
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from enum import StrEnum
+from typing import Literal
 from urllib.parse import quote
 
 from pydantic import BaseModel
@@ -27,6 +28,8 @@ class ClientName(StrEnum):
 
 DEFAULT_MODEL = "claude-sonnet-5-5"
 """Model that is asked unless told otherwise; of `openai` none is usual."""
+Effort = Literal["", "none", "minimal", "low", "medium", "high", "xhigh", "max"]
+"""How much a model thinks before it answers; empty: as much as it usually does. Each model knows some of the words."""
 
 
 class LanguageConfig(BaseModel, frozen=True, extra="forbid"):
@@ -35,6 +38,8 @@ class LanguageConfig(BaseModel, frozen=True, extra="forbid"):
     client: ClientName = ClientName.OFFLINE
     model: str = DEFAULT_MODEL
     """Model that is asked, or was when the replies were recorded; offline asks none."""
+    effort: str = ""
+    """One of Effort."""
     endpoint: str = ""
     """Host that is asked where it is not the usual one: a stand-in answers differently."""
     recording: str = ""
@@ -42,6 +47,7 @@ class LanguageConfig(BaseModel, frozen=True, extra="forbid"):
 
     @property
     def source(self) -> str:
-        """Under which name replies are kept, fit for a file name."""
+        """Under which name replies are kept, fit for a file name: `MODEL[+EFFORT][@ENDPOINT]`."""
         name = quote(self.model, safe="")  # behind gateways models are called "maker/model"
+        name = f"{name}+{self.effort}" if self.effort else name
         return f"{name}@{self.endpoint}" if self.endpoint else name

@@ -11,7 +11,7 @@ from typing import Literal
 from pydantic import BaseModel, Field
 
 from dcap.language.protocol.questions import Question
-from dcap.language.protocol.requests import InstanceView, ObjectView, PictureMaker, PoseView, Vector
+from dcap.language.protocol.requests import InstanceView, ObjectView, Picture, PoseView, Vector
 
 ConstraintFunction = Literal["contact", "parallel", "no_overhang", "close_to", "far_from", "in_front_of", "facing"]
 AnchorSide = Literal["top", "bottom", "left", "right", "front", "back", "whole"]
@@ -48,7 +48,7 @@ class OutlinesRequest:
     """How much more the shape speaks for `righted` than for `upright`; 0 where it is not listed."""
     on_legs: bool
     """Whether it has more air than body under its middle."""
-    pictures: tuple[PictureMaker, ...] = field(default=(), compare=False)
+    pictures: tuple[Picture, ...] = field(default=(), compare=False)
     """The scene with numbered things, where its labels are unsure."""
 
 
@@ -99,12 +99,12 @@ class ConstraintOutline(BaseModel, frozen=True, extra="forbid", allow_inf_nan=Fa
 class OutlinesReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     """All constraints that the sentence asks for, and those that go without saying."""
 
+    reason: str = ""
     constraints: tuple[ConstraintOutline, ...] = Field(
         max_length=MOST_OUTLINES, description="exactly one contact among them; empty if the anchor is not there"
     )
     missing: str = Field(default="", description="what the prompt asks for and the scene does not have; else empty")
     did_you_mean: str = Field(default="", description="label of a listed instance that may be meant by what is missing")
-    reason: str = ""
 
     def check(self, request: OutlinesRequest) -> None:
         """ValueError if it chooses what is not listed, or no support."""
@@ -143,15 +143,15 @@ class ChoiceRequest:
     sought: str
     """What is looked for, in words."""
     options: tuple[ChoiceOption, ...]
-    pictures: tuple[PictureMaker, ...] = field(default=(), compare=False)
+    pictures: tuple[Picture, ...] = field(default=(), compare=False)
     """One for each option, in their order."""
 
 
 class ChoiceReply(BaseModel, frozen=True, extra="forbid"):
     """One of the options."""
 
-    chosen: str = Field(description="id of the option that fits best")
     reason: str = ""
+    chosen: str = Field(description="id of the option that fits best")
 
     def check(self, request: ChoiceRequest) -> None:
         """ValueError if it is not among them."""
@@ -167,15 +167,15 @@ class PruningRequest:
     prompt: str
     object_name: str
     options: tuple[ChoiceOption, ...]
-    pictures: tuple[PictureMaker, ...] = field(default=(), compare=False)
+    pictures: tuple[Picture, ...] = field(default=(), compare=False)
     """One for each placement, in their order."""
 
 
 class PruningReply(BaseModel, frozen=True, extra="forbid"):
     """The placements that are left out."""
 
-    implausible: tuple[str, ...] = Field(default=(), description="ids of placements that common sense rules out")
     reason: str = ""
+    implausible: tuple[str, ...] = Field(default=(), description="ids of placements that common sense rules out")
 
     def check(self, request: PruningRequest) -> None:
         """ValueError if one is not among them."""

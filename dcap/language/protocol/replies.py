@@ -62,7 +62,7 @@ class Constraint(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
         default=(), description="of the part, or beside the reference; of a distance edge, corner or end with sides"
     )
     reference: str = Field(default="", description="listed instance id or part:NAME; empty: the part's own regions")
-    metres: float | None = Field(default=None, gt=0, le=20, description="only of exactly, at_least and at_most [m]")
+    metres: float = Field(default=0.0, ge=0, le=20, description="of exactly, at_least and at_most [m]; of others 0")
     words: str = Field(default="", max_length=200)
 
     def check(self, targets: Collection[str]) -> None:
@@ -71,7 +71,7 @@ class Constraint(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
             raise ValueError(f"reference {self.reference!r} of constraint {self.kind} is not listed")
         if not (self.reference or self.regions) or (self.kind == "not_on" and not self.reference):
             raise ValueError(f"constraint {self.kind} names neither a reference nor a region")
-        if (self.metres is None) == (self.kind in MEASURED):
+        if (self.metres > 0.0) != (self.kind in MEASURED):
             raise ValueError(
                 f"constraint {self.kind} has metres {self.metres}; only exactly, at_least, at_most have some"
             )
@@ -79,7 +79,7 @@ class Constraint(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
 
 def region_constraints(said: Iterable[Constraint]) -> tuple[RegionConstraint, ...]:
     """Constraints of a reply as the stages take them."""
-    return tuple(RegionConstraint(one.kind, one.regions, one.reference, one.metres, one.words) for one in said)
+    return tuple(RegionConstraint(one.kind, one.regions, one.reference, one.metres or None, one.words) for one in said)
 
 
 def listed(reference: str, targets: Collection[str]) -> bool:
@@ -91,7 +91,7 @@ def listed(reference: str, targets: Collection[str]) -> bool:
 class IntentReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     """Base, size, mass, orientation and region."""
 
-    base_id: str = Field(description="id of the listed instance that shall carry the object; empty if it is not there")
+    reason: str = Field(default="", description="how the prompt is understood, in two or three short sentences")
     candidates: tuple[Candidate, ...] = Field(
         default=(),
         description="every listed instance that the prompt may mean as the base, with how likely; base_id among them",
@@ -99,6 +99,7 @@ class IntentReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     reference_candidates: tuple[Candidate, ...] = Field(
         default=(), description="the same for the thing that the first reference means, where several may be meant"
     )
+    base_id: str = Field(description="id of the listed instance that shall carry the object; empty if it is not there")
     missing: str = Field(default="", description="what the prompt asks for and the scene does not have; else empty")
     did_you_mean: str = Field(default="", description="label of a listed instance that may be meant by what is missing")
     object_name: str = Field(
@@ -193,6 +194,7 @@ class IntentReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
 class RotationReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     """One rotation: a listed pose turned about the vertical, or any rotation as a quaternion."""
 
+    reason: str = ""
     pose_id: str = Field(description="id of a listed pose")
     facing_id: str = Field(default="aligned", description="id of a listed facing")
     turn_deg: float = Field(
@@ -204,7 +206,6 @@ class RotationReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False)
     quaternion: tuple[float, float, float, float] | None = Field(
         default=None, description="w, x, y, z from the mesh frame to the world; replaces all of the above if given"
     )
-    reason: str = ""
 
     def check(self, request: RotationRequest) -> None:
         """ValueError if it chooses what is not listed."""
@@ -221,6 +222,7 @@ class RotationReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False)
 class AnchorReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     """A part and a region on it, or a point."""
 
+    reason: str = ""
     part_index: int = Field(description="index of a listed part")
     regions: tuple[Region, ...] = ()
     references: tuple[str, ...] = ()
@@ -230,7 +232,6 @@ class AnchorReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     point: tuple[float, float] | None = Field(
         default=None, description="aim on the part: right and front of its middle, -1..1; empty: the region decides"
     )
-    reason: str = ""
 
     def check(self, request: AnchorRequest) -> None:
         """ValueError if it chooses what is not listed."""
@@ -252,8 +253,8 @@ class MaterialChoice(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False
 
     body: str
     part_index: int
-    material: str = Field(description="id of a listed material")
     reason: str = ""
+    material: str = Field(description="id of a listed material")
 
 
 class MaterialsReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
@@ -285,12 +286,12 @@ class LabelGuess(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
 class LabelReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     """What a thing is."""
 
+    reason: str = ""
     label: str = Field(description="one of the listed labels, or other")
     confidence: float = Field(ge=0.0, le=1.0, description="probability that the label is right")
     others: tuple[LabelGuess, ...] = Field(
         default=(), description="what else it may be, the likeliest first; all probabilities add up to at most 1"
     )
-    reason: str = ""
 
     def check(self, request: LabelRequest) -> None:
         """ValueError if it chooses what is not listed."""
@@ -316,8 +317,8 @@ class PartName(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
 class PartsReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     """One name per part; parts of one name stay separate parts."""
 
-    names: tuple[PartName, ...]
     reason: str = ""
+    names: tuple[PartName, ...]
 
     def check(self, request: PartsRequest) -> None:
         """ValueError if a part is not named exactly once or a name is not listed."""

@@ -18,8 +18,19 @@ Floats = NDArray[np.floating]
 Vector = tuple[float, float, float]
 PART_SIDES = ("left", "right", "front", "back", "top", "bottom")
 """Which of several parts of one name a reference `part:NAME/SIDE` means."""
+LEVEL = 0.94
+"""Cosine of the angle to the vertical from which something slants: of 20 degrees."""
 PictureMaker = Callable[[], NDArray[np.uint8]]
 """Makes an RGB picture, shape (h, w, 3); called only by clients that look."""
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """A picture, and what a model is told that it shows."""
+
+    name: str
+    """Words of ours, never of a file or a person: a model reads them as ours."""
+    make: PictureMaker
 
 
 def vector(values: Floats) -> Vector:
@@ -90,7 +101,7 @@ class IntentRequest:
     instances: tuple[InstanceView, ...]
     room_center: Vector
     """Middle of the scene [m]."""
-    pictures: tuple[PictureMaker, ...] = field(default=(), compare=False)
+    pictures: tuple[Picture, ...] = field(default=(), compare=False)
     """Where labels are unsure: the scene from above and over two corners, things with their numbers."""
     given_base: str = ""
     """Id of the instance that the person has pointed at; empty: the prompt says which."""
@@ -112,12 +123,26 @@ class PoseView:
     """Where its front points in the world, as found in the frame in which that is up."""
     size: Vector
     """Extents along world x, y, z in that pose [m]."""
+    words: str = ""
+    """How it lies, in words."""
 
     @classmethod
     def of(cls, name: str, rotation: Floats, probability: float, up: Floats, front: Floats, size: Floats) -> "PoseView":
         """From arrays of shape (3, 3) and (3,)."""
         rows = (vector(rotation[0]), vector(rotation[1]), vector(rotation[2]))
-        return cls(name, rows, round(probability, 6), vector(up), vector(front), vector(size))
+        told = vector(up), vector(front), vector(size), lying(up, front)
+        return cls(name, rows, round(probability, 6), *told)
+
+
+def lying(up: Floats, front: Floats) -> str:
+    """How something lies of which its own top and front point where two unit vectors (3,) say."""
+    ways = {
+        "stands, its own top up": up[2], "upside down, its own top down": -up[2],
+        "on its back, its front up": front[2], "on its face, its front down": -front[2],
+        "on its right side": np.cross(up, front)[2], "on its left side": -np.cross(up, front)[2],
+    }  # fmt: skip
+    best = max(ways, key=lambda way: float(ways[way]))
+    return best if ways[best] > LEVEL else f"slanting, nearly {best}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +172,7 @@ class RotationRequest:
     """Order of the rotational symmetry about its upright axis; 0: any angle, 1: none."""
     has_front: bool
     """Whether shape or category tell front from back."""
-    pictures: tuple[PictureMaker, ...] = field(default=(), compare=False)
+    pictures: tuple[Picture, ...] = field(default=(), compare=False)
     """The flips about x, y, z; of an ablation each of them from four sides."""
     stands: bool = True
     """Whether it would stand on a plane as it is in its file."""
@@ -201,7 +226,7 @@ class AnchorRequest:
     """Of what `asked_references` name; several where a thing has several pieces."""
     neighbours: tuple[BoxView, ...] = ()
     """Of what stands or hangs on, over and beside the base."""
-    pictures: tuple[PictureMaker, ...] = field(default=(), compare=False)
+    pictures: tuple[Picture, ...] = field(default=(), compare=False)
     """One: the base from above, the viewer's side at the bottom."""
 
 
@@ -225,7 +250,7 @@ class MaterialsRequest:
     library: tuple[Material, ...]
     base_id: str = ""
     """The instance that carries the object: what the prompt says of such a thing, it says of this one."""
-    pictures: tuple[PictureMaker, ...] = field(default=(), compare=False)
+    pictures: tuple[Picture, ...] = field(default=(), compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -271,7 +296,7 @@ class LabelRequest:
     """Height of the middle of its surface within its box: 0 at the bottom, 1 at the top."""
     labels: tuple[str, ...]
     """What it may be called, besides `other`."""
-    pictures: tuple[PictureMaker, ...] = field(default=(), compare=False)
+    pictures: tuple[Picture, ...] = field(default=(), compare=False)
     """The room with the thing in a loud colour, and the thing from near."""
 
     @property
@@ -301,5 +326,5 @@ class PartsRequest:
     parts: tuple[ProposedPart, ...]
     names: tuple[str, ...]
     """What a part may be called; the proposed names are among them."""
-    pictures: tuple[PictureMaker, ...] = field(default=(), compare=False)
+    pictures: tuple[Picture, ...] = field(default=(), compare=False)
     """The instance alone, each part in its paint and with its index."""

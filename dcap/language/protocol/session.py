@@ -9,6 +9,13 @@ from pathlib import Path
 
 from dcap.scene.settings import replies_root
 
+MAX_TOKENS = 16_000
+"""Longest answer unless told otherwise [tokens], thoughts included; without them the largest reply takes about 1500."""
+MOST_TOKENS = 64_000
+"""Longest answer that all models in prices.csv can give [tokens]."""
+TIMEOUT = 600.0
+"""Longest wait for one answer unless told otherwise [s]; a model may think before it answers."""
+
 
 @dataclass(frozen=True, slots=True)
 class Session:
@@ -30,6 +37,10 @@ class Session:
     """Folder of a batch queue; empty: ask at once."""
     sample: str = ""
     """Whom the questions are about, for the ledger."""
+    max_tokens: int = MAX_TOKENS
+    """Longest answer, thoughts included; one that is cut off there is asked for again with more room."""
+    timeout: float = TIMEOUT
+    """Longest wait for one answer [s]."""
 
     @property
     def kept_folder(self) -> Path:

@@ -1,4 +1,4 @@
-"""One rotation for the object, and the three pictures it was chosen from."""
+"""One rotation for the object, and the pictures it was chosen from."""
 
 from dataclasses import dataclass
 
@@ -39,7 +39,7 @@ class Rotation:
     matrix: NDArray[np.float64]
     """Rotation, orthonormal, det +1, shape (3, 3)."""
     pictures: tuple[NDArray[np.uint8], ...]
-    """The three flips about x, y, z as RGB images, each (h, w, 3)."""
+    """The three flips about x, y, z as RGB images, each (h, w, 3); empty where nobody looked at any."""
     refined_prompt: str
     candidate: str
     """Which stable pose or flip was chosen."""

@@ -254,7 +254,7 @@ def test_what_is_shown(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.M
     """As text and JSON, with all settings or those that were given; secrets are told to be set, never shown."""
     monkeypatch.setenv("ANTHROPIC_API_KEY", "sk-very-secret")
     monkeypatch.setenv("PREFECT_API_URL", "http://me:hidden-word@localhost:4200/api")
-    write("paths: {store: 's3://key:pass-word@bucket/prefix?secret=token'}\nrender: {size: 512}\n")
+    write("paths: {store: 's3://key:pass-word@bucket/prefix?secret=to-ken'}\nrender: {size: 512}\n")
     assert main(["config", "show", "--workers", "6"]) == 0
     text = capsys.readouterr().out
     assert "render.size = 512  # file dcap.yaml:2\n" in text
@@ -269,5 +269,5 @@ def test_what_is_shown(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.M
     assert rows["server.api_url"]["value"] == "http://***@localhost:4200/api"
     assert rows["paths.store"]["value"] == "s3://***@bucket/prefix?***"
     assert tree["secrets"]["ANTHROPIC_API_KEY"] == "set, not shown"
-    for secret in ("very-secret", "hidden-word", "pass-word", "token"):
+    for secret in ("very-secret", "hidden-word", "pass-word", "to-ken"):
         assert secret not in text + out

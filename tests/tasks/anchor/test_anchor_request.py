@@ -101,7 +101,7 @@ def test_model_is_told_the_sentence_and_chooses_as_the_offline_reader_does(api):
     assert np.array_equal(found.world_from_object, alone.world_from_object)
     (body,) = api.asked
     assert data_of(body)["prompt"] == SENTENCE
-    assert [block["type"] for block in body["messages"][0]["content"]] == ["image", "text"]
+    assert [block["type"] for block in body["messages"][0]["content"]] == ["text", "image", "text"]
 
 
 def test_picture_shows_the_base_as_the_viewer_sees_it(monkeypatch):
@@ -111,8 +111,8 @@ def test_picture_shows_the_base_as_the_viewer_sees_it(monkeypatch):
     monkeypatch.setattr("tasks.anchor.request.base_from_above", lambda *args: drawn.append(1) or real(*args))
     request = anchor_request(ROOM, ROOM.instances[0], asked(SENTENCE), SENTENCE, ITEM.mesh)
     assert not drawn
-    (make,) = request.pictures
-    rgb = make().astype(int)
+    (shown,) = request.pictures
+    rgb = shown.make().astype(int)
     assert len(drawn) == 1
     red = np.argwhere((rgb[..., 0] > 100) & (rgb[..., 1:].max(axis=-1) < 80)).mean(axis=0)
     green = np.argwhere((rgb[..., 1] > 90) & (rgb[..., 0] < 80) & (rgb[..., 2] < 80)).mean(axis=0)

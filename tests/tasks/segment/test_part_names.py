@@ -136,8 +136,8 @@ def test_the_picture_shows_each_part_in_its_paint() -> None:
     """Top and legs are seen in hues of their own, as the request says, with white numbers on them."""
     namer = Namer("leg")
     segment(table(), SegmentConfig(), namer)
-    (make,) = namer.asked[0].pictures
-    rgb = make().astype(np.float64) / 255.0
+    (shown,) = namer.asked[0].pictures
+    rgb = shown.make().astype(np.float64) / 255.0
     assert rgb.shape == (SIZE, SIZE, 3)
     paints = [p.paint for p in namer.asked[0].parts]
     assert paints == [paint(0), paint(1)]

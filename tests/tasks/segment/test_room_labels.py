@@ -162,7 +162,7 @@ def test_the_client_decides_and_sees_each_thing() -> None:
     assert sorted((one.label, one.confidence) for one in found.instances if not one.structure) == [
         ("piano", 0.7), ("thing", 0.0), ("thing", 0.0),
     ]  # fmt: skip
-    room, near = (make() for make in asked[-1].pictures)
+    room, near = (one.make() for one in asked[-1].pictures)
     assert room.shape == near.shape == (SIZE, SIZE, 3)
     loud = np.abs(room.astype(float) / 255.0 - LOUD / 255.0).sum(axis=2) < 1.0
     assert 20 < loud.sum() < 0.2 * SIZE * SIZE

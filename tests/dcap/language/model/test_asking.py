@@ -31,7 +31,7 @@ from dcap.language.model.payload import payload_of
 from dcap.language.model.reply_folder import ReplyFolder
 from dcap.language.protocol.client import ClientName, LanguageConfig
 from dcap.language.protocol.questions import INTENT, MATERIALS, ROTATION, Question
-from dcap.language.protocol.session import Session
+from dcap.language.protocol.session import MAX_TOKENS, Session
 from dcap.scene.errors import BudgetError, InputError, LanguageError
 from flows.language_options import LanguageOptions
 
@@ -243,7 +243,7 @@ def test_a_budget_is_never_exceeded_and_stops_in_one_line(api: FakeApi, ask, tmp
     requests = [ask(f"put the mug on the desk {'please ' * n}") for n in range(12)]
     price = price_of(NAME)
     assert price is not None
-    bound = most(size_of(payload_of(INTENT, requests[-1])), price, 8192)
+    bound = most(size_of(payload_of(INTENT, requests[-1])), price, MAX_TOKENS)
     budget = 3.5 * bound
     session = Session(ledger=str(tmp_path / "usage.jsonl"), max_cost=budget)
 
@@ -269,7 +269,7 @@ def test_a_failed_call_gives_its_reservation_back(api: FakeApi, ask, tmp_path):
     """An error of the server costs nothing."""
     price = price_of(NAME)
     assert price is not None
-    budget = 1.2 * most(size_of(payload_of(INTENT, ask("put the mug on the desk"))), price, 8192)
+    budget = 1.2 * most(size_of(payload_of(INTENT, ask("put the mug on the desk"))), price, MAX_TOKENS)
     session = Session(ledger=str(tmp_path / "usage.jsonl"), max_cost=budget)
     api.answers = [fails(400, "invalid_request_error"), fails(400, "invalid_request_error"), offline_model]
     for _ in range(2):

@@ -26,7 +26,7 @@ from dcap.language.model.payload import payload_of
 from dcap.language.model.reply_folder import ReplyFolder
 from dcap.language.protocol.client import ClientName, LanguageConfig
 from dcap.language.protocol.questions import INTENT
-from dcap.language.protocol.session import Session
+from dcap.language.protocol.session import MAX_TOKENS, Session
 from dcap.scene.errors import BudgetError, LanguageError
 
 NAME = "claude-sonnet-5-5"
@@ -99,7 +99,7 @@ def test_one_question_of_many_samples_is_sent_and_paid_once(api: FakeApi, quick,
 
 def test_a_batch_that_cannot_be_sent_is_told_to_all(api: FakeApi, quick, ask, tmp_path, monkeypatch):
     """If the API does not take the batch, each question fails with its words, and nothing is booked."""
-    monkeypatch.setattr(api, "post", lambda path, body: fails(403, "permission_error")(body))
+    monkeypatch.setattr(api, "post", lambda call: fails(403, "permission_error")(call.body))
     ledger = tmp_path / "usage.jsonl"
     found = in_batches(
         Session(batch=str(tmp_path / "queue"), ledger=str(ledger), max_cost=9.0), [ask("put the mug on the desk")]
@@ -122,7 +122,7 @@ def test_a_batch_keeps_to_the_budget(api: FakeApi, quick, ask, tmp_path):
     requests = [ask(f"put the mug on the desk {'please ' * n}") for n in range(4)]
     price = price_of(NAME)
     assert price is not None
-    budget = 2.5 * 0.5 * most(size_of(payload_of(INTENT, requests[-1])), price, 8192)
+    budget = 2.5 * 0.5 * most(size_of(payload_of(INTENT, requests[-1])), price, MAX_TOKENS)
     session = Session(ledger=str(tmp_path / "usage.jsonl"), max_cost=budget, batch=str(tmp_path / "queue"))
     found = in_batches(session, requests)
     assert sum(isinstance(one, BudgetError) for one in found) == 2

@@ -75,12 +75,13 @@ def test_a_judge_is_asked_like_everybody_else(server: FakeOpenAi):
 
 @HERE
 def test_an_invalid_answer_goes_back_with_the_reason(server: FakeOpenAi):
-    """As a turn of the model and one of ours; what is cut off is told, too."""
+    """As a turn of the model and one of ours; what is cut off is asked again with more room."""
     server.answers = [says({"pose_id": "sideways"}), says('{"pose', "max_tokens"), offline_model]
     connect(config(), Session()).ask(ROTATION, rotation_request())
     assert [turn["role"] for turn in server.asked[1]["messages"]] == ["user", "assistant", "user"]
     assert "sideways" in reason_of(server.asked[1])
-    assert "cut off" in reason_of(server.asked[2])
+    assert [body["max_tokens"] for body in server.raw] == [16_000, 16_000, 32_000]
+    assert server.raw[2]["messages"] == server.raw[1]["messages"]
 
 
 @HERE

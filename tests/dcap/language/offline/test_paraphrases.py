@@ -32,7 +32,7 @@ def expected(cell: str) -> dict[str, str]:
 
 def limit_of(constraint: Constraint) -> str:
     """ "exactly left edge 0.2", "not_on part:pillow"."""
-    metres = "" if constraint.metres is None else f"{constraint.metres:g}"
+    metres = f"{constraint.metres:g}" if constraint.metres else ""
     return " ".join(word for word in (constraint.kind, *constraint.regions, constraint.reference, metres) if word)
 
 

@@ -98,17 +98,35 @@ def test_invalid_answers_are_asked_again_with_the_reason(api, ask):
     [
         (says("I would rather chat"), "not one JSON object"),
         (says("[" * 100_000), "not one JSON object"),
-        (says('{"base_id": "de', "max_tokens"), "cut off"),
         (says([1, 2]), "answer"),
         (lambda _: (200, message("")[1] | {"content": []}), "not one JSON object"),
     ],
-    ids=["prose", "nested", "cut off", "a list", "empty"],
+    ids=["prose", "nested", "a list", "empty"],
 )
 def test_malformed_answers_are_asked_again(api, bad, word, ask):
     """What is no answer at all goes back with the reason too."""
     api.answers = [bad, says(good_intent(ask))]
     assert connect(MODEL, Session()).ask(INTENT, prepared(INTENT, ask)).base_id == "desk_0"
     assert word in reasons(api)[0]
+
+
+@pytest.mark.parametrize("content", [[{"type": "thinking", "thinking": "well", "signature": "c2ln"}], None])
+def test_an_answer_that_was_cut_off_is_asked_for_with_more_room(api, ask, content):
+    """Without the turn that was cut off, be it in a thought; each time with twice the room."""
+    cut = message('{"base_id": "de', "max_tokens", output_tokens=16_000)[1]
+    cut |= {"content": content} if content else {}
+    api.answers = [lambda _: (200, cut), lambda _: (200, cut), says(good_intent(ask))]
+    assert connect(MODEL, Session()).ask(INTENT, prepared(INTENT, ask)).base_id == "desk_0"
+    assert [body["max_tokens"] for body in api.asked] == [16_000, 32_000, 64_000]
+    assert [len(body["messages"]) for body in api.asked] == [1, 1, 1]
+
+
+def test_the_effort_is_sent_and_its_replies_are_kept_apart(api, ask):
+    """Nothing is sent where nobody asked for one."""
+    for effort in ("", "low", "low"):
+        config = MODEL.model_copy(update={"effort": effort})
+        connect(config, Session()).ask(INTENT, prepared(INTENT, ask))
+    assert [body["output_config"].get("effort") for body in api.asked] == [None, "low"]
 
 
 def test_invalid_answers_to_the_end_are_an_error_that_keeps_the_reply(api, ask):
@@ -154,24 +172,24 @@ def test_a_server_that_never_answers_is_an_error(api, ask, monkeypatch):
         time.sleep(1.0)
         return message("")
 
-    monkeypatch.setattr(dcap.language.model.anthropic_api, "TIMEOUT", 0.05)
     monkeypatch.setattr(dcap.language.model.anthropic_api, "RETRIES", 1)
     dcap.language.model.anthropic_api._connection.cache_clear()
     api.answers = [asleep]
     try:
-        with pytest.raises(LanguageError, match="no answer within 0 s, 2 times"):
-            connect(MODEL, Session()).ask(INTENT, prepared(INTENT, ask))
+        with pytest.raises(LanguageError, match=r"no answer within 0.05 s \(--reply-timeout\), 2 times"):
+            connect(MODEL, Session(timeout=0.05)).ask(INTENT, prepared(INTENT, ask))
     finally:
         dcap.language.model.anthropic_api._connection.cache_clear()
 
 
 def test_pictures_travel_as_png(api):
-    """The three pictures of the rotation question arrive as base64 PNG, in order, before the text."""
+    """The three pictures of the rotation question arrive as base64 PNG, in order, each after what it shows."""
     api.answers = [says({"pose_id": "flip_y"})]
     connect(MODEL, Session()).ask(ROTATION, rotation_request())
     content = api.asked[0]["messages"][0]["content"]
-    assert [block["type"] for block in content] == ["image", "image", "image", "text"]
-    data = [base64.b64decode(block["source"]["data"]) for block in content[:3]]
+    assert [block["type"] for block in content] == ["text", "image"] * 3 + ["text"]
+    assert content[2]["text"] == "Picture 2: the object, flipped by 180 degrees about y"
+    data = [base64.b64decode(block["source"]["data"]) for block in content[1:6:2]]
     assert [int(np.asarray(Image.open(io.BytesIO(d)))[0, 0, 0]) for d in data] == [0, 10, 20]
 
 
@@ -182,24 +200,32 @@ def test_anchor_sees_sentence_boxes_and_the_base_from_above(api):
     connect(MODEL, Session()).ask(ANCHOR, replace(request, neighbours=(hostile,)))
     body = api.asked[0]
     content = body["messages"][0]["content"]
-    assert [block["type"] for block in content] == ["image", "text"]
+    assert [block["type"] for block in content] == ["text", "image", "text"]
     data = data_of(body)
     assert data["prompt"] == request.prompt
     assert data["neighbours"][0]["label"] == hostile.label
-    assert content[1]["text"].count("</data>") == 1
+    assert content[2]["text"].count("</data>") == 1
     assert "Answer with part 0" not in json.dumps(body["system"])
 
 
 def test_what_questions_share_comes_first_and_is_cached(api, ask):
-    """Two sentences about one room share system text and the block of its instances, each marked for the cache."""
+    """Two sentences about one room share system text and the block of its instances, which is marked for the cache."""
     model = connect(MODEL, Session())
     for sentence in ("put the mug on the desk", "put the mug on the shelf"):
-        model.ask(INTENT, ask(sentence, "mug"))
+        asked = ask(sentence, "mug")
+        more = tuple(replace(asked.instances[0], id=f"more_{k}") for k in range(60))
+        model.ask(INTENT, replace(asked, instances=(*asked.instances, *more)))
     first, second = api.asked
     assert first["system"] == second["system"]
     assert first["messages"][0]["content"][0] == second["messages"][0]["content"][0]
-    assert first["system"][-1]["cache_control"] == first["messages"][0]["content"][0]["cache_control"]
+    assert first["messages"][0]["content"][0]["cache_control"] == {"type": "ephemeral"}
     assert first["messages"][0]["content"][-1] != second["messages"][0]["content"][-1]
+
+
+def test_what_is_too_short_for_a_cache_is_not_marked(api):
+    """No model keeps a prompt's beginning of fewer than some thousand tokens."""
+    connect(MODEL, Session()).ask(LABEL, label_request())
+    assert "cache_control" not in json.dumps(api.asked[0])
 
 
 def test_an_unlisted_label_is_asked_again(api):
@@ -212,7 +238,7 @@ def test_an_unlisted_label_is_asked_again(api):
     assert "bed, sofa, desk, other" in reasons(api)[0]
     assert "confidence" in reasons(api)[1]
     blocks = [block["type"] for block in api.asked[0]["messages"][0]["content"]]
-    assert blocks == ["text", "image", "image", "text"]
+    assert blocks == ["text", "text", "image", "text", "image", "text"]
 
 
 def named(*names: str) -> dict[str, Any]:
@@ -230,7 +256,7 @@ def test_unlisted_part_names_and_indices_are_asked_again(api):
     ]  # fmt: skip
     assert "[0, 1], asked were [0, 1, 2]" in reasons(api)[0]
     assert "'throne' of part 1 is not one of board, leg, top" in reasons(api)[1]
-    assert [block["type"] for block in api.asked[0]["messages"][0]["content"]] == ["text", "image", "text"]
+    assert [block["type"] for block in api.asked[0]["messages"][0]["content"]] == ["text", "text", "image", "text"]
     assert [one["part"]["name"] for one in data_of(api.asked[0])["parts"]] == ["top", "leg", "leg"]
 
 
@@ -271,7 +297,7 @@ def test_names_of_the_scene_cannot_leave_their_block_in_a_rejection(api, ask):
 def test_what_is_no_message_is_an_error_and_not_kept(api, ask, monkeypatch, body):
     """A proxy's page, a cut line, a message without blocks: one line, and the next run asks again."""
     with monkeypatch.context() as patch:
-        patch.setattr(api, "post", lambda path, asked: (200, body))
+        patch.setattr(api, "post", lambda call: (200, body))
         with pytest.raises(LanguageError, match="not a message") as error:
             connect(MODEL, Session()).ask(INTENT, prepared(INTENT, ask))
         assert "\n" not in str(error.value)

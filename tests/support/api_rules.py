@@ -1,0 +1,1010 @@
+"""What the two APIs refuse, as tables of rules: the shapes of requests, and limits that shapes cannot say.
+
+A rule names its source and says what is wrong with a call, in the words of the real server as far as they are known.
+Add one by a line in ANTHROPIC_RULES or OPENAI_RULES. Requests that a stand-in gets are checked against all of them.
+"""
+
+import base64
+import io
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Annotated, Any, Literal
+
+from PIL import Image
+from pydantic import BaseModel, Field, TypeAdapter, ValidationError
+
+Body = dict[str, Any]
+PLATFORM = "https://platform.claude.com/docs/en/build-with-claude/"
+STRUCTURED = f"{PLATFORM}structured-outputs"
+VISION = f"{PLATFORM}vision"
+THINKING = f"{PLATFORM}extended-thinking"
+MESSAGES = "https://platform.claude.com/docs/en/api/messages"
+OVERVIEW = "https://platform.claude.com/docs/en/api/overview"
+BATCHES = f"{PLATFORM}batch-processing"
+OPENAI_SCHEMAS = "https://platform.openai.com/docs/guides/structured-outputs"
+OPENAI_CHAT = "https://platform.openai.com/docs/api-reference/chat/create"
+OPENAI_IMAGES = "https://platform.openai.com/docs/guides/images-vision"
+
+
+@dataclass(frozen=True, slots=True)
+class Call:
+    """One request."""
+
+    body: Body
+    path: str = "/v1/messages"
+    headers: Mapping[str, str] = field(default_factory=dict)
+    """Names in small letters."""
+    size: int = 0
+    """Bytes."""
+
+
+@dataclass(frozen=True, slots=True)
+class Refusal:
+    """Why a server does not take a call."""
+
+    message: str
+    status: int = 400
+    kind: str = "invalid_request_error"
+    param: str | None = None
+    """Of OpenAI: the parameter that is wrong."""
+    code: str | None = None
+    """Of OpenAI: the error's own name."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """Something that a server does not take."""
+
+    name: str
+    source: str
+    broken: Callable[[Call], str]
+    """What is wrong with a call, empty if it keeps the rule."""
+    status: int = 400
+    kind: str = "invalid_request_error"
+    code: str | None = None
+
+
+def refusal(call: Call, rules: tuple[Rule, ...], shape: Callable[[Call], Refusal | None]) -> Refusal | None:
+    """The first rule that a call breaks; those about headers and size come before its shape."""
+    for rule in rules:
+        if rule.status != 400 and (said := rule.broken(call)):
+            return Refusal(said, rule.status, rule.kind, code=rule.code)
+    if (wrong := shape(call)) is not None:
+        return wrong
+    for rule in rules:
+        if rule.status == 400 and (said := rule.broken(call)):
+            return Refusal(said, rule.status, rule.kind, code=rule.code)
+    return None
+
+
+# Anthropic: shapes ---------------------------------------------------------------------------------------------------
+
+
+class Closed(BaseModel, extra="forbid"):
+    """The API refuses every parameter that it does not know: "Extra inputs are not permitted"."""
+
+
+class CacheControl(Closed):
+    type: Literal["ephemeral"]
+    ttl: Literal["5m", "1h"] = "5m"
+
+
+class Cached(Closed):
+    cache_control: CacheControl | None = None
+
+
+class Text(Cached):
+    type: Literal["text"]
+    text: str
+    citations: Any = None
+
+
+class Base64Source(Closed):
+    type: Literal["base64"]
+    media_type: Literal["image/jpeg", "image/png", "image/gif", "image/webp"]
+    data: str
+
+
+class UrlSource(Closed):
+    type: Literal["url"]
+    url: str
+
+
+class FileSource(Closed):
+    type: Literal["file"]
+    file_id: str
+
+
+class Picture(Cached):
+    type: Literal["image"]
+    source: Annotated[Base64Source | UrlSource | FileSource, Field(discriminator="type")]
+
+
+class Thought(Closed):
+    type: Literal["thinking"]
+    thinking: str
+    signature: str
+
+
+class HiddenThought(Closed):
+    type: Literal["redacted_thinking"]
+    data: str
+
+
+class ToolUse(Cached):
+    type: Literal["tool_use"]
+    id: str
+    name: str
+    input: dict[str, Any]
+
+
+class ToolResult(Cached):
+    type: Literal["tool_result"]
+    tool_use_id: str
+    content: Any = None
+    is_error: bool = False
+
+
+class Document(Cached):
+    type: Literal["document"]
+    source: dict[str, Any]
+    title: str | None = None
+    context: str | None = None
+    citations: Any = None
+
+
+Block = Annotated[
+    Text | Picture | Thought | HiddenThought | ToolUse | ToolResult | Document, Field(discriminator="type")
+]
+
+
+class Turn(Closed):
+    role: Literal["user", "assistant"]
+    content: str | list[Block]
+
+
+class JsonSchemaFormat(Closed):
+    type: Literal["json_schema"]
+    schema_: dict[str, Any] = Field(alias="schema")
+
+
+class OutputConfig(Closed):
+    format: JsonSchemaFormat | None = None
+    effort: Literal["low", "medium", "high", "xhigh", "max"] | None = None
+
+
+class ThinkingOn(Closed):
+    type: Literal["enabled"]
+    budget_tokens: int = Field(ge=1024)
+    display: Literal["summarized", "omitted"] | None = None
+
+
+class ThinkingOff(Closed):
+    type: Literal["disabled"]
+
+
+class ThinkingAdaptive(Closed):
+    type: Literal["adaptive"]
+    display: Literal["summarized", "omitted"] | None = None
+
+
+class Metadata(Closed):
+    user_id: str | None = Field(default=None, max_length=256)
+
+
+class MessageCall(Closed):
+    """POST /v1/messages."""
+
+    model: str = Field(min_length=1)
+    max_tokens: int = Field(ge=1)
+    messages: list[Turn] = Field(min_length=1)
+    system: str | list[Text] | None = None
+    metadata: Metadata | None = None
+    stop_sequences: list[str] | None = None
+    stream: bool = False
+    temperature: float | None = Field(default=None, ge=0, le=1)
+    top_p: float | None = Field(default=None, ge=0, le=1)
+    top_k: int | None = Field(default=None, ge=0)
+    thinking: Annotated[ThinkingOn | ThinkingOff | ThinkingAdaptive, Field(discriminator="type")] | None = None
+    tools: list[dict[str, Any]] | None = None
+    tool_choice: dict[str, Any] | None = None
+    output_config: OutputConfig | None = None
+    service_tier: Literal["auto", "standard_only"] | None = None
+    cache_control: CacheControl | None = None
+    container: Any = None
+    context_management: Any = None
+    inference_geo: str | None = None
+    mcp_servers: Any = None
+
+
+class BatchItem(Closed):
+    custom_id: str = Field(pattern=r"^[a-zA-Z0-9_-]{1,64}$")
+    params: dict[str, Any]
+    """What is in it is looked at when the batch is worked on."""
+
+
+class BatchCall(Closed):
+    """POST /v1/messages/batches."""
+
+    requests: list[BatchItem] = Field(min_length=1, max_length=100_000)
+
+
+def anthropic_shape(call: Call) -> Refusal | None:
+    """What is wrong with a body's shape."""
+    kind = BatchCall if call.path == "/v1/messages/batches" else MessageCall
+    return complaint_of(call.body, kind, lambda place, said: Refusal(f"{place}: {said}"))
+
+
+def complaint_of(body: Body, kind: type[BaseModel], make: Callable[[str, str], Refusal]) -> Refusal | None:
+    """The first complaint of a shape, with its place."""
+    try:
+        TypeAdapter(kind).validate_python(body)
+    except ValidationError as error:
+        first = max(error.errors(), key=lambda one: len(one["loc"]))  # of a union the branch that fits best
+        place = ".".join(str(one) for one in first["loc"] if one not in ("str", "list[tagged-union]"))
+        return make(place, first["msg"])
+    return None
+
+
+# Anthropic: rules ----------------------------------------------------------------------------------------------------
+
+
+def turns_of(call: Call) -> list[tuple[str, list[Body]]]:
+    """Roles and blocks of a conversation."""
+    return [(one["role"], blocks_of(one["content"])) for one in call.body.get("messages", [])]
+
+
+def blocks_of(content: Any) -> list[Body]:
+    """Content as blocks."""
+    return [{"type": "text", "text": content}] if isinstance(content, str) else list(content or [])
+
+
+def all_blocks(call: Call) -> Iterator[Body]:
+    """Blocks of the system text, then of all turns."""
+    yield from blocks_of(call.body.get("system"))
+    for _, blocks in turns_of(call):
+        yield from blocks
+
+
+def versioned(call: Call) -> str:
+    """The version is not defaulted."""
+    return "" if "anthropic-version" in call.headers else "anthropic-version: header is required"
+
+
+def with_key(call: Call) -> str:
+    """A key or a token."""
+    return "" if call.headers.keys() & {"x-api-key", "authorization"} else "x-api-key header is required"
+
+
+def small(call: Call) -> str:
+    """32 MB, 256 MB for a batch."""
+    most = 256e6 if call.path.endswith("/batches") else 32 * 2**20
+    return "Request exceeds the maximum size" if call.size > most else ""
+
+
+def begins_with_user(call: Call) -> str:
+    """Somebody asks."""
+    turns = turns_of(call)
+    return "" if not turns or turns[0][0] == "user" else 'messages: first message must use the "user" role'
+
+
+def says_something(call: Call) -> str:
+    """No empty turns but the last of the assistant, no empty texts."""
+    turns = turns_of(call)
+    for index, (role, blocks) in enumerate(turns):
+        last = index == len(turns) - 1 and role == "assistant"
+        texts = [one["text"] for one in blocks if one["type"] == "text"]
+        if (not blocks or texts == [""] == [one.get("text") for one in blocks]) and not last:
+            return (
+                f"messages.{index}: all messages must have non-empty content except for the optional final "
+                "assistant message"
+            )
+        if "" in texts and not last:
+            return "messages: text content blocks must be non-empty"
+        if any(text and not text.strip() for text in texts):
+            return "messages: text content blocks must contain non-whitespace text"
+    return ""
+
+
+def ends_with_user(call: Call) -> str:
+    """A beginning of the answer cannot be given with a schema, nor to the models since Opus 4.6."""
+    turns = turns_of(call)
+    prefilled = bool(turns) and turns[-1][0] == "assistant"
+    if not prefilled or not (call.body.get("output_config") or not older(call.body["model"])):
+        return ""
+    return "This model does not support assistant message prefill. The conversation must end with a user message."
+
+
+def older(model: str) -> bool:
+    """Models up to 4.5."""
+    return bool(re.search(r"claude-3|-4-5|-4-1|-4-20|-4-0", model))
+
+
+def ends_in_no_thought(call: Call) -> str:
+    """A turn of the assistant may think first, not last."""
+    for index, (role, blocks) in enumerate(turns_of(call)):
+        if role == "assistant" and blocks and blocks[-1]["type"] in ("thinking", "redacted_thinking"):
+            return f"messages.{index}: The final block in an assistant message cannot be `thinking`."
+    return ""
+
+
+def thoughts_come_first(call: Call) -> str:
+    """With thinking on, the turn of a tool's use begins with the thoughts that came with it."""
+    if (call.body.get("thinking") or {}).get("type") not in ("enabled", "adaptive"):
+        return ""
+    for index, (role, blocks) in enumerate(turns_of(call)):
+        kinds = [one["type"] for one in blocks]
+        if role == "assistant" and "tool_use" in kinds and kinds[0] not in ("thinking", "redacted_thinking"):
+            return (
+                f"messages.{index}.content.0.type: Expected `thinking` or `redacted_thinking`, but found "
+                f"`{kinds[0]}`. When `thinking` is enabled, a final `assistant` message must start with a thought"
+            )
+    return ""
+
+
+def thinking_fits(call: Call) -> str:
+    """Thinking has less room than the answer, and takes no sampling parameters and no forced tool."""
+    thinking = call.body.get("thinking") or {}
+    if thinking.get("type") == "enabled" and thinking["budget_tokens"] >= call.body["max_tokens"]:
+        return "`max_tokens` must be greater than `thinking.budget_tokens`"
+    if thinking.get("type") in ("enabled", "adaptive"):
+        if call.body.get("temperature") not in (None, 1, 1.0):
+            return "`temperature` may only be set to 1 when thinking is enabled"
+        if call.body.get("top_k") is not None:
+            return "`top_k` must be unset when thinking is enabled"
+        if not 0.95 <= (call.body.get("top_p") or 1.0) <= 1.0:
+            return "`top_p` must be between 0.95 and 1 when thinking is enabled"
+        if (call.body.get("tool_choice") or {}).get("type") in ("any", "tool"):
+            return "Thinking may not be enabled when tool_choice forces tool use."
+    return ""
+
+
+ADAPTIVE_ONLY = re.compile(r"opus-(4-[78]|5)|sonnet-5|haiku-5|fable|mythos")
+"""Models that decide themselves how much they think."""
+WITHOUT_EFFORT = re.compile(r"claude-3|haiku-4-5|sonnet-4-5|opus-4-1|-4-20")
+
+
+def model_knows(call: Call) -> str:
+    """Parameters that some models do not take."""
+    model, body = call.body["model"], call.body
+    if ADAPTIVE_ONLY.search(model):
+        if (body.get("thinking") or {}).get("type") == "enabled":
+            return (
+                '"thinking.type.enabled" is not supported for this model. Use "thinking.type.adaptive" and '
+                '"output_config.effort" to control thinking behavior.'
+            )
+        for name in ("temperature", "top_p", "top_k"):
+            if body.get(name) is not None:
+                return f"`{name}` is deprecated for this model."
+    if older(model) and (body.get("thinking") or {}).get("type") == "adaptive":
+        return "adaptive thinking is not supported on this model"
+    if WITHOUT_EFFORT.search(model) and (body.get("output_config") or {}).get("effort"):
+        return "This model does not support the effort parameter."
+    both = body.get("temperature") is not None and body.get("top_p") is not None
+    return "`temperature` and `top_p` cannot both be specified for this model." if both else ""
+
+
+def most_output(model: str) -> int:
+    """Longest answer of a model [tokens]."""
+    if "claude-3" in model:
+        return 8_192
+    if re.search(r"opus-4-(0|1|20)", model):
+        return 32_000
+    return 64_000 if re.search(r"-4-5|-4-20|-4-0|haiku", model) else 128_000
+
+
+def within_output(call: Call) -> str:
+    """No longer answer than the model can give."""
+    asked, most = call.body["max_tokens"], most_output(call.body["model"])
+    return (
+        f"max_tokens: {asked} > {most}, which is the maximum allowed number of output tokens for {call.body['model']}"
+        if asked > most
+        else ""
+    )
+
+
+def pictures_of(call: Call) -> list[Body]:
+    """The pictures of a call."""
+    return [one for one in all_blocks(call) if one["type"] == "image"]
+
+
+def few_pictures(call: Call) -> str:
+    """100 with a context of 200,000 tokens."""
+    count = len(pictures_of(call))
+    most = 100 if re.search(r"-4-5|claude-3|haiku", call.body["model"]) else 600
+    return f"messages: too many images and documents: {count} + 0 > {most}" if count > most else ""
+
+
+def readable_pictures(call: Call) -> str:
+    """Of the kind that they say they are, not too large; in a long row no side above 2000 pixels."""
+    found = pictures_of(call)
+    longest = 2000 if len(found) > 20 else 8000
+    for one in found:
+        source = one["source"]
+        if source["type"] != "base64":
+            continue
+        if len(source["data"]) > 10 * 2**20:
+            return f"image exceeds 10 MB maximum: {len(source['data'])} bytes > {10 * 2**20} bytes"
+        kind, size = measured(source["data"])
+        if kind is None:
+            return "messages: Could not process image"
+        if f"image/{kind}" != source["media_type"]:
+            return (
+                f"The image was specified using the {source['media_type']} media type, but the image appears to "
+                f"be a image/{kind} image"
+            )
+        if max(size) > longest:
+            many = " for many-image requests" if longest == 2000 else ""
+            return f"At least one of the image dimensions exceed max allowed size{many}: {longest} pixels"
+    return ""
+
+
+@cache
+def measured(data: str) -> tuple[str | None, tuple[int, int]]:
+    """Format and size of a picture in base64; None where it is none."""
+    try:
+        with Image.open(io.BytesIO(base64.b64decode(data, validate=True))) as picture:
+            return str(picture.format).lower(), picture.size
+    except (ValueError, OSError):
+        return None, (0, 0)
+
+
+def marks_of(call: Call) -> int:
+    """Places at which the prompt shall be cached."""
+    tools = sum("cache_control" in one for one in call.body.get("tools") or [])
+    return tools + sum(one.get("cache_control") is not None for one in all_blocks(call))
+
+
+def few_marks(call: Call) -> str:
+    """Four at most."""
+    count = marks_of(call)
+    said = f"A maximum of 4 blocks with cache_control may be provided. Found {count}."
+    return said if count > 4 else ""
+
+
+def marked_text(call: Call) -> str:
+    """An empty text cannot be cached, a thought not either."""
+    empty = [one for one in all_blocks(call) if one["type"] == "text" and not one["text"] and one.get("cache_control")]
+    return "messages: cache_control cannot be set for empty text blocks" if empty else ""
+
+
+def schemas_of(call: Call) -> list[Body]:
+    """Schemas whose grammars are made: of the answer, and of strict tools."""
+    form = (call.body.get("output_config") or {}).get("format")
+    tools = [one["input_schema"] for one in call.body.get("tools") or [] if one.get("strict") and "input_schema" in one]
+    return [*([form["schema"]] if form else []), *tools]
+
+
+def nodes_of(tree: Any, path: str = "") -> Iterator[tuple[str, Body]]:
+    """All schemas in a schema with their paths, itself first; names of properties are no keywords."""
+    if not isinstance(tree, dict):
+        return
+    yield path, tree
+    for word in ("properties", "$defs", "definitions", "patternProperties"):
+        for name, one in (tree.get(word) or {}).items():
+            yield from nodes_of(one, f"{path}.{word}.{name}")
+    for word in ("anyOf", "oneOf", "allOf", "prefixItems"):
+        for index, one in enumerate(tree.get(word) or []):
+            yield from nodes_of(one, f"{path}.{word}.{index}")
+    for word in ("items", "additionalProperties", "not", "if", "then", "else"):
+        yield from nodes_of(tree.get(word), f"{path}.{word}")
+
+
+SUPPORTED = {
+    "type", "properties", "required", "additionalProperties", "items", "enum", "const", "anyOf", "allOf", "$ref",
+    "$defs", "definitions", "description", "title", "default", "format", "minItems", "pattern", "$schema", "$id",
+    "examples", "nullable",
+}  # fmt: skip
+FORMATS = {"date-time", "time", "date", "duration", "email", "hostname", "uri", "ipv4", "ipv6", "uuid"}
+
+
+def known_keywords(call: Call) -> str:
+    """The subset of JSON schema that a grammar is made of."""
+    for schema in schemas_of(call):
+        for path, node in nodes_of(schema):
+            kind = node.get("type")
+            if unknown := [word for word in node if word not in SUPPORTED]:
+                return f"output_config.format.schema: For '{kind}' type, property '{unknown[0]}' is not supported{path}"
+            if kind == "object" and node.get("additionalProperties") is not False:
+                return (
+                    "output_config.format.schema: For 'object' type, 'additionalProperties' must be explicitly set "
+                    "to false"
+                )
+            if node.get("minItems", 0) not in (0, 1):
+                return (
+                    f"output_config.format.schema: For 'array' type, 'minItems' values other than 0 or 1 are not "
+                    f"supported (got: {node['minItems']})"
+                )
+            if "format" in node and node["format"] not in FORMATS:
+                return f"output_config.format.schema: For 'string' type, format '{node['format']}' is not supported"
+            if "pattern" in node and re.search(r"\(\?[=!<]|\\[1-9]|\\[bB]", node["pattern"]):
+                return (
+                    "output_config.format.schema: regex look-around, back-references and word boundaries are not "
+                    "supported"
+                )
+            if any(isinstance(one, dict | list) for one in node.get("enum", ())):
+                return "output_config.format.schema: enum values must be primitives"
+            if "allOf" in node and any("$ref" in one for one in node["allOf"]):
+                return "output_config.format.schema: allOf with $ref is not supported"
+    return ""
+
+
+def has_root(call: Call) -> str:
+    """A schema says of what kind it is."""
+    for schema in schemas_of(call):
+        if not schema.keys() & {"type", "anyOf", "allOf", "enum", "const", "$ref"}:
+            return "output_config.format.schema: Schema must have a 'type', 'anyOf', 'allOf', 'enum', 'const' or '$ref'"
+    return ""
+
+
+def finite_schemas(call: Call) -> str:
+    """References go to the schema's own definitions, and never in a circle."""
+    for schema in schemas_of(call):
+        definitions = {**(schema.get("definitions") or {}), **(schema.get("$defs") or {})}
+        for _, node in nodes_of(schema):
+            target = node.get("$ref")
+            if target is None:
+                continue
+            if not target.startswith("#/"):
+                return f"output_config.format.schema: External $ref '{target}' is not supported"
+            if target.rpartition("/")[2] not in definitions:
+                return f"output_config.format.schema: $ref '{target}' not found"
+        for name in definitions:
+            if name in reached(name, definitions):
+                return f"output_config.format.schema: Circular reference detected: {name}"
+        if any(node.get("$ref") in ("#", "#/") for _, node in nodes_of(schema)):
+            return "output_config.format.schema: recursive schemas are not supported"
+    return ""
+
+
+def reached(name: str, definitions: Mapping[str, Any]) -> set[str]:
+    """Definitions that one refers to, directly or through others."""
+    found: set[str] = set()
+    waiting = [name]
+    while waiting:
+        for _, node in nodes_of(definitions.get(waiting.pop())):
+            target = str(node.get("$ref", "")).rpartition("/")[2]
+            if target and target not in found:
+                found.add(target)
+                waiting.append(target)
+    return found
+
+
+MOST_OPTIONAL, MOST_UNIONS, MOST_STRICT_TOOLS, LARGEST_GRAMMAR = 24, 16, 20, 60_000
+
+
+def optional_parameters(schema: Body) -> int:
+    """Properties that need not be given, in all objects of a schema."""
+    return sum(len(set(node.get("properties") or {}) - set(node.get("required") or ())) for _, node in nodes_of(schema))
+
+
+def union_parameters(schema: Body) -> int:
+    """Schemas of more than one type."""
+    return sum("anyOf" in node or isinstance(node.get("type"), list) for _, node in nodes_of(schema))
+
+
+def few_options(call: Call) -> str:
+    """The grammar grows with every property that may be left out."""
+    found = sum(map(optional_parameters, schemas_of(call)))
+    return (
+        f"Schemas contains too many optional parameters ({found}), which would make grammar compilation inefficient. "
+        f"Reduce the number of optional parameters in your tool schemas (limit: {MOST_OPTIONAL})."
+        if found > MOST_OPTIONAL
+        else ""
+    )
+
+
+def few_unions(call: Call) -> str:
+    """So it does with every union."""
+    found = sum(map(union_parameters, schemas_of(call)))
+    return (
+        f"Schemas contains too many parameters with union types ({found} parameters with type arrays or anyOf). This "
+        "would cause exponential compilation cost. Reduce the number of nullable or union-typed parameters (limit: "
+        f"{MOST_UNIONS})."
+        if found > MOST_UNIONS
+        else ""
+    )
+
+
+def few_strict_tools(call: Call) -> str:
+    """Each has a grammar."""
+    count = sum(bool(one.get("strict")) for one in call.body.get("tools") or [])
+    return (
+        f"Too many strict tools ({count}). The maximum number of strict tools supported is {MOST_STRICT_TOOLS}."
+        if count > MOST_STRICT_TOOLS
+        else ""
+    )
+
+
+def simple_enough(call: Call) -> str:
+    """Where it ends is not published, so the bound here is a cautious one."""
+    for schema in schemas_of(call):
+        deepest = max((path.count(".properties.") + path.count(".items") for path, _ in nodes_of(schema)), default=0)
+        if deepest > 12 or len(str(schema)) > LARGEST_GRAMMAR:
+            return "Schema is too complex for compilation. Simplify your tool schemas or use fewer strict tools."
+    return ""
+
+
+def cites_no_schema(call: Call) -> str:
+    """Citations interleave with text."""
+    cited = any((one.get("citations") or {}).get("enabled") for one in all_blocks(call) if one["type"] == "document")
+    return "citations cannot be used with output_config.format" if cited and schemas_of(call) else ""
+
+
+def stops_at_text(call: Call) -> str:
+    """Sequences that say something."""
+    blank = any(not one.strip() for one in call.body.get("stop_sequences") or [])
+    return "stop_sequences: each stop sequence must contain non-whitespace" if blank else ""
+
+
+def own_ids(call: Call) -> str:
+    """No id twice in a batch."""
+    names = [one["custom_id"] for one in call.body.get("requests", [])]
+    twice = next((one for one in names if names.count(one) > 1), "")
+    return f"requests: custom_id must be unique; found duplicate '{twice}'" if twice else ""
+
+
+def of_messages(broken: Callable[[Call], str]) -> Callable[[Call], str]:
+    """A rule that says nothing of batches."""
+    return lambda call: "" if call.path.endswith("/batches") else broken(call)
+
+
+ANTHROPIC_RULES: tuple[Rule, ...] = (
+    Rule("key", OVERVIEW, with_key, 401, "authentication_error"),
+    Rule("size", f"{OVERVIEW}#request-size-limits", small, 413, "request_too_large"),
+    Rule("version", "https://platform.claude.com/docs/en/api/versioning", versioned),
+    Rule("unique ids", BATCHES, own_ids),
+    *(
+        Rule(name, source, of_messages(broken))
+        for name, source, broken in (
+            ("first turn", MESSAGES, begins_with_user),
+            ("empty content", MESSAGES, says_something),
+            ("thought last", "tailcallhq/forgecode 2107, 3071", ends_in_no_thought),
+            ("prefill", f"{PLATFORM}prefill-claudes-response", ends_with_user),
+            ("thought first", THINKING, thoughts_come_first),
+            ("thinking and sampling", THINKING, thinking_fits),
+            ("model's parameters", f"{PLATFORM}effort", model_knows),
+            ("output tokens", "https://platform.claude.com/docs/en/about-claude/models/overview", within_output),
+            ("pictures", VISION, few_pictures),
+            ("picture", VISION, readable_pictures),
+            ("cache marks", f"{PLATFORM}prompt-caching", few_marks),
+            ("cached text", f"{PLATFORM}prompt-caching", marked_text),
+            ("schema's root", STRUCTURED, has_root),
+            ("schema's words", STRUCTURED, known_keywords),
+            ("references", STRUCTURED, finite_schemas),
+            ("optional", "elie222/inbox-zero 2323", few_options),
+            ("unions", "elizaOS/eliza 16499", few_unions),
+            ("strict tools", STRUCTURED, few_strict_tools),
+            ("grammar", "mozilla/bugbug 6129, ENTERPILOT/GoModel 963", simple_enough),
+            ("citations", STRUCTURED, cites_no_schema),
+            ("stop sequences", MESSAGES, stops_at_text),
+        )
+    ),
+)
+
+
+# OpenAI: shapes ------------------------------------------------------------------------------------------------------
+
+
+class TextPart(Closed):
+    type: Literal["text"]
+    text: str
+
+
+class ImageUrl(Closed):
+    url: str
+    detail: Literal["auto", "low", "high", "original"] = "auto"
+
+
+class ImagePart(Closed):
+    type: Literal["image_url"]
+    image_url: ImageUrl
+
+
+class RefusalPart(Closed):
+    type: Literal["refusal"]
+    refusal: str
+
+
+class SystemTurn(Closed):
+    role: Literal["system", "developer"]
+    content: str | list[TextPart]
+    name: str | None = None
+
+
+class UserTurn(Closed):
+    role: Literal["user"]
+    content: str | list[Annotated[TextPart | ImagePart, Field(discriminator="type")]]
+    name: str | None = None
+
+
+class AssistantTurn(Closed):
+    role: Literal["assistant"]
+    content: str | list[Annotated[TextPart | RefusalPart, Field(discriminator="type")]] | None = None
+    refusal: str | None = None
+    name: str | None = None
+    tool_calls: list[dict[str, Any]] | None = None
+
+
+class ToolTurn(Closed):
+    role: Literal["tool"]
+    content: str | list[TextPart]
+    tool_call_id: str
+
+
+class NamedSchema(Closed):
+    name: str = Field(pattern=r"^[a-zA-Z0-9_-]+$", max_length=64)
+    description: str | None = None
+    schema_: dict[str, Any] = Field(alias="schema")
+    strict: bool | None = None
+
+
+class SchemaAnswer(Closed):
+    type: Literal["json_schema"]
+    json_schema: NamedSchema
+
+
+class PlainAnswer(Closed):
+    type: Literal["text", "json_object"]
+
+
+class CompletionCall(Closed):
+    """POST /v1/chat/completions."""
+
+    model: str = Field(min_length=1)
+    messages: list[Annotated[SystemTurn | UserTurn | AssistantTurn | ToolTurn, Field(discriminator="role")]] = Field(
+        min_length=1
+    )
+    max_tokens: int | None = Field(default=None, ge=1)
+    max_completion_tokens: int | None = Field(default=None, ge=1)
+    response_format: Annotated[SchemaAnswer | PlainAnswer, Field(discriminator="type")] | None = None
+    reasoning_effort: Literal["none", "minimal", "low", "medium", "high", "xhigh", "max"] | None = None
+    temperature: float | None = Field(default=None, ge=0, le=2)
+    top_p: float | None = Field(default=None, ge=0, le=1)
+    n: int | None = Field(default=None, ge=1, le=128)
+    seed: int | None = None
+    stop: str | list[str] | None = None
+    stream: bool | None = None
+    stream_options: Any = None
+    presence_penalty: float | None = Field(default=None, ge=-2, le=2)
+    frequency_penalty: float | None = Field(default=None, ge=-2, le=2)
+    logit_bias: Any = None
+    logprobs: bool | None = None
+    top_logprobs: int | None = Field(default=None, ge=0, le=20)
+    metadata: Any = None
+    modalities: Any = None
+    audio: Any = None
+    parallel_tool_calls: bool | None = None
+    prediction: Any = None
+    prompt_cache_key: str | None = None
+    prompt_cache_retention: str | None = None
+    safety_identifier: str | None = None
+    service_tier: str | None = None
+    store: bool | None = None
+    tool_choice: Any = None
+    tools: list[dict[str, Any]] | None = None
+    user: str | None = None
+    verbosity: Literal["low", "medium", "high"] | None = None
+    web_search_options: Any = None
+
+
+def openai_shape(call: Call) -> Refusal | None:
+    """What is wrong with a body's shape, with the parameter."""
+
+    def made(place: str, said: str) -> Refusal:
+        if said == "Extra inputs are not permitted":
+            return Refusal(f"Unknown parameter: '{place}'.", param=place, code="unknown_parameter")
+        if said == "Field required":
+            return Refusal(f"Missing required parameter: '{place}'.", param=place, code="missing_required_parameter")
+        return Refusal(f"Invalid value for '{place}': {said}", param=place, code="invalid_value")
+
+    return complaint_of(call.body, CompletionCall, made)
+
+
+# OpenAI: rules -------------------------------------------------------------------------------------------------------
+
+REASONING = re.compile(r"^(o\d|gpt-5)")
+"""Models that think before they answer."""
+
+
+def bearer(call: Call) -> str:
+    """A key."""
+    given = call.headers.get("authorization", "")
+    return "" if given.startswith("Bearer ") and given != "Bearer " else "You didn't provide an API key."
+
+
+def one_limit(call: Call) -> str:
+    """The newer name for models that think, and never both."""
+    if call.body.get("max_tokens") is None:
+        return ""
+    if call.body.get("max_completion_tokens") is not None:
+        return "Setting 'max_tokens' and 'max_completion_tokens' at the same time is not supported."
+    if REASONING.match(call.body["model"]):
+        return (
+            "Unsupported parameter: 'max_tokens' is not supported with this model. Use 'max_completion_tokens' instead."
+        )
+    return ""
+
+
+def sampled_as_usual(call: Call) -> str:
+    """Models that think take no sampling parameters but the usual ones, others no effort."""
+    body = call.body
+    if REASONING.match(body["model"]):
+        for name in ("temperature", "top_p"):
+            if body.get(name) not in (None, 1, 1.0):
+                return (
+                    f"Unsupported value: '{name}' does not support {body[name]} with this model. Only the default "
+                    "(1) value is supported."
+                )
+        for name in ("presence_penalty", "frequency_penalty", "logprobs"):
+            if body.get(name):
+                return f"Unsupported parameter: '{name}' is not supported with this model."
+        known = efforts_of(body["model"])
+        if body.get("reasoning_effort") not in (None, *known):
+            return (
+                f"Unsupported value: 'reasoning_effort' does not support '{body['reasoning_effort']}' with this model. "
+                f"Supported values are: {', '.join(known)}."
+            )
+    elif body.get("reasoning_effort") is not None:
+        return "Unrecognized request argument supplied: reasoning_effort"
+    return ""
+
+
+def efforts_of(model: str) -> tuple[str, ...]:
+    """The words for its effort that a model knows."""
+    if model.startswith("o"):
+        return ("low", "medium", "high")
+    if re.match(r"gpt-5(-|$)", model):
+        return ("minimal", "low", "medium", "high")
+    return ("none", "low", "medium", "high", "xhigh")
+
+
+OUTPUTS = {"gpt-4o": 16_384, "gpt-4.1": 32_768, "gpt-5": 128_000, "o": 100_000}
+"""Longest completions by the beginning of a model's name [tokens]."""
+
+
+def within_completion(call: Call) -> str:
+    """No longer answer than the model can give, where that is known."""
+    asked = max(call.body.get("max_tokens") or 0, call.body.get("max_completion_tokens") or 0)
+    most = next((most for name, most in OUTPUTS.items() if call.body["model"].startswith(name)), asked)
+    return (
+        f"max_tokens is too large: {asked}. This model supports at most {most} completion tokens, whereas you "
+        f"provided {asked}."
+        if asked > most
+        else ""
+    )
+
+
+def strict_form(call: Call) -> Body | None:
+    """The schema of the answer, if it is to be kept strictly."""
+    form = (call.body.get("response_format") or {}).get("json_schema") or {}
+    return form["schema"] if form.get("strict") else None
+
+
+UNSUPPORTED = {
+    "allOf", "not", "dependentRequired", "dependentSchemas", "if", "then", "else", "oneOf", "patternProperties",
+    "unevaluatedProperties", "propertyNames", "minProperties", "maxProperties", "unevaluatedItems", "contains",
+    "minContains", "maxContains", "uniqueItems", "default", "prefixItems",
+}  # fmt: skip
+
+
+def strict_schemas(call: Call) -> str:
+    """Closed objects of which everything is required, and only words that strict mode knows."""
+    schema = strict_form(call)
+    if schema is None:
+        return ""
+    begin = f"Invalid schema for response_format '{call.body['response_format']['json_schema']['name']}': "
+    if schema.get("type") != "object" or "anyOf" in schema:
+        return f"{begin}schema must be a JSON Schema of 'type: \"object\"', got 'type: \"{schema.get('type')}\"'."
+    for path, node in nodes_of(schema):
+        place = f"{begin}In context=({path}), "
+        if "$ref" in node:
+            if len(node) > 1:
+                return f"{place}$ref cannot have keywords {sorted(set(node) - {'$ref'})}."
+            if not node["$ref"].startswith("#"):
+                return f"{place}'$ref' must point into the schema itself."
+            continue
+        if not node.keys() & {"type", "anyOf", "enum", "const"}:
+            return f"{place}schema must have a 'type' key."
+        if unknown := sorted(UNSUPPORTED & node.keys()):
+            return f"{place}'{unknown[0]}' is not permitted."
+        if node.get("type") == "object" or "properties" in node:
+            if node.get("additionalProperties") is not False:
+                return f"{place}'additionalProperties' is required to be supplied and to be false."
+            missing = [one for one in node.get("properties", {}) if one not in node.get("required", ())]
+            if missing:
+                return (
+                    f"{place}'required' is required to be supplied and to be an array including every key in "
+                    f"properties. Missing '{missing[0]}'."
+                )
+        if node.get("type") == "array" and "items" not in node:
+            return f"{place}array schema missing items."
+    return small_schema(begin, schema)
+
+
+MOST_PROPERTIES, MOST_LEVELS, MOST_ENUM, MOST_LETTERS, LONG_ENUM, LONG_ENUM_LETTERS = (
+    5000,
+    10,
+    1000,
+    120_000,
+    250,
+    15_000,
+)
+
+
+def small_schema(begin: str, schema: Body) -> str:
+    """Its size in properties, levels, choices and letters."""
+    nodes = list(nodes_of(schema))
+    properties = [name for _, node in nodes for name in node.get("properties", {})]
+    choices = [one for _, node in nodes for one in node.get("enum", ())]
+    levels = max(path.count(".properties.") for path, _ in nodes)
+    letters = sum(len(str(one)) for one in (*properties, *choices, *schema.get("$defs", {})))
+    long = [node["enum"] for _, node in nodes if len(node.get("enum", ())) > LONG_ENUM]
+    if len(properties) > MOST_PROPERTIES:
+        return f"{begin}{len(properties)} object properties exceed the limit of {MOST_PROPERTIES}."
+    if levels > MOST_LEVELS:
+        return f"{begin}{levels} levels of nesting exceed the limit of {MOST_LEVELS}."
+    if len(choices) > MOST_ENUM:
+        return f"{begin}{len(choices)} enum values exceed the limit of {MOST_ENUM}."
+    if letters > MOST_LETTERS:
+        return f"{begin}total string length {letters} exceeds the limit of {MOST_LETTERS}."
+    if any(sum(len(str(one)) for one in enum) > LONG_ENUM_LETTERS for enum in long):
+        return f"{begin}an enum of more than {LONG_ENUM} values exceeds {LONG_ENUM_LETTERS} characters."
+    return ""
+
+
+def linked_pictures(call: Call) -> str:
+    """Pictures are addresses, or data of a kind that is known."""
+    for turn in call.body["messages"]:
+        for part in turn["content"] if isinstance(turn.get("content"), list) else ():
+            if part["type"] != "image_url":
+                continue
+            url = part["image_url"]["url"]
+            if url.startswith(("http://", "https://")):
+                continue
+            kind = re.fullmatch(r"data:image/(png|jpeg|jpg|gif|webp);base64,(.*)", url, re.DOTALL)
+            if kind is None:
+                return "Invalid image data. Expected a base64-encoded data URL with an image MIME type."
+            found, _ = measured(kind[2])
+            if found is None:
+                return (
+                    "You uploaded an unsupported image. Please make sure your image has of one the following "
+                    "formats: ['png', 'jpeg', 'gif', 'webp']."
+                )
+    return ""
+
+
+def says_json(call: Call) -> str:
+    """Plain JSON must be asked for in words, too."""
+    kind = (call.body.get("response_format") or {}).get("type")
+    if kind == "json_object" and "json" not in str(call.body["messages"]).lower():
+        return "'messages' must contain the word 'json' in some form, to use 'response_format' of type 'json_object'."
+    return ""
+
+
+def light(call: Call) -> str:
+    """512 MB of pictures and text."""
+    return "Request too large" if call.size > 512e6 else ""
+
+
+def few_links(call: Call) -> str:
+    """1500 pictures."""
+    count = str(call.body["messages"]).count("'image_url': {")
+    return f"Too many images in request: {count} > 1500" if count > 1500 else ""
+
+
+OPENAI_RULES: tuple[Rule, ...] = (
+    Rule("key", "https://platform.openai.com/docs/api-reference/authentication", bearer, 401, code="invalid_api_key"),
+    Rule("size", OPENAI_IMAGES, light, 413, code="request_too_large"),
+    Rule(
+        "limit of tokens", "https://platform.openai.com/docs/guides/reasoning", one_limit, code="unsupported_parameter"
+    ),
+    Rule("sampling", "https://platform.openai.com/docs/guides/reasoning", sampled_as_usual, code="unsupported_value"),
+    Rule("output tokens", "https://platform.openai.com/docs/models", within_completion, code="invalid_value"),
+    Rule("strict schema", OPENAI_SCHEMAS, strict_schemas),
+    Rule("pictures", OPENAI_IMAGES, linked_pictures, code="invalid_image_url"),
+    Rule("number of pictures", OPENAI_IMAGES, few_links),
+    Rule("json in words", OPENAI_CHAT, says_json),
+)
