@@ -1,9 +1,9 @@
-"""How deep things sink into foam by each method, beside static finite elements of the same contact: a Markdown table.
+"""How deep things sink into foam by each method, compared with static finite elements: a Markdown table.
 
 python -m perf.references [--methods tl,mls,paper]
 
 A cell has the depth over that of the reference, less one, and the time of the drop. `paper` is mls with the paper's
-steps; its clamps change no case here but the cover's, which therefore keeps its own E.
+steps; the paper's clamps would make several cases other ones, so they are left out.
 """
 
 import argparse

@@ -166,7 +166,14 @@ class ImplicitDrop(Simulation):
             material_damping_s=self.stepper.elastic.damping,
             rolling_resistance=rolling_table(self.model, contacts),
             depth_error_m=self._depth_error(end),
-            bonds=bond_table(self.model, ((one, one.force(self.model, end.state)) for one in self.query.bonds)) or None,
+            bonds=bond_table(
+                self.model,
+                (
+                    (one, one.force(self.model, end.state), one.stretch(self.model, end.state))
+                    for one in self.query.bonds
+                ),
+            )
+            or None,
             stability=stability,
         )
         material = {self.model.bodies[i].name: one for i, one in material_states(self.soft, end.state).items()}

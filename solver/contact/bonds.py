@@ -53,9 +53,13 @@ class BondedPair:
     stiffness: NDArray[np.float64]
     """Per point [N/m], shape (k,)."""
 
+    def stretch(self, model: Model, state: State) -> NDArray[np.float64]:
+        """From the places on body b to those on body a [m], shape (k, 3)."""
+        return self.a.position(model, state) - self.b.position(model, state)
+
     def force(self, model: Model, state: State) -> NDArray[np.float64]:
         """On body a [N], shape (k, 3)."""
-        return -self.stiffness[:, None] * (self.a.position(model, state) - self.b.position(model, state))
+        return -self.stiffness[:, None] * self.stretch(model, state)
 
 
 def build_bonds(model: Model, soft: SoftSystem, target: float) -> list[BondedPair]:
@@ -123,11 +127,13 @@ def _only(attachment: BondedPoints, keep: NDArray[np.bool_]) -> BondedPoints:
     return BondedPoints(attachment.body, attachment.rest[keep], attachment.node[keep], attachment.weight[keep])
 
 
-def bond_table(model: Model, acting: Iterable[tuple[BondedPair, NDArray[np.float64]]]) -> tuple[BondRow, ...]:
-    """One row per bond for the certificate, of the forces (k, 3) on its first body."""
+def bond_table(
+    model: Model, acting: Iterable[tuple[BondedPair, NDArray[np.float64], NDArray[np.float64]]]
+) -> tuple[BondRow, ...]:
+    """One row per bond for the certificate, of the forces on its first body and the stretches, shape (k, 3) each."""
     rows = []
-    for bond, force in acting:
+    for bond, force, stretch in acting:
         a, b = model.bodies[bond.a.body].name, model.bodies[bond.b.body].name
-        stretch = float((np.linalg.norm(force, axis=1) / bond.stiffness).max())
-        rows.append(BondRow(a, b, len(force), float(np.linalg.norm(force.sum(axis=0))), stretch))
+        largest = float(np.linalg.norm(stretch, axis=1).max())
+        rows.append(BondRow(a, b, len(force), float(np.linalg.norm(force.sum(axis=0))), largest))
     return tuple(rows)

@@ -123,6 +123,9 @@ class BondTouch:
     """A bond and what it has transmitted."""
 
     bond: BondedPair
+    """With the springs that steps can take."""
+    offset: Array
+    """How far its ends are pulled together besides their stretch [m], shape (k, 3)."""
     impulse: Array = field(default_factory=lambda: np.zeros((0, 3)))
     """On the first body, point by point since last handed over [N s], shape (k, 3)."""
 
@@ -139,9 +142,7 @@ class SurfaceContacts:
         pairs = [p for p in every if p.a in soft or p.b in soft]
         self.query = ContactQuery(model, system, pairs)
         self.touches = [PairTouch.of(pair, self._allowed(pair, config)) for pair in pairs]
-        self.bonds = [
-            BondTouch(self._explicit(bond, config)) for bond in build_bonds(model, system, config.penetration_target)
-        ]
+        self.bonds = [self._explicit(bond, config) for bond in build_bonds(model, system, config.penetration_target)]
         self.target = config.penetration_target
         self.slack = SLACK * min(one.cell for one in soft.values())
         self.state: State = start_state(model, system)
@@ -168,13 +169,13 @@ class SurfaceContacts:
         crowd = cKDTree(points).query_ball_point(points, one.cell / np.sqrt(np.pi), return_length=True)
         return np.asarray(crowd * one.mobility.max())
 
-    def _explicit(self, bond: BondedPair, config: SolverConfig) -> BondedPair:
+    def _explicit(self, bond: BondedPair, config: SolverConfig) -> BondTouch:
         """A bond whose points are no stiffer than steps can take."""
         dt = config.mls_step_seconds
         mobility = sum(self._crowded(side.body, bond.a.rest) for side in (bond.a, bond.b))
         stiffness = np.minimum(bond.stiffness, STABLE / dt**2 / mobility)
         share = self._share(bond.a.body, bond.b.body, float(stiffness.sum()), dt)
-        return replace(bond, stiffness=share * stiffness)
+        return BondTouch(replace(bond, stiffness=share * stiffness), np.zeros((len(stiffness), 3)))
 
     def act(self, dt: float) -> None:
         """Find what touches and give the impulses of dt [s] to the bodies."""
@@ -443,7 +444,11 @@ class SurfaceContacts:
     def _bonded(self, dt: float) -> Iterator[Acting]:
         for one in self.bonds:
             bond = one.bond
-            position, force = bond.a.position(self.model, self.state), bond.force(self.model, self.state)
+            position, stretch = bond.a.position(self.model, self.state), bond.stretch(self.model, self.state)
+            # pulled together until nothing is left of the stretch: a spring that is soft enough for a step would leave
+            # millimetres where few points of many carry a load
+            one.offset += dt / CLOSING_SECONDS * stretch
+            force = -bond.stiffness[:, None] * (stretch + one.offset)
             one.impulse = one.impulse + dt * force if len(one.impulse) else dt * force
             for side, sign in ((bond.a, 1.0), (bond.b, -1.0)):
                 if side.body in self.soft:
@@ -476,6 +481,7 @@ class SurfaceContacts:
         for one in self.bonds:
             if len(one.impulse):
                 position = one.bond.a.position(self.model, self.state)
-                report.bonded.append((one.bond, position, one.impulse / seconds))
+                stretch = one.bond.stretch(self.model, self.state)
+                report.bonded.append((one.bond, position, one.impulse / seconds, stretch))
             one.impulse = np.zeros((0, 3))
         return report

@@ -155,7 +155,7 @@ class ExplicitDrop:
             )
 
     def _refuse_coarse(self) -> None:
-        """ModelError for a body that steps would not see bend: fewer than three particles through it."""
+        """ModelError for a body that steps would not see bend: fewer than three particles across its box."""
         for _, body in self.model.soft_bodies:
             ends = np.stack([body.vertices.min(axis=0), body.vertices.max(axis=0)])
             for axis, planes in enumerate(body.interior.planes):
@@ -163,7 +163,7 @@ class ExplicitDrop:
                 if count < LEAST_PARTICLES:
                     size = float(np.ptp(ends[:, axis]))
                     raise ModelError(
-                        f"mls: {count:.1f} particles through body {body.name!r} ({1e3 * size:.3g} mm along "
+                        f"mls: {count:.1f} particles across body {body.name!r} ({1e3 * size:.3g} mm along "
                         f"{'xyz'[axis]}), and explicit steps need {LEAST_PARTICLES:g}: give a resolution of "
                         f"{PER_CELL * size / LEAST_PARTICLES:.2g} m or finer, or use method tl"
                     )
@@ -242,7 +242,7 @@ class ExplicitDrop:
             result.certificate,
             method="mls",
             cell_m=self.cell,
-            bonds=bond_table(self.model, ((bond, force) for bond, _, force in report.bonded)) or None,
+            bonds=bond_table(self.model, ((bond, force, stretch) for bond, _, force, stretch in report.bonded)) or None,
             substeps=self.steps,
             inertia_scale=max(one.scale for one in self.soft.values()),
             interval_s=self.config.mls_interval_seconds,

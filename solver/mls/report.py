@@ -17,8 +17,8 @@ class ContactReport:
     """What acted over an interval."""
 
     touching: list[TouchingPoints]
-    bonded: list[tuple[BondedPair, Array, Array]]
-    """Bond, positions (k, 3) and mean forces (k, 3) on its first body."""
+    bonded: list[tuple[BondedPair, Array, Array, Array]]
+    """Bond, positions, mean forces on its first body, and stretches, shape (k, 3) each."""
 
     def pairs(self) -> set[tuple[int, int]]:
         """Bodies that hold each other, lower index first."""
@@ -28,7 +28,7 @@ class ContactReport:
     def forces(self) -> PointForces:
         """Every force of a contact or bond, point by point."""
         some = [(*t.pair.key, t.position, t.force, False) for t in self.touching]
-        some += [(bond.a.body, bond.b.body, position, force, True) for bond, position, force in self.bonded]
+        some += [(bond.a.body, bond.b.body, position, force, True) for bond, position, force, _ in self.bonded]
         count = [len(one[3]) for one in some]
         a, b, bonded = (np.repeat(np.array([one[k] for one in some], dtype=kind), count)
                         for k, kind in ((0, np.int64), (1, np.int64), (4, np.bool_)))  # fmt: skip

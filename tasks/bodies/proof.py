@@ -25,13 +25,15 @@ LARGEST_GAP_M = 3e-4
 CELL_SHARE, LARGEST_MLS_GAP_M = 0.1, 1e-3
 """Of mls: this share of its cell, and never more than that [-], [m]."""
 LARGEST_IMBALANCE = 0.01
-"""What of a body's weight may be held by nothing that is seen [-]."""
+"""Largest share of a body's weight that no visible contact holds [-]."""
 COUNTED = 0.9
 """Share of the force between two bodies whose points are force-carrying [-]: where a rim bends a surface, its triangles
 are chords, some tenths of a millimetre beside it."""
 SIDE_SHARE = 0.03
 """How far the triangles of a soft body's surface may lie beside the curved surface that contact sees, over their sides
 [-]."""
+ON_AN_EDGE = 1e-3
+"""A nearest place with a corner's weight below this lies on an edge of its triangle [-]."""
 STRAIN = 0.2
 """How far a place inside a soft body may have moved beside what its surface there did, over its depth [-]."""
 FARTHEST_M = 1e-3
@@ -63,6 +65,8 @@ def refutation(proof: ContactProof) -> str:
     if not proof.gap_m.holds:
         gap, most = 1e3 * proof.gap_m.value, 1e3 * proof.gap_m.threshold
         return f"forces that hold it act {gap:.3g} mm beside the surfaces (at most {most:.3g} mm)"
+    if not proof.imbalance.holds and proof.points == 0:
+        return "no known force holds it where it is"
     if not proof.imbalance.holds:
         return f"{proof.imbalance.value:.1%} of what a body weighs or carries, or its torque, is held by nothing there"
     return ""
@@ -75,7 +79,7 @@ def contact_proof(model: Model, surfaces: Sequence[Mesh], forces: PointForces, l
     size = np.linalg.norm(forces.force, axis=1)
     gap, allowed = np.zeros(len(size)), np.full(len(size), largest_gap)
     start, deep = np.zeros((2, len(size), 3)), np.zeros(len(size))
-    pushed = np.zeros(len(size), dtype=bool)
+    push, flat = np.zeros((2, len(size))), np.zeros((2, len(size)), dtype=bool)
     touching = ~forces.bonded & (size > 0.0)
     for which_side, (which, sign) in enumerate(((forces.a, -1.0), (forces.b, 1.0))):
         for index in np.unique(which).tolist():
@@ -84,12 +88,14 @@ def contact_proof(model: Model, surfaces: Sequence[Mesh], forces: PointForces, l
                 continue
             near = nearest(surfaces[index], forces.position[mine])
             gap[mine] = np.maximum(gap[mine], near.distance)
-            pushed[mine] |= sign * np.einsum("ki,ki->k", forces.force[mine], near.normal) >= 0.0
+            push[which_side, mine] = sign * np.einsum("ki,ki->k", forces.force[mine], near.normal)
+            flat[which_side, mine] = near.weight.min(axis=1) > ON_AN_EDGE
             start[which_side, mine] = started(model.bodies[index], surfaces[index], forces.position[mine], near)
             deep[mine] = np.maximum(deep[mine], near.distance)
             if isinstance(model.bodies[index], SoftBody):
                 allowed[mine] = np.maximum(allowed[mine], np.minimum(SIDE_SHARE * near.side, FARTHEST_M))
     rows = [CertificateRow.at_most(0.0, largest_gap)]
+    pushed = np.zeros(len(size), dtype=bool)
     pair = np.sort(np.column_stack([forces.a, forces.b]), axis=1)
     for one in np.unique(pair[touching], axis=0):
         mine = np.flatnonzero(touching & (pair == one).all(axis=1))
@@ -97,12 +103,28 @@ def contact_proof(model: Model, surfaces: Sequence[Mesh], forces: PointForces, l
         before = np.cumsum(size[order]) - size[order]
         last = order[before < COUNTED * size[order].sum()][-1]
         rows.append(CertificateRow.at_most(float(gap[last]), float(allowed[last])))
+        pushed[mine] = pushing(push[:, mine], flat[:, mine])
     torn = np.linalg.norm(start[0] - start[1], axis=1) > FARTHEST_M + STRAIN * deep
     valid = (forces.bonded & ~torn) | (touching & pushed & (gap <= FARTHEST_M))
     rest = max(imbalances(model, surfaces, forces, valid), default=0.0)
     return ContactProof(
         int(touching.sum()), min(rows, key=lambda row: row.margin), CertificateRow.at_most(rest, LARGEST_IMBALANCE)
     )
+
+
+def pushing(push: Array, flat: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Which forces between two bodies push at a surface, shape (k,): their parts along the inward normals of the first
+    and the outward normals of the second body [N], and where these are normals of faces, not of edges, shape (2, k).
+
+    The second body's face decides, as the place is a point of the first; where that is an edge, the first one's. A
+    surface at which all forces pull while they push at the other one is inside out, as scans may be.
+    """
+    first, second = (np.where(there, along, 0.0) for along, there in zip(push, flat, strict=True))
+    if first.sum() < 0.0 < second.sum():
+        first = -first
+    elif second.sum() < 0.0 < first.sum():
+        second = -second
+    return np.where(flat[1], second, first) >= 0.0
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -159,21 +181,22 @@ def nearest(mesh: Mesh, points: Array) -> Nearest:
 def imbalances(
     model: Model, surfaces: Sequence[Mesh], forces: PointForces, valid: NDArray[np.bool_]
 ) -> Iterator[float]:
-    """What valid forces leave unbalanced of each free body [-]: force over its weight, or over what it carries where
-    that is more, and of a rigid body torque about its centre of mass over the same times half its size. What rolling
-    resistance may hold is no unbalanced torque. A body without a valid force is not held at all."""
+    """Return the imbalance of each free body under valid forces [-]: force over its weight, or over what it carries
+    where that is more, and of a rigid body torque about its centre of mass over the same times half its size. Torque
+    that rolling resistance may hold, the force times the largest lever of the surfaces, is not counted. A body without
+    a valid force is not held at all."""
     heaviest = max((body.mass for body in model.bodies if not body.fixed), default=0.0) * model.gravity_strength
     for index, body in enumerate(model.bodies):
         if body.fixed:
             continue
         first, second = valid & (forces.a == index), valid & (forces.b == index)
         own = np.concatenate([forces.force[first], -forces.force[second]])
-        if len(own) == 0:
-            yield 1.0
-            continue
         weight = body.mass * model.gravity_strength
+        if len(own) == 0:
+            yield float(np.linalg.norm(model.gravity) > 0.0)
+            continue
         carried = 0.5 * float(np.linalg.norm(own, axis=1).sum() - np.linalg.norm(own.sum(axis=0)))
-        scale = max(min(max(weight, carried), heaviest), TINY)
+        scale = min(max(weight, carried), heaviest)
         rest = (own.sum(axis=0) + body.mass * model.gravity) * free_motions(body)[:3]
         yield float(np.linalg.norm(rest)) / scale
         if isinstance(body, RigidBody):
@@ -185,5 +208,4 @@ def imbalances(
             )
             arm = position - (rotation @ body.center_of_mass + translation)
             torque = np.linalg.norm(np.cross(arm, own).sum(axis=0) * free_motions(body)[3:])
-            rolling = lever * float(np.linalg.norm(own, axis=1).sum())
-            yield max(float(torque) - rolling, 0.0) / (scale * 0.5 * body.size)
+            yield max(float(torque) / scale - lever, 0.0) / (0.5 * body.size)

@@ -130,7 +130,8 @@ def legend(rows: Sequence[ContactRow], own: str, labels: Mapping[str, str], deep
     if len(touching) > 3:
         lines.append(f"and {len(touching) - 3} more contacts")
     scale = width / 1024
-    height = (0.95 + 0.24 * max(len(lines), 1)) * scale
+    first = 4 if deepest > SHALLOWEST else 2  # below the colours, as what carries it may have a long name
+    height = (0.95 + 0.24 * (max(len(lines), 1) + first - 2)) * scale
     figure = Figure(figsize=(width / DPI, height * 100 / DPI), dpi=DPI, facecolor="white")
     canvas = FigureCanvasAgg(figure)
     size = 13.0 * scale
@@ -139,7 +140,7 @@ def legend(rows: Sequence[ContactRow], own: str, labels: Mapping[str, str], deep
     figure.text(0.06, 1.0 - 1.3 * step, "where it touches", size=size)
     figure.text(0.28, 1.0 - 1.3 * step, "—", color=OUTLINE / 255.0, size=1.2 * size, weight="bold")
     figure.text(0.31, 1.0 - 1.3 * step, "outline of the object", size=size)
-    for number, line in enumerate(lines or ["nothing carries it"], 2):
+    for number, line in enumerate(lines or ["nothing carries it"], first):
         figure.text(0.03, 1.0 - (1.3 * number) * step, line, size=size)
     if deepest > SHALLOWEST:
         axes = figure.add_axes((0.62, 1.0 - 1.5 * step, 0.34, 0.8 * step))

@@ -8,7 +8,7 @@ import pytest
 from perf.references import REFERENCES, depth_of
 from tasks.case.run import run_case
 
-CYLINDER, BALL = "a flat cylinder", "a ball, E 2e4"
+CYLINDER, BALL, COVER = "a flat cylinder", "a ball, E 2e4", "a ball on a bonded cover"
 
 
 @pytest.mark.slow
@@ -24,7 +24,7 @@ def test_it_sinks_as_deep_as_the_reference(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", [BALL, CYLINDER])
+@pytest.mark.parametrize("name", [BALL, CYLINDER, COVER])
 def test_explicit_steps_sink_it_as_deep(name: str, tmp_path: Path) -> None:
     """Within a tenth, as the other method of the same contact."""
     one = REFERENCES[name]
