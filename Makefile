@@ -18,6 +18,10 @@ PARALLEL := -n 2 --dist worksteal
 # What `make check` runs; `make test` runs this and what is slow or needs third-party data.
 FAST := not slow and not long and not sweep and not third_party and not gpu
 
+# A variable counts if it was typed: desktops have LANGUAGE in their environment.
+said = $(filter command,$(origin $(1)))
+option = $(if $(call said,$(2)),--$(1) "$($(2))")
+
 .DEFAULT_GOAL := help
 .PHONY: setup node-tools test test-all types fast clusters sweep check benchmark demo ui worker perf perf-peers docs docs-serve docs-pictures clean help lock system-libraries
 
@@ -77,8 +81,10 @@ types: $(READY)
 fast: $(READY)
 	$(BIN)/pytest $(PARALLEL) -m "$(FAST)"
 
-benchmark: $(READY) ## place every sample of the embedded dataset; tables, pictures, HTML report
-	$(BIN)/dcap benchmark
+benchmark: $(READY) ## place the embedded dataset, or DATASET=samples.yaml; also METHODS, LANGUAGE, MODEL, WORKERS, JUDGE, JUDGE_MODEL
+	$(BIN)/dcap benchmark $(call option,dataset,DATASET) $(call option,methods,METHODS) $(call option,language,LANGUAGE) \
+		$(call option,model,MODEL) $(call option,workers,WORKERS) $(if $(call said,JUDGE),|| test $$? -eq 4)
+	$(if $(call said,JUDGE),$(BIN)/dcap judge last --language "$(JUDGE)" $(call option,model,JUDGE_MODEL))
 
 demo: $(READY) ## one placement: a ball on a bed
 	$(BIN)/dcap dataset make

@@ -60,8 +60,10 @@ class LanguageOptions:
             raise InputError(
                 f"--model {self.model} is for --language {', '.join(APIS)} or replay: offline asks no model"
             )
-        if client in (ClientName.OFFLINE, ClientName.REPLAY) and self.effort:
-            raise InputError(f"--effort {self.effort} is for --language {' or '.join(APIS)}: {client} asks no model")
+        if client is ClientName.OFFLINE and self.effort:
+            raise InputError(
+                f"--effort {self.effort} is for --language {', '.join(APIS)} or replay: offline asks no model"
+            )
         if client is ClientName.OPENAI and not self.model:
             raise InputError(
                 "--language openai needs --model NAME: a server of your own knows its models by its own names"
@@ -75,7 +77,7 @@ class LanguageOptions:
             return LanguageConfig()
         if client is ClientName.REPLAY:
             folder = ReplyFolder(Path(self.replay))
-            name, _, host = recorded_model(folder, self.model).partition("@")
+            name, _, host = recorded_model(folder, self.model, self.effort).partition("@")
             model, _, effort = name.partition("+")
             return LanguageConfig(
                 client=client, model=unquote(model), effort=effort, endpoint=host, recording=folder.content()
@@ -111,14 +113,18 @@ def language_options(options: Options) -> LanguageOptions:
     return LanguageOptions(**{name: getattr(options, name) for name in names if hasattr(options, name)})
 
 
-def recorded_model(folder: ReplyFolder, wanted: str) -> str:
-    """The model whose replies a recording holds; InputError if there is none or the choice is open."""
+def recorded_model(folder: ReplyFolder, wanted: str, effort: str = "") -> str:
+    """The model whose replies a recording holds, without an effort if that is wanted by name alone; InputError if there
+    is none or the choice is open."""
     models = folder.models()
     if not models:
         raise InputError(f"--replay {folder.root}: no recorded replies there; record some with --record DIR")
     fitting = [name for name in models if wanted in ("", name, unquote(name.partition("@")[0].partition("+")[0]))]
     if not fitting:
         raise InputError(f"--replay {folder.root} has replies of {', '.join(models)}, none of --model {wanted}")
+    suffix = f"+{effort}" if effort else ""
+    exact = [name for name in fitting if name.partition("@")[0].endswith(suffix) and (effort or "+" not in name)]
+    fitting = exact if len(fitting) > 1 and (wanted or effort) and len(exact) == 1 else fitting
     if len(fitting) > 1:
         raise InputError(f"--replay {folder.root} has replies of {', '.join(fitting)}; choose one with --model")
     return fitting[0]

@@ -1,5 +1,5 @@
 """The command line: `dcap place|benchmark|plan|rerun|drop|report|diff|provenance|judge|maps|view|export|study|dataset|
-cache|config|ui|worker`.
+cache|config|language|ui|worker`.
 
 Results go to standard output, everything else to standard error. Exit codes: 0 at rest or done, 2 bad input, 3
 understood but infeasible, 4 some samples of a benchmark failed. An error that a user can mend is one line.
@@ -19,6 +19,7 @@ from flows.cli.border import check_words, end_output, told
 from flows.cli.checks import Json, Run, with_options
 from flows.cli.config_command import config_app
 from flows.cli.data import cache_app, dataset_app
+from flows.cli.language_command import language_app
 from flows.cli.results import diff, export, judge, maps, provenance, view
 from flows.cli.study_command import study_app
 from flows.find_run import find_run
@@ -54,6 +55,7 @@ app.add_typer(dataset_app, name="dataset")
 app.add_typer(cache_app, name="cache")
 app.add_typer(study_app, name="study")
 app.add_typer(config_app, name="config")
+app.add_typer(language_app, name="language")
 for command in (maps, judge, view, export, diff, provenance):
     app.command()(command)
 

@@ -7,16 +7,21 @@ mass prior where its particles are filled; the reason says so.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel, NonNegativeFloat, PositiveFloat
 
+from dcap.geometry.camera import looking_at
+from dcap.geometry.rendering.picture import picture
 from dcap.language.connect import Client
 from dcap.language.material_table import load_materials
+from dcap.language.offline.material_choice import shortlist
 from dcap.language.protocol.client import LanguageConfig
 from dcap.language.protocol.questions import MATERIALS
 from dcap.language.protocol.replies import MaterialChoice
-from dcap.language.protocol.requests import MaterialQuestion, MaterialsRequest
+from dcap.language.protocol.requests import MaterialQuestion, MaterialsRequest, Picture
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.earlier import FreedThings
 from dcap.scene.types.intent import Intent
@@ -28,6 +33,10 @@ from tasks.materials.stiff_parts import stiffened
 from tasks.requests.views import part_views, sums_of
 
 OBJECT = "object"
+MOST_ROWS = 20
+"""Rows of the library that are offered, more only where more parts are asked about [-]."""
+PICTURE, DISTANCE = 512, 1.3
+"""Width and height of the picture [pixels], and how far its camera is over what is seen [-]."""
 LIMITED = "materials are clamped to the paper's limits (E 5e4 to 5e9 Pa, density 30 to 8000 kg/m3, friction 0.05 to 1)"
 
 
@@ -70,7 +79,9 @@ def materials(
     asked = [one for one in around if (one.body, one.part.index) not in known]
     questions = [*object_questions(item, intent), *asked]
     rows_alone = tuple(replace(row, source="") for row in library.values())  # where they come from helps nobody choose
-    request = MaterialsRequest(prompt, tuple(questions), rows_alone, anchor.base_id)
+    seen = Picture("the object over what is to carry it", partial(over_its_base, scene, item, anchor))
+    whole = MaterialsRequest(prompt, tuple(questions), rows_alone, anchor.base_id, (seen,))
+    request = replace(whole, library=shortlist(whole, MOST_ROWS))
     reply = client.ask(MATERIALS, request)
     given = {(choice.body, choice.part_index): choice for choice in reply.choices}
     rows = [part_material(q, given[q.body, q.part.index], library, intent, config) for q in questions]
@@ -83,6 +94,16 @@ def materials(
 
 
 materials_task = stage(materials)
+
+
+def over_its_base(scene: Segmentation, item: Segmentation, anchor: Anchor) -> NDArray[np.uint8]:
+    """The object where its drop begins and what is to carry it, from a corner, RGB, shape (h, w, 3)."""
+    base = scene.instance_mesh(scene.index_of(anchor.base_id))
+    above = item.mesh.transformed(anchor.world_from_object)
+    corners = np.concatenate([base.bounds, above.bounds])
+    middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
+    away = DISTANCE * float(np.linalg.norm(np.ptp(corners, axis=0))) * np.array([0.5, -0.7, 0.5])
+    return picture([base, above], looking_at(middle + away, middle, PICTURE, PICTURE), samples=1).rgb
 
 
 def object_questions(item: Segmentation, intent: Intent) -> list[MaterialQuestion]:

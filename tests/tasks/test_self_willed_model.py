@@ -147,7 +147,7 @@ def test_the_front_looks_at_the_thing_that_the_reply_names(api: FakeApi, model: 
 
 def test_the_rows_are_those_of_the_reply(api: FakeApi, model: Stages):
     """Every part gets the row that the model picks, with its reason, not the one that a reader would."""
-    picks = {("object", 0): "cork", ("bed", 1): "steel"}
+    picks = {("object", 0): "steel", ("bed", 1): "granite"}
 
     def other(reply):
         for choice in reply["choices"]:

@@ -37,8 +37,8 @@ SHOWN = 300
 
 def reply_of(config: LanguageConfig, payload: Payload, session: Session) -> Message:
     """The API's reply to one call."""
-    with told_in_a_line(config.model, session.timeout):
-        api = connection().with_options(timeout=session.timeout)
+    with told_in_a_line(config.model, payload.room * session.timeout):
+        api = connection().with_options(timeout=payload.room * session.timeout)
         raw = api.messages.with_raw_response.create(**call_of(config, payload, session))
     return as_message(config.model, raw.http_response.text)
 
@@ -106,7 +106,7 @@ def well_formed(message: object) -> bool:
 
 
 @contextmanager
-def told_in_a_line(model: str, timeout: float = TIMEOUT) -> Iterator[None]:
+def told_in_a_line(model: str, timeout: float | None = None) -> Iterator[None]:
     """Failures of the SDK as LanguageError in one line, without headers and key; RefusedError: nothing was done."""
     import anthropic
 
@@ -138,9 +138,10 @@ def failed(model: str, status: int, said: str) -> LanguageError:
     return (RefusedError if refused else LanguageError)(f"{model} answered HTTP {status}: {said}")
 
 
-def unanswered(model: str, timeout: float) -> LanguageError:
-    """What is said where every try took too long."""
-    return LanguageError(f"{model} gave no answer within {timeout:g} s (--reply-timeout), {RETRIES + 1} times")
+def unanswered(model: str, timeout: float | None) -> LanguageError:
+    """Return the error of a call whose every try took too long; None: the longest wait is not the user's."""
+    waited = f"{TIMEOUT:g} s" if timeout is None else f"{timeout:g} s (--reply-timeout)"
+    return LanguageError(f"{model} gave no answer within {waited}, {RETRIES + 1} times")
 
 
 def unreachable(model: str, error: Exception, variable: str) -> LanguageError:

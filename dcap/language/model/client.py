@@ -20,7 +20,7 @@ from dcap.language.model.payload import Payload, payload_of, rejection
 from dcap.language.model.reply_folder import Message, ReplyFolder
 from dcap.language.protocol.client import ClientName, Idle, LanguageConfig
 from dcap.language.protocol.questions import Question, ReplyT, RequestT
-from dcap.language.protocol.session import Session
+from dcap.language.protocol.session import MAX_TOKENS, Session
 from dcap.scene.errors import InputError, LanguageError
 
 ATTEMPTS = 3
@@ -48,6 +48,8 @@ class ModelClient:
     """Puts the replies to these questions aside for a person; their folder, None if nothing was kept."""
     batched: bool = False
     """Whether questions wait for a batch."""
+    max_tokens: int = MAX_TOKENS
+    """Longest answer before one was cut off."""
     idle: Idle = nullcontext
     """Entered while a question waits for a batch."""
 
@@ -64,7 +66,12 @@ class ModelClient:
             answer = text_of(message)
             if message.get("stop_reason") == CUT_OFF:
                 problem = f"the answer was cut off after {written(message)} tokens, thoughts included (--max-tokens)"
-                payload = payload.with_more_room()
+                more = payload.with_more_room()
+                if more.tokens(self.max_tokens) == payload.tokens(self.max_tokens):
+                    raise LanguageError(
+                        f"{self.model}: {problem}, and longer ones are not asked for{self._aside(sent)}"
+                    )
+                payload = more
                 continue
             try:
                 return question.parsed(json_of(answer), request)
@@ -99,13 +106,15 @@ class ModelClient:
 def model_client(config: LanguageConfig, session: Session, idle: Idle = nullcontext) -> ModelClient:
     """The client for a model in this session: the API behind what is kept, or a recording."""
     if config.client is ClientName.REPLAY:
-        return ModelClient(config.model, replayed(config.source, session), lambda _: None)
+        replay = replayed(config.source, session)
+        return ModelClient(config.model, replay, lambda _: None, max_tokens=session.max_tokens)
     kept = ReplyFolder(session.kept_folder)
     return ModelClient(
         config.model,
         kept_or_asked(config, session, kept),
         lambda digests: kept.reject(config.source, digests),
         bool(session.batch),
+        session.max_tokens,
         idle,
     )
 

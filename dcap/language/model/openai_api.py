@@ -42,8 +42,8 @@ CUT_OFF, FILTERED = "length", "content_filter"
 
 def reply_of(config: LanguageConfig, payload: Payload, session: Session) -> Message:
     """The server's reply to one call."""
-    with told_in_a_line(config.model, session.timeout):
-        api = connection().with_options(timeout=session.timeout)
+    with told_in_a_line(config.model, payload.room * session.timeout):
+        api = connection().with_options(timeout=payload.room * session.timeout)
         raw = api.chat.completions.with_raw_response.create(**call_of(config, payload, session))
     return as_message(config.model, raw.text)
 

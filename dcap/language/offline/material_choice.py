@@ -8,7 +8,7 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 
-from dcap.language.material_table import families
+from dcap.language.material_table import FAMILIES, families
 from dcap.language.offline.lexicon import is_a, label_words, lineage, part_words, rows, thing_of, things, vocabulary
 from dcap.language.offline.made_of import (
     EVERY,
@@ -22,9 +22,12 @@ from dcap.language.offline.made_of import (
 from dcap.language.protocol.replies import MaterialChoice
 from dcap.language.protocol.requests import MaterialQuestion, MaterialsRequest
 from dcap.scene.errors import InputError
+from dcap.scene.types.materials import Material
 
 USUAL = "lexicon/usual_materials.csv"
 OBJECT = "object"
+ALIKE = 3
+"""Rows of a likely family that are offered for one of another [-]."""
 VAGUE_PARTS = frozenset({"body", "base", "head", "handle", "top", "side"})
 """Names of parts that say nothing about the material as long as it is not known what the whole is."""
 
@@ -46,6 +49,23 @@ def chosen_materials(request: MaterialsRequest) -> Iterator[MaterialChoice]:
     for question in request.questions:
         material, reason = material_of(question, known, said_of(question, request))
         yield MaterialChoice(body=question.body, part_index=question.part.index, material=material, reason=reason)
+
+
+def shortlist(request: MaterialsRequest, most: int) -> tuple[Material, ...]:
+    """Rows of the request's library that its parts may be made of, in the order of the library: for each part the row
+    that its name and the words name, then rows of all families in turn, three of those families for one of another, up
+    to `most`."""
+    known = {row.id: row for row in request.library}
+    chosen = dict.fromkeys(one.material for one in chosen_materials(request))
+    near = dict.fromkeys(families()[one] for one in chosen)
+    by_family = {kind: [row for row in known if families()[row] == kind] for kind in (*near, *FAMILIES)}
+    for turn in range(len(known)):
+        for kind, alike in by_family.items():
+            count = ALIKE if kind in near else 1
+            for row in alike[turn * count : (turn + 1) * count]:
+                if len(chosen) < most:
+                    chosen[row] = None
+    return tuple(row for name, row in known.items() if name in chosen)
 
 
 def said_of(question: MaterialQuestion, request: MaterialsRequest) -> list[str]:

@@ -59,7 +59,7 @@ class Question(Generic[RequestT, ReplyT]):
 INTENT = Question("intent", IntentRequest, IntentReply, IntentReply.check, ("instances", "room_center"))
 ROTATION = Question("rotation", RotationRequest, RotationReply, RotationReply.check)
 ANCHOR = Question("anchor", AnchorRequest, AnchorReply, AnchorReply.check)
-MATERIALS = Question("materials", MaterialsRequest, MaterialsReply, MaterialsReply.check, ("library",))
+MATERIALS = Question("materials", MaterialsRequest, MaterialsReply, MaterialsReply.check)
 LABEL = Question("label", LabelRequest, LabelReply, LabelReply.check, ("labels",))
 PARTS = Question("parts", PartsRequest, PartsReply, PartsReply.check, ("names",))
 LAYOUTGPT = Question("layoutgpt", LayoutRequest, LayoutReply, LayoutReply.check, ("instances", "room_center"))

@@ -135,7 +135,7 @@ class PoseView:
 
 
 def lying(up: Floats, front: Floats) -> str:
-    """How something lies of which its own top and front point where two unit vectors (3,) say."""
+    """Describe how a thing lies, by the directions of its own top and front, unit vectors (3,)."""
     ways = {
         "stands, its own top up": up[2], "upside down, its own top down": -up[2],
         "on its back, its front up": front[2], "on its face, its front down": -front[2],
