@@ -1,13 +1,14 @@
 """A stand-in for a server of chat completions on the loopback interface, with the same models as Anthropic's stand-in.
 
 What comes is put into the form of the Messages API, given to the model, and the reply put back. It refuses what the
-real one refuses (api_rules.py).
+real one refuses (openai_rules.py).
 """
 
 from typing import Any
 
-from api_rules import OPENAI_RULES, Body, Call, Refusal, openai_shape, refusal
+from api_rules import Body, Call, Refusal, refusal
 from fake_api import Answer, FakeApi
+from openai_rules import OPENAI_RULES, openai_shape
 
 
 class FakeOpenAi(FakeApi):
