@@ -64,11 +64,11 @@ def refutation(proof: ContactProof) -> str:
     """Why a state is not at rest although nothing moves; empty where the proof holds."""
     if not proof.gap_m.holds:
         gap, most = 1e3 * proof.gap_m.value, 1e3 * proof.gap_m.threshold
-        return f"forces that hold it act {gap:.3g} mm beside the surfaces (at most {most:.3g} mm)"
+        return f"forces that hold it act {gap:.3g} mm off the surfaces (at most {most:.3g} mm)"
     if not proof.imbalance.holds and proof.points == 0:
         return "no known force holds it where it is"
     if not proof.imbalance.holds:
-        return f"{proof.imbalance.value:.1%} of what a body weighs or carries, or its torque, is held by nothing there"
+        return f"no contact holds {proof.imbalance.value:.1%} of a body's load or of its torque"
     return ""
 
 
@@ -94,16 +94,19 @@ def contact_proof(model: Model, surfaces: Sequence[Mesh], forces: PointForces, l
             deep[mine] = np.maximum(deep[mine], near.distance)
             if isinstance(model.bodies[index], SoftBody):
                 allowed[mine] = np.maximum(allowed[mine], np.minimum(SIDE_SHARE * near.side, FARTHEST_M))
-    rows = [CertificateRow.at_most(0.0, largest_gap)]
     pushed = np.zeros(len(size), dtype=bool)
-    pair = np.sort(np.column_stack([forces.a, forces.b]), axis=1)
+    ordered = np.column_stack([forces.a, forces.b])
+    for one in np.unique(ordered[touching], axis=0):
+        mine = np.flatnonzero(touching & (ordered == one).all(axis=1))
+        pushed[mine] = pushing(push[:, mine], flat[:, mine])
+    rows = [CertificateRow.at_most(0.0, largest_gap)]
+    pair = np.sort(ordered, axis=1)
     for one in np.unique(pair[touching], axis=0):
         mine = np.flatnonzero(touching & (pair == one).all(axis=1))
         order = mine[np.argsort(gap[mine] / allowed[mine], kind="stable")]
         before = np.cumsum(size[order]) - size[order]
         last = order[before < COUNTED * size[order].sum()][-1]
         rows.append(CertificateRow.at_most(float(gap[last]), float(allowed[last])))
-        pushed[mine] = pushing(push[:, mine], flat[:, mine])
     torn = np.linalg.norm(start[0] - start[1], axis=1) > FARTHEST_M + STRAIN * deep
     valid = (forces.bonded & ~torn) | (touching & pushed & (gap <= FARTHEST_M))
     rest = max(imbalances(model, surfaces, forces, valid), default=0.0)
@@ -113,11 +116,13 @@ def contact_proof(model: Model, surfaces: Sequence[Mesh], forces: PointForces, l
 
 
 def pushing(push: Array, flat: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Which forces between two bodies push at a surface, shape (k,): their parts along the inward normals of the first
-    and the outward normals of the second body [N], and where these are normals of faces, not of edges, shape (2, k).
+    """Tell which forces of one body on another push at a surface, shape (k,).
+
+    In: their parts along the inward normals of the first and the outward normals of the second body [N], and where
+    these are normals of faces, not of edges, shape (2, k) each.
 
     The second body's face decides, as the place is a point of the first; where that is an edge, the first one's. A
-    surface at which all forces pull while they push at the other one is inside out, as scans may be.
+    surface at which forces pull while they push at the other one is inside out, as scans may be.
     """
     first, second = (np.where(there, along, 0.0) for along, there in zip(push, flat, strict=True))
     if first.sum() < 0.0 < second.sum():

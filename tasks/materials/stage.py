@@ -30,6 +30,7 @@ from dcap.scene.types.outcome import Infeasible
 from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
 from tasks.cache import stage
 from tasks.materials.stiff_parts import stiffened
+from tasks.requests.surroundings import part_frame
 from tasks.requests.views import part_views, sums_of
 
 OBJECT = "object"
@@ -79,7 +80,7 @@ def materials(
     asked = [one for one in around if (one.body, one.part.index) not in known]
     questions = [*object_questions(item, intent), *asked]
     rows_alone = tuple(replace(row, source="") for row in library.values())  # where they come from helps nobody choose
-    seen = Picture("the object over what is to carry it", partial(over_its_base, scene, item, anchor))
+    seen = Picture("the object over its support", partial(over_its_base, scene, item, anchor))
     whole = MaterialsRequest(prompt, tuple(questions), rows_alone, anchor.base_id, (seen,))
     request = replace(whole, library=shortlist(whole, MOST_ROWS))
     reply = client.ask(MATERIALS, request)
@@ -97,12 +98,15 @@ materials_task = stage(materials)
 
 
 def over_its_base(scene: Segmentation, item: Segmentation, anchor: Anchor) -> NDArray[np.uint8]:
-    """The object where its drop begins and what is to carry it, from a corner, RGB, shape (h, w, 3)."""
-    base = scene.instance_mesh(scene.index_of(anchor.base_id))
+    """The object where its drop begins and its base, from the side of its viewer, RGB, shape (h, w, 3)."""
+    index = scene.index_of(anchor.base_id)
+    base = scene.instance_mesh(index)
+    frame = part_frame(scene, scene.instances[index], scene.instances[index].box)
     above = item.mesh.transformed(anchor.world_from_object)
     corners = np.concatenate([base.bounds, above.bounds])
     middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
-    away = DISTANCE * float(np.linalg.norm(np.ptp(corners, axis=0))) * np.array([0.5, -0.7, 0.5])
+    direction = np.array([*(0.7 * frame.front + 0.5 * frame.right), 0.5])
+    away = DISTANCE * float(np.linalg.norm(np.ptp(corners, axis=0))) * direction
     return picture([base, above], looking_at(middle + away, middle, PICTURE, PICTURE), samples=1).rgb
 
 

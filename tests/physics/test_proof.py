@@ -135,7 +135,14 @@ def check_forces(model: Model, result, missed: list[str], name: str) -> None:
         assert "nan" not in refutation(found.certificate.proof)
 
 
-def acting(lab, *where: tuple[float, float, float], pull: float = 0.0, lift: float = 0.0, bonded: bool = False):
+def acting(
+    lab,
+    *where: tuple[float, float, float],
+    pull: float = 0.0,
+    inside_out: int | None = None,
+    lift: float = 0.0,
+    bonded: bool = False,
+):
     """A block of 5 cm and 0.5 kg on a floor, its weight carried at so many places alike, and the proof of that once it
     is lifted [m]; `pull` of its weight pulls there, too, and what pushes is as much more."""
     block, floor = lab.rigid("block", lab.Box(np.full(3, 0.05)), [0, 0, 0.025], mass=0.5), lab.floor()
@@ -147,10 +154,12 @@ def acting(lab, *where: tuple[float, float, float], pull: float = 0.0, lift: flo
     forces = PointForces(np.zeros(count, int), np.ones(count, int), position, up[:, None] * np.array([0.0, 0.0, 1.0]),
                          np.full(count, bonded))  # fmt: skip
     surfaces = [Mesh.of(lifted(lift)(block.vertices), block.faces), Mesh.of(floor.vertices, floor.faces)]
+    if inside_out is not None:
+        surfaces[inside_out] = Mesh.of(surfaces[inside_out].vertices, surfaces[inside_out].faces[:, ::-1])
     return contact_proof(model, surfaces, forces, 3e-4)
 
 
-FEET = [(x, y, 0.0) for x in (-0.02, 0.02) for y in (-0.013, 0.013)]  # on no diagonal of a face
+FEET = [(x, y, 0.0) for x in (-0.017, 0.017) for y in (-0.013, 0.013)]  # on no edge of a triangle
 
 
 def test_forces_at_feet_hold_a_block(lab) -> None:
@@ -173,6 +182,12 @@ def test_forces_at_feet_hold_a_block(lab) -> None:
 def test_forces_that_cannot_hold_it_prove_nothing(lab, where, lift: float, bonded: bool) -> None:
     """None at all, all at one corner, away from the surfaces, across a gap."""
     assert not acting(lab, *where, lift=lift, bonded=bonded).holds
+
+
+@pytest.mark.parametrize("turned", [0, 1])
+def test_a_surface_that_is_inside_out_proves_as_much(lab, turned: int) -> None:
+    """Scans may have all faces of a body turned: the block's or the floor's."""
+    assert acting(lab, *FEET, inside_out=turned).holds
 
 
 def test_forces_that_pull_hold_nothing(lab) -> None:

@@ -130,11 +130,11 @@ class PoseView:
     def of(cls, name: str, rotation: Floats, probability: float, up: Floats, front: Floats, size: Floats) -> "PoseView":
         """From arrays of shape (3, 3) and (3,)."""
         rows = (vector(rotation[0]), vector(rotation[1]), vector(rotation[2]))
-        told = vector(up), vector(front), vector(size), lying(up, front)
-        return cls(name, rows, round(probability, 6), *told)
+        described = vector(up), vector(front), vector(size), pose_in_words(up, front)
+        return cls(name, rows, round(probability, 6), *described)
 
 
-def lying(up: Floats, front: Floats) -> str:
+def pose_in_words(up: Floats, front: Floats) -> str:
     """Describe how a thing lies, by the directions of its own top and front, unit vectors (3,)."""
     ways = {
         "stands, its own top up": up[2], "upside down, its own top down": -up[2],
