@@ -2,7 +2,8 @@
 
 In: scene, object, the intent's scale and name of the object (nothing else of it), prompt. Out: an `Anchor` whose pose
 is final; `too_large_for_target` where the object is not smaller than 90 % of the receptacle, `no_support_hit` where all
-attempts fail, what it found collides, or the floor has no place. See `dcap/evaluation/baselines/holodeck`.
+attempts fail, what it found collides, the floor has no place, or the answer has no line for the object. See
+`dcap/evaluation/baselines/holodeck`.
 """
 
 import numpy as np
@@ -12,7 +13,7 @@ from dcap.evaluation.baselines.asset import CanonicalAsset, canonical_asset
 from dcap.evaluation.baselines.floor_plan import floor_plan_of
 from dcap.evaluation.baselines.holodeck.constraints import parsed_relations
 from dcap.evaluation.baselines.holodeck.floor_placement import CENTIMETRES, floor_place, floor_pose
-from dcap.evaluation.baselines.holodeck.receptacle import collides, fits_on, is_small, receptacle_place
+from dcap.evaluation.baselines.holodeck.receptacle import collides, fits_on, is_small, is_thin, receptacle_place
 from dcap.evaluation.baselines.proposal import proposed_anchor
 from dcap.evaluation.metrics.columns import columns
 from dcap.geometry.raycast import Raycaster
@@ -28,6 +29,9 @@ from dcap.scene.types.outcome import Infeasible, Reason
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
 from tasks.cache import stage
 from tasks.requests.views import instance_views, object_view, room_center
+
+SHOWN = 120
+"""Characters of a bad answer that a message quotes."""
 
 
 class HolodeckConfig(BaseModel, frozen=True, extra="forbid"):
@@ -107,8 +111,7 @@ def on_receptacle(
         return Infeasible(Reason.NO_SUPPORT_HIT, f"{attempts} attempts found no free place on the {one.label}", None)
     pose = asset.pose(place.center, place.yaw, place.tilt)
     thing = item.mesh.transformed(pose)
-    stays = not is_small(asset.size) and np.array_equal(place.tilt, np.eye(3))
-    if not stays:
+    if is_small(asset.size) or is_thin(asset.size):
         pose[2, 3] -= float(columns(thing, Raycaster(scene.mesh), sunk=False).gap.min())
     elif met := collides(plan, receptacle, *thing.bounds):
         return Infeasible(Reason.NO_SUPPORT_HIT, f"dropped: on the {one.label} its box meets that of the {met}", None)
@@ -130,6 +133,9 @@ def on_floor(
     """The floor's place of the best score."""
     names, name = {one.id: one.name for one in request.things}, request.object_name
     relations = parsed_relations(constraints, name, [names[box.thing] for box in plan.things])
+    if relations is None:
+        said = " ".join(constraints.split())[:SHOWN]
+        return Infeasible(Reason.NO_SUPPORT_HIT, f"the answer has no line for {name}: {said!r}", None)
     place = floor_place(plan, names, asset, name, relations, rng, roots=config.roots, steps=config.steps)
     said = " | ".join(", ".join(filter(None, (one.name, one.target))) for one in relations) or "edge by default"
     if place is None:

@@ -33,7 +33,8 @@ class LayoutGptConfig(BaseModel, frozen=True, extra="forbid"):
     exemplars: NonNegativeInt = 8
     """Most rooms that are shown as examples."""
     token_limit: PositiveInt = 7000
-    """Tokens that the prompt with its examples may have, about."""
+    """Tokens that sentence, categories, layout and examples may have together, about; the system text, which the source
+    counts too, and the list of instances, which it does not have, are not counted."""
 
 
 def layoutgpt(

@@ -2,7 +2,8 @@
 
 The source is the published program of LayoutGPT (Feng et al., 2023; `parse_3D_layout`): what stands before the bracket
 is the category without its digits, between the brackets are exactly seven fields `name: number`, letters of units are
-cut off, and whatever is not of this form is no line.
+cut off, and whatever is not of this form is no line. A line whose seven fields have other names is none either; the
+source keeps it as a box of zeros.
 """
 
 import math

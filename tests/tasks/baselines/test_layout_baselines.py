@@ -164,6 +164,13 @@ def test_holodeck_leaves_what_is_large_where_it_was_put() -> None:
     assert found.clearance == pytest.approx(1e-3, abs=1e-4)
 
 
+def test_holodeck_lets_down_what_is_thin() -> None:
+    """A standing box 4 cm thick: the source does not lay it flat, and leaves it to physics all the same."""
+    found = deck_of("put the box on the bed", OFFLINE, thing("box", block((0, 0, 0), (0.3, 0.04, 0.3))))
+    assert isinstance(found, Anchor), found
+    assert found.clearance == pytest.approx(0.0, abs=1e-6)
+
+
 def test_holodeck_does_not_put_what_is_too_large() -> None:
     """An armchair of 0.75 m is not less than 90 % of the table's 0.8 m."""
     seat = thing("armchair", block((-0.375, -0.375, 0.0), (0.375, 0.375, 0.8)))
@@ -181,13 +188,22 @@ def test_holodeck_has_no_place_where_the_room_is_full() -> None:
 
 @pytest.mark.parametrize(
     ("line", "said"),
-    [("", "edge by default"), ("mug-0 | egde | near, piano-0 | blah", "edge | "), ("mug-0 | middle", "middle;")],
+    [("mug-0 |", "edge by default"), ("mug-0 | egde | near, piano-0 | blah", "edge | "), ("mug-0 | middle", "middle;")],
 )
 def test_holodeck_reads_bad_lines_as_its_source_does(api: FakeApi, line: str, said: str) -> None:
-    """No line: an edge; misspelled words are the nearest ones; targets that are not there are dropped."""
+    """No relation: an edge; misspelled words are the nearest ones; targets that are not there are dropped."""
     found = deck_of("put the mug on the floor", asking(api, {"on_top_of": "", "constraints": line}))
     assert isinstance(found, Anchor), found
     assert said.rstrip(" |") in found.reason
+
+
+@pytest.mark.parametrize("line", ["", "I would put it at the wall.", "stool-0 | edge"])
+def test_holodeck_does_not_place_an_object_without_a_line(api: FakeApi, line: str) -> None:
+    """As in the source; nothing is asked again."""
+    found = deck_of("put the mug on the floor", asking(api, {"on_top_of": "", "constraints": line}))
+    assert isinstance(found, Infeasible)
+    assert found.message == f"the answer has no line for mug-0: {line!r}"
+    assert len(api.asked) == 1
 
 
 def test_holodeck_is_told_once_more_that_a_receptacle_is_not_listed(api: FakeApi) -> None:

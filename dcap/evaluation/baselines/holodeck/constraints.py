@@ -3,7 +3,8 @@
 As in the source (`parse_constraints`): lines hold `|`, their letters are made small, a leading number or dash and a
 last full stop are dropped; what is before the first `|` is the object; each further piece is a relation and perhaps a
 target behind a comma. A relation that is not known is taken for the one with the least edit distance. A target must be
-placed before; a piece without one is dropped. `around` means near and facing, `in front of` also aligned.
+placed before; a piece without one is dropped. `around` means near and facing, `in front of` also aligned. An object
+without a line is not placed.
 """
 
 import re
@@ -56,15 +57,15 @@ class Relation:
     """Empty: it has none."""
 
 
-def parsed_relations(text: str, object_name: str, placed: Collection[str]) -> list[Relation]:
-    """The relations of one object; nothing of lines that speak of others.
+def parsed_relations(text: str, object_name: str, placed: Collection[str]) -> list[Relation] | None:
+    """The relations of one object, from its last line; None where no line speaks of it.
 
     Args:
         text: the answer, any number of lines.
         object_name: who they are about; names are compared in small letters.
         placed: what may be a target.
     """
-    found: list[Relation] = []
+    found: list[Relation] | None = None
     for line in (line.lower() for line in text.splitlines() if "|" in line):
         plain = LEADING.sub("", line.strip()).removesuffix(".")
         about, *pieces = plain.split("|")

@@ -1,15 +1,16 @@
 """Holodeck's places for what stands on another thing: random ones on the receptacle, the first that is free.
 
 As in the source (`small_objects.py`): only what is smaller than 90 % of the receptacle in length and width is placed;
-what is at most 25 cm in every direction and 625 cm2 seen from above gets a random turn of whole degrees; what is at
-most 3 cm thick along a horizontal axis is laid flat; ten attempts are made; the box ends 1 mm above the surface; of
-what is neither small nor thin, and so would not be left to physics, what meets the box of something else there is
-dropped. Ours is what its simulator AI2-THOR does behind its action `InitialRandomSpawn`, by rays: a point is drawn
-from the receptacle's faces that look up (unit normal's vertical part above 0.9) with room for the object above them;
-the corners and middles of its footprint must be over the receptacle (no deeper than `SAG` below the highest), and
-nothing may be in the box above the surface. The turn is drawn before, not after, so that what is checked is what is
-returned; what is not small is tried at quarter turns. The source lets AI2-THOR's physics settle what is small or thin
-afterwards; here the stage lets it down onto what is beneath it, without turning it.
+what is at most 25 cm in every direction and 625 cm2 seen from above is small and gets a random turn of whole degrees;
+what is less than 5 cm thick along a horizontal axis is thin, and laid flat up to 3 cm; ten attempts are made; the box
+ends 1 mm above the surface; what is neither small nor thin is not left to physics, and dropped where its box meets that
+of something else there. Ours is what its simulator AI2-THOR does behind its action `InitialRandomSpawn`, by rays: a
+point is drawn from the receptacle's faces that look up (unit normal's vertical part above 0.9) with room for the object
+above them; the corners and middles of its footprint must be over the receptacle (no deeper than `SAG` below the
+highest), and nothing may be in the box above the surface. The source turns and lays flat after its simulator has found
+a place; here both come before, so that what is checked is what is returned. What is not small is tried at quarter
+turns. The source lets AI2-THOR's physics settle what is small or thin afterwards; here the stage lets it down onto what
+is beneath it, without turning it.
 """
 
 from dataclasses import dataclass
@@ -31,8 +32,10 @@ LEVEL = 0.9
 """Faces whose unit normal's vertical part is larger carry [-]."""
 ABOVE = 1e-3
 """Gap between surface and box [m]."""
-THIN = 0.03
+FLAT = 0.03
 """Assets that are no thicker than this along x or y are laid flat [m]."""
+THIN = 0.05
+"""Assets that are thinner than this along x or y are left to physics [m]."""
 SMALL, SMALL_AREA = 0.25, 0.0625
 """Extents [m] and area seen from above [m^2] up to which the turn is random."""
 SAG = 0.05
@@ -60,17 +63,22 @@ class ReceptaclePlace:
 
 def fits_on(asset: CanonicalAsset, receptacle: Array) -> bool:
     """Whether the object is smaller than 90 % of a receptacle of that length and width [m], shape (2,), the longer
-    side compared with the longer one."""
+    side compared with the longer one: the source sorts both, too, but does not use the result."""
     return bool((np.sort(asset.size[:2]) < SHARE * np.sort(receptacle)).all())
 
 
 def laid_flat(size: Array) -> Array:
     """The rotation that lays a thin thing of these extents [m] flat, else none, shape (3, 3)."""
-    if size[0] <= THIN:
+    if size[0] <= FLAT:
         return np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])  # about y: x becomes vertical
-    if size[1] <= THIN:
+    if size[1] <= FLAT:
         return np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # about x: y becomes vertical
     return np.eye(3)
+
+
+def is_thin(size: Array) -> bool:
+    """Whether a thing of these extents [m] is thin along x or y."""
+    return bool((size[:2] < THIN).any())
 
 
 def is_small(size: Array) -> bool:

@@ -2,8 +2,8 @@
 
 As in the source (`DFS_Solver_Floor`): a place is a middle, one of four turns and a rectangle. Turn 0 looks along +y, 90
 along +x, 180 along -y, 270 along -x. A satisfied relation counts its weight; distances count 1.8 times the height of a
-curve: near falls from 1 at the least distance of all candidates to 0 at 80 cm, far rises from 0 at the least to 1 at
-the greatest.
+curve: near falls from 1 at the least distance of all candidates to 0 at 80 cm, or at the greatest distance where that
+is less; far rises from 0 at the least to 1 at the greatest.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -104,10 +104,14 @@ def distance_scores(name: str, target: GridPlace, places: Sequence[GridPlace]) -
 
 
 def near_curve(least: float, most: float) -> Callable[[float], float]:
-    """1 at the least distance, 0 from 80 cm on; nothing is near where the least is as far."""
+    """1 at the least distance, 0 from 80 cm or the greatest distance on, whichever is less; nothing is near where the
+    least is 80 cm or more. The source divides by zero where all distances are equal; here all count 1."""
     if least >= NEAR:
         return lambda away: 0.0
-    return lambda away: float(np.clip((NEAR - away) / (NEAR - least), 0.0, 1.0))
+    end = min(NEAR, most)
+    if end <= least:
+        return lambda away: 1.0
+    return lambda away: float(np.clip((end - away) / (end - least), 0.0, 1.0))
 
 
 def far_curve(least: float, most: float) -> Callable[[float], float]:

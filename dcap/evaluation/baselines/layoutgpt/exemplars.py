@@ -2,10 +2,10 @@
 
 As in the source (`load_features`, `get_closest_room`, `form_prompt_for_chatgpt`): floors are compared as pictures of
 64 x 64 pixels by the mean of the squared differences, the nearest comes first, and the first that would exceed the
-limit ends the list. Ours: a floor's picture shows its outline in a square as wide as its longer side, so that it is
-compared by shape, as the source's pictures of one room each are; tokens are counted by the rule by which GPT-2 divides
-text before it merges letters (Radford et al., 2019), a piece of more than `LONG_PIECE` letters as several, because the
-table of merges itself is not at hand.
+limit ends the list. Pictures have one scale, so that floors are compared by shape and size, each about its own middle.
+Ours: the square is as wide as the longest room that is compared (the source's is 6.2 m for bedrooms, whose pictures end
+there); tokens are counted by the rule by which GPT-2 divides text before it merges letters (Radford et al., 2019), a
+piece of more than `LONG_PIECE` letters as several, because the table of merges itself is not at hand.
 """
 
 import re
@@ -27,9 +27,9 @@ LONG_PIECE = 6
 """Letters of a word or digits of a number that one token holds [-]."""
 
 
-def floor_mask(plan: FloorPlan) -> NDArray[np.uint8]:
-    """The floor as a picture, 255 inside and 0 outside, rows along y, shape (64, 64)."""
-    side = float(plan.extents.max())
+def floor_mask(plan: FloorPlan, side: float) -> NDArray[np.uint8]:
+    """The floor in the middle of a square of that side [m] as a picture, 255 inside and 0 outside, rows along y, shape
+    (64, 64)."""
     middle = plan.outline.min(axis=0) + 0.5 * plan.extents
     steps = ((np.arange(MASK) + 0.5) / MASK - 0.5) * side
     x, y = np.meshgrid(middle[0] + steps, middle[1] + steps)
@@ -45,8 +45,9 @@ def difference(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> float:
 
 def most_similar(plan: FloorPlan, others: Sequence[FloorPlan], count: int) -> list[FloorPlan]:
     """The plans whose floors look most like this one's, the nearest first."""
-    own = floor_mask(plan)
-    away = [difference(floor_mask(other), own) for other in others]
+    side = max(float(one.extents.max()) for one in (plan, *others))
+    own = floor_mask(plan, side)
+    away = [difference(floor_mask(other, side), own) for other in others]
     return [others[k] for k in sorted(range(len(others)), key=lambda k: (away[k], k))[:count]]
 
 

@@ -36,7 +36,7 @@ def place(x: float, y: float, turn: int = 0, half: float = 20.0) -> GridPlace:
     return GridPlace((x, y), turn, shapely.box(x - half, y - half, x + half, y + half))
 
 
-def relations(line: str) -> list[Relation]:
+def relations(line: str) -> list[Relation] | None:
     """What a line says of the chair in a room with a bed and a desk."""
     return parsed_relations(line, "chair-0", ["Bed-0", "desk-0"])
 
@@ -51,13 +51,13 @@ def relations(line: str) -> list[Relation]:
                                           Relation(RelationKind.ALIGNMENT, "center aligned", "bed-0")]),
         ("chair-0 | egde | nearr, bed-0", [EDGE, NEAR_BED]),
         ("chair-0 | n/a | near | near, piano-0 | edge", [EDGE]),
-        ("stool-0 | edge", []),
-        ("put it near the bed", []),
-        ("", []),
+        ("stool-0 | edge", None),
+        ("put it near the bed", None),
+        ("", None),
         ("chair-0 |", []),
     ],
 )  # fmt: skip
-def test_a_line_is_read_as_the_source_reads_it(line: str, found: list[Relation]) -> None:
+def test_a_line_is_read_as_the_source_reads_it(line: str, found: list[Relation] | None) -> None:
     """Aliases, misspellings, targets that are not there, lines about others, and prose."""
     assert relations(line) == found
 
@@ -76,6 +76,13 @@ def test_near_falls_to_nothing_at_80_cm_and_far_rises_to_the_greatest_distance()
     assert [far(away) for away in (20.0, 70.0, 120.0)] == pytest.approx([0.0, 0.5, 1.0])
     assert near_curve(80.0, 90.0)(80.0) == 0.0
     assert far_curve(50.0, 50.0)(50.0) == 0.0
+
+
+def test_where_all_is_near_the_farthest_counts_nothing() -> None:
+    """Distances from 20 to 60 cm: 1, half of it at 40, none at 60; where all are the same, all count."""
+    near = near_curve(20.0, 60.0)
+    assert [near(away) for away in (20.0, 40.0, 60.0)] == pytest.approx([1.0, 0.5, 0.0])
+    assert near_curve(20.0, 20.0)(20.0) == 1.0
 
 
 def test_distances_are_those_between_the_rectangles() -> None:

@@ -10,6 +10,7 @@ from dcap.evaluation.baselines.holodeck.receptacle import (
     collides,
     fits_on,
     is_small,
+    is_thin,
     laid_flat,
     point_on,
     receptacle_place,
@@ -57,6 +58,13 @@ def test_thin_things_are_laid_flat() -> None:
         turned = np.abs(laid_flat(np.array(size)) @ np.array(size))
         assert turned[2] == pytest.approx(height)
         assert np.linalg.det(laid_flat(np.array(size))) == pytest.approx(1.0)
+
+
+def test_things_thinner_than_5_cm_are_thin() -> None:
+    """Along x or y; how high they are does not count."""
+    assert is_thin(np.array([0.04, 0.3, 0.3]))
+    assert is_thin(np.array([0.3, 0.04, 0.3]))
+    assert not is_thin(np.array([0.05, 0.3, 0.01]))
 
 
 def test_small_things_get_a_random_turn() -> None:

@@ -96,13 +96,20 @@ def test_a_category_is_one_word() -> None:
 
 def test_floors_are_compared_as_pictures() -> None:
     """Half a square differs from the whole in half its pixels: 255^2 / 2; three quarters in a quarter of them."""
-    whole, half, more = (floor_mask(one) for one in (SQUARE, HALF, THREE_QUARTERS))
+    whole, half, more = (floor_mask(one, 4.0) for one in (SQUARE, HALF, THREE_QUARTERS))
     assert whole.shape == (64, 64)
     assert whole.min() == 255
     assert difference(whole, half) == pytest.approx(255.0**2 / 2)
     assert difference(whole, more) == pytest.approx(255.0**2 / 4)
     assert most_similar(SQUARE, [HALF, THREE_QUARTERS], 2) == [THREE_QUARTERS, HALF]
     assert most_similar(SQUARE, [HALF, THREE_QUARTERS], 1) == [THREE_QUARTERS]
+
+
+def test_floors_are_compared_by_size_too() -> None:
+    """A square of 4 m is nearer to its half than to a square of 8 m, which has the same shape."""
+    large = room((0, 0), (8, 0), (8, 8), (0, 8))
+    assert most_similar(SQUARE, [large, HALF], 2) == [HALF, large]
+    assert difference(floor_mask(large, 8.0), floor_mask(SQUARE, 8.0)) == pytest.approx(0.75 * 255.0**2)
 
 
 def test_a_room_is_no_example_of_itself() -> None:
