@@ -42,7 +42,7 @@ from tasks.render.views import contact_middle, front
 from tasks.requests.marks import marked, plan_picture, room_pictures
 from tasks.requests.surroundings import part_frame, wished_place
 from tasks.requests.views import instance_of
-from tasks.rotation.stage import three_flips
+from tasks.rotation.pose_pictures import three_flips
 
 plt.switch_backend("Agg")
 

@@ -84,6 +84,7 @@ CHANGES: Mapping[str, Callable[[PlaceConfig], PlaceConfig]] = {
     "no_subpart": changed(anchor={"subparts": False}),
     "face_up": changed(anchor={"face_up": True}),
     "views_12": changed(rotation={"views": 12}),
+    "pose_strip": changed(rotation={"pose_strip": True}),
     "blended_materials": changed(materials={"blended": True}),
     "uniform_fill": changed(particles={"uniform": True}),
     "paper": as_in_the_paper,

@@ -18,6 +18,7 @@ ABLATIONS = {
     "no_subpart": "DCAP, middle of the support",
     "face_up": "DCAP, level patches only",
     "views_12": "DCAP, twelve pictures",
+    "pose_strip": "DCAP, picture of all poses",
     "blended_materials": "DCAP, blended materials",
     "uniform_fill": "DCAP, uniform cells",
     "paper": "DCAP, as in the paper (MLS-MPM)",

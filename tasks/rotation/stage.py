@@ -8,22 +8,20 @@ an object is looked for in the frame in which it stands: what `dcap.geometry.pla
 its lower half reaches out, else -y.
 """
 
+from collections.abc import Sequence
 from functools import cache, partial
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFont
 from pydantic import BaseModel, PositiveInt
 from scipy.spatial.transform import Rotation as Turn
 
-from dcap.geometry.camera import Camera, looking_at
 from dcap.geometry.placement.polygons import smallest_rectangle
 from dcap.geometry.placement.poses import about_z, front_of, rotated, symmetry_about_z
 from dcap.geometry.placement.resting_poses import FLIPS, resting_poses
 from dcap.geometry.placement.seat import on_legs
 from dcap.geometry.placement.upright import outermost, standing_pose, stands_as_read
-from dcap.geometry.rendering.picture import picture
 from dcap.language.connect import Client
 from dcap.language.offline.fronts import front_side
 from dcap.language.offline.lexicon import thing_of
@@ -43,14 +41,15 @@ from tasks.requests.surroundings import direction_to, part_frame, wished_place
 from tasks.requests.views import instance_of
 from tasks.rotation.asked_pose import asked_pose
 from tasks.rotation.looking import looking, nearest_side
+from tasks.rotation.pose_pictures import pose_strip, three_flips
 
 Array = NDArray[np.float64]
 ELONGATED = 1.15
 """A thing longer than this times its width is laid along its support [-]."""
-AXIS_COLORS = {"x": (214, 40, 40), "y": (30, 140, 50), "z": (40, 70, 210)}
 
 SIDES = ("the viewer's side", "the right", "behind", "the left")
 """From where pictures are seen, as who looks at the support's front says it; all but the first in an ablation only."""
+STRIP = "all other listed poses, each with its id below it, seen from the viewer's side"
 
 
 class RotationConfig(BaseModel, frozen=True, extra="forbid"):
@@ -63,6 +62,8 @@ class RotationConfig(BaseModel, frozen=True, extra="forbid"):
     """Whether a rotation is chosen at all; else the pose of the file is kept: an ablation."""
     views: Literal[3, 12] = 3
     """Pictures that are shown: the three flips, or each of them from four sides: an ablation."""
+    pose_strip: bool = False
+    """Whether one more picture shows all other poses, each with its id: an ablation."""
 
 
 def rotation(
@@ -86,6 +87,14 @@ def rotation(
     def flip(quarter: int, k: int) -> NDArray[np.uint8]:
         return np.copy(flips(quarter)[k])
 
+    poses = tuple(
+        PoseView.of(one.id, one.rotation, one.probability, one.up, one.front, one.size)
+        for one in resting_poses(mesh, own, believed, side)
+    )
+
+    def strip() -> NDArray[np.uint8]:
+        return pose_strip(scene, base, mesh, place, config.picture_size // 2, others(poses))
+
     has_front = front_of(rotated(mesh, believed), side)[1]
     facing = wished_facing(intent, has_front=has_front)
     request = RotationRequest(
@@ -93,10 +102,7 @@ def rotation(
         object_name=intent.object_name,
         pose=intent.orientation.pose,
         facing=facing,
-        poses=tuple(
-            PoseView.of(one.id, one.rotation, one.probability, one.up, one.front, one.size)
-            for one in resting_poses(mesh, own, believed, side)
-        ),
+        poses=poses,
         facings=facings(scene, base, place, facing),
         symmetry=symmetry_about_z(rotated(mesh, believed)),
         has_front=has_front,
@@ -108,7 +114,8 @@ def rotation(
             Picture(f"the object, flipped by 180 degrees about {axis}, seen from {side}", partial(flip, quarter, k))
             for quarter, side in enumerate(SIDES[: config.views // len(FLIPS)])
             for k, axis in enumerate(FLIPS)
-        ),
+        )
+        + ((Picture(STRIP, strip),) if config.pose_strip else ()),
     )
     reply = client.ask(ROTATION, request)
     matrix = matrix_of(reply, request, scene, base, mesh)
@@ -123,6 +130,12 @@ def rotation(
 
 
 rotation_task = stage(rotation)
+
+
+def others(poses: Sequence[PoseView]) -> tuple[PoseView, ...]:
+    """Poses of which there is no picture: all but the flips of the file's pose."""
+    flips = {f"flip_{axis}" for axis in FLIPS}
+    return tuple(one for one in poses if one.id not in flips)
 
 
 def wished_facing(intent: Intent, *, has_front: bool) -> str:
@@ -208,86 +221,3 @@ def smallest_turn(own: Array, wanted: Array, *, quarter: bool) -> float:
     angle = yaw_between(own, wanted)
     period = np.pi / 2 if quarter else np.pi
     return float(angle - period * np.round(angle / period))
-
-
-# pictures -----------------------------------------------------------------------------------------------------------
-
-
-def three_flips(
-    scene: Segmentation, base: Instance, mesh: Mesh, place: Array, size: int, around: float = 0.0
-) -> tuple[NDArray[np.uint8], ...]:
-    """The object over the base, flipped about x, y and z; same camera, which stands `around` [rad] from the front."""
-    support = scene.instance_mesh(scene.index_of(base.id))
-    middle = mesh.bounds.mean(axis=0)
-    extent = float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
-    hover = place + np.array([0.0, 0.0, 0.65 * extent])
-    camera = camera_for(scene, base, hover, extent, size, around)
-    pictures = []
-    for axis, diagonal in FLIPS.items():
-        pose = np.eye(4)
-        pose[:3, :3] = np.diag(diagonal)
-        pose[:3, 3] = hover - pose[:3, :3] @ middle
-        seen = picture([support, mesh.transformed(pose)], camera, samples=1)
-        pictures.append(annotated(seen.rgb, axis, camera, hover, extent))
-    return tuple(pictures)
-
-
-def camera_for(
-    scene: Segmentation, base: Instance, hover: Array, extent: float, size: int, around: float = 0.0
-) -> Camera:
-    """From the viewer's side turned by an angle [rad], a little from above and from the right; object and support in
-    the picture."""
-    frame = part_frame(scene, base, base.box)
-    reach = max(1.8 * extent, min(0.6 * base.box.diagonal, 2.6 * extent))
-    direction = about_z(around) @ np.array([*(0.9 * frame.front + 0.35 * frame.right), 0.5])
-    direction /= np.linalg.norm(direction)
-    target = hover - (0.0, 0.0, 0.25 * extent)
-    return looking_at(target + reach * direction, target, size, size)
-
-
-def annotated(rgb: NDArray[np.uint8], axis: str, camera: Camera, center: Array, extent: float) -> NDArray[np.uint8]:
-    """The flip written on the picture, with its axis drawn through the object."""
-    image = Image.fromarray(rgb)
-    draw = ImageDraw.Draw(image)
-    unit = np.eye(3)["xyz".index(axis)]
-    color = AXIS_COLORS[axis]
-    width = max(2, image.width // 170)
-    ends = inside(camera.project(center + np.outer([-0.75 * extent, 0.75 * extent], unit))[:, :2], image, 9 * width)
-    draw.line([tuple(ends[0]), tuple(ends[1])], fill=color, width=width)
-    arrow_head(draw, ends[0], ends[1], color, 5 * width)
-    turn_mark(draw, 0.5 * ends[0] + 0.5 * ends[1], ends[1] - ends[0], color, width)
-    font = ImageFont.load_default(size=max(12, image.width // 22))
-    text = f"flipped 180\N{DEGREE SIGN} about {axis}"
-    box = draw.textbbox((0, 0), text, font=font)
-    draw.rectangle([0, 0, box[2] + 16, box[3] + 12], fill=(255, 255, 255))
-    draw.text((8, 4), text, fill=color, font=font)
-    tip = ends[1] + 7 * width * (ends[1] - ends[0]) / max(float(np.linalg.norm(ends[1] - ends[0])), 1e-6)
-    draw.text((float(tip[0]), float(tip[1])), axis, fill=color, font=font, anchor="mm")
-    return np.asarray(image, dtype=np.uint8).copy()
-
-
-def inside(ends: Array, image: Image.Image, margin: int) -> Array:
-    """A line from both ends (2, 2) drawn in to its middle as far as it takes to lie in the picture [pixels]."""
-    middle, half = ends.mean(axis=0), 0.5 * (ends[1] - ends[0])
-    room = np.minimum(middle, np.array(image.size) - middle) - margin
-    share = min(1.0, float((np.maximum(room, 1.0) / np.maximum(np.abs(half), 1e-6)).min()))
-    return np.array([middle - share * half, middle + share * half])
-
-
-def arrow_head(draw: ImageDraw.ImageDraw, start: Array, end: Array, color: tuple[int, int, int], size: int) -> None:
-    """A filled triangle at the end of a line."""
-    along = (end - start) / max(float(np.linalg.norm(end - start)), 1e-6)
-    across = np.array([-along[1], along[0]])
-    corners = [end + size * along, end + 0.5 * size * across, end - 0.5 * size * across]
-    draw.polygon([tuple(c) for c in corners], fill=color)
-
-
-def turn_mark(draw: ImageDraw.ImageDraw, center: Array, axis: Array, color: tuple[int, int, int], width: int) -> None:
-    """Half an ellipse with an arrow head around the axis: the direction of the flip."""
-    along = axis / max(float(np.linalg.norm(axis)), 1e-6)
-    across = np.array([-along[1], along[0]])
-    radius = 9 * width
-    angle = np.radians(np.linspace(20, 200, 25))
-    ring = center + radius * (np.cos(angle)[:, None] * across + 0.35 * np.sin(angle)[:, None] * along)
-    draw.line([tuple(p) for p in ring], fill=color, width=width)
-    arrow_head(draw, ring[-3], ring[-1], color, 4 * width)

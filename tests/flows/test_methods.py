@@ -18,6 +18,7 @@ TABLE: dict[str, dict[str, object]] = {
     "no_subpart": {"anchor.subparts": False},
     "face_up": {"anchor.face_up": True},
     "views_12": {"rotation.views": 12},
+    "pose_strip": {"rotation.pose_strip": True},
     "blended_materials": {"materials.blended": True},
     "uniform_fill": {"particles.uniform": True},
     "paper": {
