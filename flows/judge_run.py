@@ -45,6 +45,7 @@ from dcap.evaluation.statistics.comparisons import Comparison, read_comparisons
 from dcap.language.connect import connect
 from dcap.language.model.batch import batch_queue
 from dcap.language.model.ledger import Spending, spending_of
+from dcap.language.offline.object_name import object_name
 from dcap.language.protocol.client import ClientName, LanguageConfig
 from dcap.language.protocol.requests import Picture
 from dcap.language.protocol.session import Session
@@ -227,7 +228,7 @@ def judged_placement(
     row: SampleOutcome, metrics: Metrics, before: tuple[Picture, ...], views: tuple[Picture, ...]
 ) -> JudgedPlacement:
     """A row as a judge gets it."""
-    thing = Path(row.object).stem.replace("_", " ")
+    thing = object_name(Path(row.object), row.prompt)
     return JudgedPlacement(row.sample, row.method, row.prompt, thing, metrics, before, views)
 
 

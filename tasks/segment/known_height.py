@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.geometry.segmentation.faces import level_of
-from dcap.geometry.segmentation.labels import says_something
 from dcap.geometry.segmentation.main_surface import UPWARD, main_level
 from dcap.language.connect import Client
 from dcap.language.offline.lexicon import is_a, label_words, thing_of
 from dcap.scene.errors import InputError
+from dcap.scene.names import says_something
 from dcap.scene.types.file_scale import FileScale
 from dcap.scene.types.given_labels import GivenLabels
 from dcap.scene.types.mesh import Mesh

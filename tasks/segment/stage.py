@@ -14,13 +14,13 @@ from pydantic import BaseModel, PositiveInt
 from dcap.geometry.segmentation.annotated import annotated_parts
 from dcap.geometry.segmentation.boxed import Group, boxed_groups
 from dcap.geometry.segmentation.faces import FaceTable
-from dcap.geometry.segmentation.labels import readable
-from dcap.geometry.segmentation.named import named_groups
+from dcap.geometry.segmentation.named import THING, named_groups
 from dcap.geometry.segmentation.parts.front import facing_away_from_wall
 from dcap.geometry.segmentation.parts.rules import find_parts, make_instance, node_words, object_node_words
 from dcap.language.connect import Client
 from dcap.language.protocol.client import LanguageConfig
 from dcap.scene.errors import InputError
+from dcap.scene.names import readable
 from dcap.scene.types.given_labels import GivenLabels
 from dcap.scene.types.scan import Scan
 from dcap.scene.types.segmentation import Instance, Segmentation, SegmentedObject, SegmentedScene
@@ -92,7 +92,7 @@ def segment_object(scan: Scan, config: SegmentConfig, client: Client) -> Segment
     """The object as one instance with id 'object'."""
     table = FaceTable.of(scan.mesh)
     faces = np.arange(len(scan.mesh.faces))
-    label = readable(scan.label)
+    label = readable(scan.label) or THING
     words = object_node_words(scan.node_names, scan.face_node, faces) if scan.node_names else []
     part, parts, box, front = find_parts(table, faces, label, None, words, as_object=True)
     instance = Instance("object", label, box, parts, front)

@@ -1,8 +1,8 @@
-"""What a label means for segmentation: the category whose parts it has, and which names say nothing."""
+"""What a label means for segmentation: the category whose parts it has."""
 
-import re
-import unicodedata
 from enum import StrEnum
+
+from dcap.scene.names import words_of
 
 
 class Category(StrEnum):
@@ -62,18 +62,6 @@ LEADING = (Category.LAMP, Category.BASIN, Category.STOOL, Category.SHELF, Catego
 HANGING = frozenset({"ceiling", "wall", "pendant"})
 """A lamp that hangs has neither base nor pole: it is one part."""
 
-TOOL_WORDS = """
-cube sphere cylinder cone plane mesh object obj node group root scene geometry model material default solid body part
-component primitive box polygon surface shape untitled world empty armature sketchfab gltf rootnode unnamed circle
-icosphere torus none textured scan export output
-"""
-
-GENERIC = frozenset(TOOL_WORDS.split())
-"""Words that modelling tools put in by themselves."""
-
-NOISE = re.compile(r"^(\d+k?|[a-z]|lod\d*|v\d+|\d+x\d+|low|high|res|resolution|poly|lowpoly|highpoly|final|copy|new)$")
-"""Name pieces that carry no meaning: counters, letters, levels of detail."""
-
 SYNONYMS = {
     "mattress": "mattress", "frame": "frame bedframe footboard", "headboard": "headboard", "pillow": "pillow pillows",
     "blanket": "blanket duvet quilt comforter sheet", "seat cushion": "cushion cushions", "back": "back backrest",
@@ -85,24 +73,6 @@ SYNONYMS = {
 
 PART_WORDS = {word: part for part, text in SYNONYMS.items() for word in text.split()}
 """Part names in node names and the common name of each."""
-
-
-def words_of(name: str) -> list[str]:
-    """Lower-case words of a label or node name: 'BedDouble_A.001' -> ['bed', 'double']."""
-    plain = unicodedata.normalize("NFKC", name)
-    spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", plain)
-    pieces = re.split(r"[^\w]+|_+", spaced.lower())
-    return [w for piece in pieces for w in [piece.rstrip("0123456789") or piece] if w and not NOISE.match(w)]
-
-
-def readable(name: str) -> str:
-    """A name for people: its words, or the name itself where nothing is left."""
-    return " ".join(words_of(name)) or " ".join(name.lower().replace("_", " ").split())
-
-
-def says_something(name: str) -> bool:
-    """Whether a name tells more than that there is a mesh."""
-    return any(word not in GENERIC for word in words_of(name))
 
 
 def category_of(label: str) -> Category:

@@ -21,12 +21,11 @@ from dcap.geometry.segmentation.labels import (
     category_of,
     part_word,
     plain_structure,
-    readable,
-    says_something,
 )
 from dcap.geometry.segmentation.rooms.contacts import segments_of
 from dcap.geometry.segmentation.rooms.shell import ScannedShell
 from dcap.geometry.segmentation.rooms.structure import wall_number
+from dcap.scene.names import readable, says_something
 from dcap.scene.types.scan import Scan
 
 Index: TypeAlias = NDArray[np.int64]

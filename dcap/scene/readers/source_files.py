@@ -12,6 +12,7 @@ from pathlib import Path
 from unicodedata import category
 
 from dcap.scene.errors import InputError
+from dcap.scene.names import says_something, words_of
 from dcap.scene.readers.companions import companions
 from dcap.scene.readers.files.references import check_links, may_be_seen
 from dcap.scene.readers.scenes.interiorgs import is_interiorgs
@@ -49,7 +50,8 @@ def source_files(path: Path) -> tuple[str, dict[str, Path]]:
 def telling_folder(path: Path, files: Iterable[str]) -> str:
     """Name of the folder where it, not the file's name, tells what a mesh is; else empty.
 
-    `files` are the names that `source_files` gave. A scene with annotations is not named at all.
+    `files` are the names that `source_files` gave. A scene with annotations is not named at all. A mesh whose name is a
+    number or an id is called after its folder only where it is the only mesh there.
     """
     folder = Path(os.path.abspath(path if path.is_dir() else path.parent))
     if is_placed_scene(path) or (path.is_dir() and (is_interiorgs(path) or scannet_files(path) is not None)):
@@ -57,7 +59,12 @@ def telling_folder(path: Path, files: Iterable[str]) -> str:
     top = (Path(name) for name in files if "/" not in name)
     meshes = (one for one in top if one.suffix.lower() in MESH_SUFFIXES or one.name == META)
     generic = next((mesh for mesh in meshes if is_generic(mesh)), None)
-    return "" if generic is None else folder.name or generic.stem  # the root folder has no name
+    if generic is None:
+        return ""
+    if words_of(generic.stem):
+        return folder.name or generic.stem  # the root folder has no name
+    alone = sum(one.suffix.lower() in MESH_SUFFIXES for one in folder.iterdir()) == 1
+    return folder.name if alone and says_something(folder.name) else ""
 
 
 def checked(path: Path, files: Iterable[tuple[str, Path]]) -> dict[str, Path]:

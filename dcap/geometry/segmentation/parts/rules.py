@@ -12,8 +12,6 @@ from dcap.geometry.segmentation.labels import (
     category_of,
     part_word,
     plain_structure,
-    readable,
-    says_something,
 )
 from dcap.geometry.segmentation.parts.bed import bed_parts
 from dcap.geometry.segmentation.parts.instance_surface import InstanceSurface, instance_surface
@@ -38,6 +36,7 @@ from dcap.geometry.segmentation.parts.tables import (
     table_parts,
     window_parts,
 )
+from dcap.scene.names import readable, says_something
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.rectangle import min_area_box
 from dcap.scene.types.segmentation import Instance, Part

@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 
 from dcap.scene.errors import InputError
+from dcap.scene.names import words_of
 from dcap.scene.readers.splats.formats import SPLAT_SUFFIXES, is_splats
 from dcap.scene.readers.splats.sog import META
 from dcap.scene.readers.usd.usd import USD_SUFFIXES
@@ -100,12 +101,17 @@ def has_only_splats(path: Path) -> bool:
 
 def is_generic(path: Path) -> bool:
     """Whether a file's name says nothing about the thing."""
-    return path.stem.lower() in GENERIC_STEMS
+    return path.stem.lower() in GENERIC_STEMS or not words_of(path.stem)
 
 
 def describe(path: Path, folder: str = "") -> str:
-    """What a mesh is, by its name: the file's stem, or the folder's where the stem says nothing.
+    """What a mesh is, by its name: the file's stem, or the folder's where the stem says nothing; empty where neither is
+    more than a number or an id.
 
-    `folder` is the name of the folder that the file was given in, where it does not lie there any more.
+    `folder` is the name of the folder that the file was given in, where it does not lie there any more; of a file that
+    has a number or an id for a name no other folder tells what it is, for it may hold many of them.
     """
-    return (folder or path.parent.name or path.stem) if is_generic(path) else path.stem
+    if not is_generic(path):
+        return path.stem
+    name = folder or (path.parent.name or path.stem if words_of(path.stem) else "")
+    return name if words_of(name) else ""
