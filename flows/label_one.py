@@ -11,6 +11,7 @@ from PIL import Image
 
 from dcap.evaluation.labels_page import Row, labels_page
 from dcap.geometry.segmentation.main_surface import main_level
+from dcap.language.protocol.client import ClientName
 from dcap.language.protocol.session import Session
 from dcap.scene.json_tree import JsonObject, object_to_json
 from dcap.scene.settings import runs_root
@@ -51,7 +52,8 @@ def label_scene(scene: str, out: Path | None, options: PlaceOptions, *, quiet: b
     tree = labels_tree(scan, found, things, scene)
     pictures = marked(found)
     plan = plan_picture(pictures, file_from_world=np.asarray(np.linalg.inv(scan.world_from_file), dtype=np.float64))
-    page = page_of(scene, folder, found, things, pictures, plan)
+    offline = asking.config().client is ClientName.OFFLINE
+    page = page_of(scene, folder, found, things, pictures, plan, offline=offline)
     write_all(folder, {LABELS: labels_text(tree).encode(), PAGE: page.encode()}, plan)
     return folder, object_to_json(tree)
 
@@ -103,6 +105,8 @@ def page_of(
     things: Sequence[FoundThing],
     pictures: MarkedScene,
     plan: NDArray[np.uint8],
+    *,
+    offline: bool,
 ) -> str:
     """The page with all pictures."""
     by_number = {thing.number: thing for thing in things if thing.number}
@@ -117,7 +121,7 @@ def page_of(
         for mark in pictures.marks
     ]
     command = f'dcap place {scene} OBJECT "put it on the table" --labels {folder / LABELS}'
-    return labels_page(Path(scene).name, plan, room_pictures(pictures, VIEWS), rows, command)
+    return labels_page(Path(scene).name, plan, room_pictures(pictures, VIEWS), rows, command, offline=offline)
 
 
 def write_all(folder: Path, files: dict[str, bytes], plan: NDArray[np.uint8]) -> None:

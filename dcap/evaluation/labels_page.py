@@ -43,9 +43,15 @@ class Row:
 
 
 def labels_page(
-    scene: str, plan: NDArray[np.uint8], views: Sequence[NDArray[np.uint8]], rows: Sequence[Row], command: str
+    scene: str,
+    plan: NDArray[np.uint8],
+    views: Sequence[NDArray[np.uint8]],
+    rows: Sequence[Row],
+    command: str,
+    *,
+    offline: bool,
 ) -> str:
-    """The page; `command` is how the corrected file is used."""
+    """The page; `command` is how the corrected file is used, `offline` whether rules named what no source names."""
     environment = SandboxedEnvironment(
         loader=FileSystemLoader(TEMPLATES),
         autoescape=True,
@@ -60,6 +66,7 @@ def labels_page(
         rows=[(row, embedded(row.picture)) for row in rows],
         unsure=sum(row.unsure for row in rows),
         command=command,
+        offline=offline,
     )
 
 

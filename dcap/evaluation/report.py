@@ -125,6 +125,7 @@ def write_report(folder: Path, rows: Sequence[SampleOutcome], summary: RunSummar
     ]
     values = {
         "title": folder.name, "summary": summary, "tiles": tiles_of(summary, rows), "asked": asked_of(summary),
+        "offline": is_offline(folder),
         "names": names, "cards": cards, "strips": strips, "several": several,
         "supports": sorted({row.base for row in rows if row.base}), "kinds": KINDS,
         "verdicts": sorted({kind_of(row) for row in rows}), "views": ordered(strips),
@@ -152,12 +153,16 @@ def write_report(folder: Path, rows: Sequence[SampleOutcome], summary: RunSummar
 
 def names_of(folder: Path, rows: Sequence[SampleOutcome]) -> dict[str, str]:
     """Shown names of the methods of a run, in the order of tables."""
+    there, offline = {row.method for row in rows}, is_offline(folder)
+    return {name: shown_name(name, offline=offline) for name in METHODS if name in there}
+
+
+def is_offline(folder: Path) -> bool:
+    """Whether the embedded reader answered the questions of a run."""
     config = read_run(folder).get("config")
     intent = config.get("intent") if isinstance(config, Mapping) else None
     language = intent.get("language") if isinstance(intent, Mapping) else None
-    offline = isinstance(language, Mapping) and language.get("client") == "offline"
-    there = {row.method for row in rows}
-    return {name: shown_name(name, offline=offline) for name in METHODS if name in there}
+    return isinstance(language, Mapping) and language.get("client") == "offline"
 
 
 def card_of(folder: Path, row: SampleOutcome, name: str) -> Card:

@@ -250,7 +250,5 @@ def add_signals(gui: viser.GuiApi, signals: SignalSeries) -> None:
 def add_rotation(gui: viser.GuiApi, rotation: Rotation) -> None:
     """The choice, and the three pictures if a model was shown some."""
     gui.add_html(texts.page(texts.rotation_words(rotation)))
-    if not rotation.pictures:
-        gui.add_html(texts.page("nobody looked at pictures"))
     for axis, picture in zip("xyz", rotation.pictures, strict=False):
         gui.add_image(picture, label=f"half a turn about {axis}")

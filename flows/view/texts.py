@@ -4,8 +4,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 
 from dcap.scene.json_tree import JsonValue
-from dcap.scene.types.rotation import Rotation
-from flows.placement_json import AT_REST
+from dcap.scene.types.rotation import POSE_OF_THE_FILE, Rotation
+from flows.placement_json import AS_POSED, AT_REST
 from flows.view.heat import DEEP, LEVEL, RAISED, css
 from flows.view.model import MaterialCloud
 
@@ -57,10 +57,11 @@ def number(value: JsonValue) -> str:
 
 def verdict(tree: Mapping[str, JsonValue]) -> str:
     """How it ended, why, and what was asked."""
-    rest = tree["verdict"] == AT_REST
-    said = "at rest" if rest else f"infeasible: {escape(str(tree['reason']))}"
+    said = {AT_REST: "at rest", AS_POSED: "as posed"}.get(str(tree["verdict"]))
+    placed = said is not None
+    said = said or f"infeasible: {escape(str(tree['reason']))}"
     message = f"<p>{escape(str(tree['message']))}</p>" if tree["message"] else ""
-    return f'<b class="verdict {"yes" if rest else "no"}">{said}</b><p>{escape(str(tree["prompt"]))}</p>{message}'
+    return f'<b class="verdict {"yes" if placed else "no"}">{said}</b><p>{escape(str(tree["prompt"]))}</p>{message}'
 
 
 def facts(tree: Mapping[str, JsonValue]) -> str:
@@ -175,11 +176,14 @@ def warnings(tree: Mapping[str, JsonValue]) -> str:
 
 
 def rotation_words(rotation: Rotation) -> str:
-    """Which pose was chosen, and why."""
-    return (
-        f"<p>Chosen: <b>{escape(rotation.candidate)}</b>. {escape(rotation.reason)}</p>"
-        "<p>The object was seen turned half about x, y and z:</p>"
-    )
+    """Which pose was chosen and why, and what decided where nobody looked at pictures."""
+    if rotation.pictures:
+        seen = "A model saw the object turned half about x, y and z:"
+    elif rotation.reason == POSE_OF_THE_FILE:
+        seen = "Nobody chose, and nobody looked at pictures."
+    else:
+        seen = "Nobody looks at pictures offline: rules over the words of the sentence and the shape decided."
+    return f"<p>Chosen: <b>{escape(rotation.candidate)}</b>. {escape(rotation.reason)}</p><p>{seen}</p>"
 
 
 def heat_legend(span: float) -> str:

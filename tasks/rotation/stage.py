@@ -34,7 +34,7 @@ from dcap.scene.errors import GeometryError, LanguageError
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Infeasible
-from dcap.scene.types.rotation import Rotation
+from dcap.scene.types.rotation import POSE_OF_THE_FILE, Rotation
 from dcap.scene.types.segmentation import Instance, Segmentation, SegmentedObject, SegmentedScene
 from tasks.cache import stage
 from tasks.requests.surroundings import direction_to, part_frame, wished_place
@@ -78,7 +78,7 @@ def rotation(
     believed = own if trusted else np.eye(3)
     place = wished_place(scene, base, intent, 0.5 * float(np.ptp(mesh.bounds[:, :2], axis=0).max()))
     if not config.chosen:
-        return Rotation(np.eye(3), (), prompt, "upright", "the pose of the file is kept", None)
+        return Rotation(np.eye(3), (), prompt, "upright", POSE_OF_THE_FILE, None)
 
     @cache
     def flips(quarter: int) -> tuple[NDArray[np.uint8], ...]:

@@ -5,6 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+POSE_OF_THE_FILE = "the pose of the file is kept"
+"""The reason of a rotation that nobody chose."""
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class AskedPose:

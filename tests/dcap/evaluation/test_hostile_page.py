@@ -72,7 +72,7 @@ def test_the_page_of_labels_escapes(tmp_path: Path) -> None:
     def markup(word: str) -> Markup:
         thing = FoundThing(1, 0, word, word, 0.5, False, (1.0, 1.0, 1.0), 0.5)
         row = Row(thing, picture, "rgb(1, 2, 3)", word, word)
-        return Markup(labels_page(word, picture, [picture], [row], f"dcap place {word}"))
+        return Markup(labels_page(word, picture, [picture], [row], f"dcap place {word}", offline=True))
 
     for word in HOSTILE:
         assert markup(word).elements == markup("word").elements

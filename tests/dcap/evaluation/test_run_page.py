@@ -244,6 +244,14 @@ def test_provenance_is_that_of_run_json(tmp_path: Path) -> None:
     assert found[0].files == 0
 
 
+@pytest.mark.parametrize(("client", "says"), [("offline", True), ("anthropic", False), ("", False)])
+def test_a_page_says_that_nobody_looked(tmp_path: Path, client: str, says: bool) -> None:
+    """Where the embedded reader placed; not where a model did, or nobody knows."""
+    config = {"intent": {"language": {"client": client}}} if client else {}
+    (tmp_path / "run.json").write_text(json.dumps({"config": config}))
+    assert ("no model looked at pictures" in written(tmp_path, [])) == says
+
+
 def test_figure_3_counts_scenes_once(tmp_path: Path) -> None:
     """What was placed is not part of the scene, two samples of a scene count once, and unknown scenes are told."""
     things = [{"id": str(n), "label": label} for n, label in enumerate(("bed", "desk", "cushion"))]

@@ -12,6 +12,7 @@ from dented_bed import RADIUS, TOP, anchor, scene_of, settled
 from placed_ball import FRAMES, SLIDE, pushed, shown, values
 
 from dcap.scene.errors import InputError
+from dcap.scene.types.rotation import POSE_OF_THE_FILE, Rotation
 from flows.own_requests import LOOPBACK
 from flows.place import PlaceConfig
 from flows.view import serving
@@ -20,6 +21,7 @@ from flows.view.nodes import stand
 from flows.view.panel import moment
 from flows.view.pick_panel import PickPanel
 from flows.view.picking import PickedPoint, SurfacePicker
+from flows.view.texts import rotation_words, verdict
 
 
 def test_the_slider_moves_the_object_and_the_dent(server: viser.ViserServer) -> None:
@@ -213,3 +215,32 @@ def test_the_bytes_of_a_surface_are_a_glb_of_its_vertices(server: viser.ViserSer
     assert np.linalg.norm(positions(node.glb_data) - middle, axis=1) == pytest.approx(RADIUS, abs=1e-6)
     assert nodes.frame == FRAMES - 1
     panel.close()
+
+
+@pytest.mark.parametrize(
+    ("pictures", "reason", "words"),
+    [
+        (3, "it is asked", "A model saw the object"),
+        (0, "it is asked", "Nobody looks at pictures offline"),
+        (0, POSE_OF_THE_FILE, "Nobody chose"),
+    ],
+)
+def test_the_rotation_says_who_looked(pictures: int, reason: str, words: str) -> None:
+    """A model, nobody, or there was nothing to choose: never a heading of pictures that are not there."""
+    shots = tuple(np.zeros((4, 4, 3), dtype=np.uint8) for _ in range(pictures))
+    text = rotation_words(Rotation(np.eye(3), shots, "ball", "upright", reason))
+    assert words in text
+    assert ("turned half" in text) == (pictures > 0)
+
+
+@pytest.mark.parametrize(
+    ("said", "reason", "words"),
+    [
+        ("at_rest", None, ">at rest<"),
+        ("as_posed", None, ">as posed<"),
+        ("infeasible", "toppled", "infeasible: toppled"),
+    ],
+)
+def test_the_verdict_is_that_of_the_placement(said: str, reason: str | None, words: str) -> None:
+    """A pose that is not simulated is no refusal."""
+    assert words in verdict({"verdict": said, "reason": reason, "message": "", "prompt": "put it there"})
