@@ -9,6 +9,7 @@ from typing import Any
 import jsonschema
 import pytest
 from fake_api import QUESTIONS
+from pydantic import BaseModel
 
 from dcap.evaluation.judging.questions import JUDGE_PAIR, JUDGE_SCORE
 from dcap.language.model.payload import schema_of, template
@@ -64,10 +65,11 @@ def choices(answer: Any, name: str = "") -> Iterator[str]:
 def test_an_example_is_a_whole_answer(question: Question[Any, Any]):
     """It passes the schema that a model is held to, says all of it in its order, and is read as a reply."""
     _, answer = situation_and_answer(question)
-    schema = schema_of(question.reply)
+    reply: type[BaseModel] = question.reply
+    schema = schema_of(reply)
     jsonschema.validate(answer, schema)
     assert_complete(answer, schema)
-    question.reply.model_validate(answer)
+    reply.model_validate(answer)
 
 
 @pytest.mark.parametrize("question", EXAMPLED, ids=lambda one: one.name)
