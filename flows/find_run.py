@@ -14,7 +14,7 @@ from dcap.scene.settings import runs_root
 
 RUN = "run.json"
 """What was asked of a run."""
-ASKED_VERSION = 1
+ASKED_VERSION = 2
 """Of `run.json` and `sample.json`: raised where what earlier versions wrote can no longer be read."""
 DAMAGED = "the file is damaged, or of another version of dcap; run it again"
 SHOWN = 200

@@ -6,8 +6,7 @@ Which samples are judged, and what the others get, stands in dcap/evaluation/jud
 before every question is answered.
 """
 
-import hashlib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -53,8 +52,9 @@ from dcap.scene.errors import FormatError, InputError
 from dcap.scene.types.judged_views import BEFORE, PLACED
 from dcap.scene.whole_files import whole_file
 from flows.find_run import find_run
+from flows.judge_views import VIEWS, take_views
 from flows.language_options import LanguageOptions
-from flows.measures_file import MEASURES, VIEWS
+from flows.measures_file import changed_since, states_of
 from flows.run_files import chooser_of
 
 RESULTS = "results.parquet"
@@ -129,6 +129,8 @@ def judgement_of(
             "dcap benchmark --methods all"
         )
     rubric = config.client is ClientName.OFFLINE
+    if not rubric:
+        take_views(folder, rows, say)
     placements = with_metrics(rows) if rubric else with_pictures(folder, rows, methods)
     if not pairs(placements):
         raise InputError(
@@ -174,23 +176,6 @@ def record_of(
     )
 
 
-def fingerprint(folder: Path) -> str:
-    """What tells two final states of a sample apart: a digest of what was measured of it; empty where nothing was."""
-    path = folder / MEASURES
-    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
-
-
-def states_of(folder: Path, names: Iterable[str]) -> dict[str, str]:
-    """Fingerprints of samples of a run by their names, METHOD/SAMPLE."""
-    return {name: fingerprint(sample_folder(folder, name)) for name in names}
-
-
-def changed_since(folder: Path, states: Mapping[str, str]) -> tuple[str, ...]:
-    """Samples of a run whose final states are not those of which `states` has the fingerprints."""
-    now = states_of(folder, states)
-    return tuple(name for name, state in states.items() if now[name] != state)
-
-
 def asking(session: Session, say: Callable[[str], None]) -> AbstractContextManager[None]:
     """A queue for the questions where they go in batches."""
     return batch_queue(Path(session.batch), session, say) if session.batch else nullcontext()
@@ -220,7 +205,7 @@ def with_pictures(folder: Path, rows: Sequence[SampleOutcome], methods: Sequence
 
 
 def views_of(folder: Path, row: SampleOutcome) -> Path:
-    """Where the fixed pictures of a row lie."""
+    """Where the pictures of a row lie."""
     return sample_folder(folder, joined_id(row.method, row.sample)) / VIEWS
 
 

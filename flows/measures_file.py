@@ -1,11 +1,11 @@
 """`measures.json` of a sample: what was measured of its final state, whoever made it."""
 
-from collections.abc import Mapping
-from dataclasses import fields
+import hashlib
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+from dcap.evaluation.run_folder import sample_folder
 from dcap.scene.json_tree import JsonObject, JsonValue, object_to_json
-from dcap.scene.types.judged_views import JudgedViews
 from dcap.scene.types.measures import Drift, Indentation, Measures
 from dcap.scene.whole_files import write_whole
 from flows.find_run import read_keys
@@ -13,7 +13,7 @@ from flows.output import load, readable_json
 from flows.sample_run import FinishedSample
 from tasks.artifact import Store
 
-MEASURES, VIEWS = "measures.json", "views"
+MEASURES = "measures.json"
 
 
 def write_measures(finished: FinishedSample, out: Path) -> JsonObject | None:
@@ -28,12 +28,24 @@ def write_measures(finished: FinishedSample, out: Path) -> JsonObject | None:
     found = {name: load(store, ref, kind) if ref else None for name, ref, kind in kinds}
     tree = object_to_json({"scene": refs.scene.to_json(), "intent": refs.intent.to_json(), **found})
     write_whole(path, readable_json(tree))
-    if refs.views is not None:
-        (out / VIEWS).mkdir(exist_ok=True)
-        for one in fields(JudgedViews):
-            view = store.folder(refs.views) / f"{one.name}.png"
-            write_whole(out / VIEWS / view.name, view.read_bytes())
     return tree
+
+
+def fingerprint(folder: Path) -> str:
+    """What tells two final states of a sample apart: a digest of what was measured of it; empty where nothing was."""
+    path = folder / MEASURES
+    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
+
+
+def states_of(run: Path, names: Iterable[str]) -> dict[str, str]:
+    """Fingerprints of samples of a run by their names, METHOD/SAMPLE."""
+    return {name: fingerprint(sample_folder(run, name)) for name in names}
+
+
+def changed_since(run: Path, states: Mapping[str, str]) -> tuple[str, ...]:
+    """Samples of a run whose final states are not those of which `states` has the fingerprints."""
+    now = states_of(run, states)
+    return tuple(name for name, state in states.items() if now[name] != state)
 
 
 def read_measures(out: Path) -> Mapping[str, JsonValue]:

@@ -28,7 +28,6 @@ from tasks.materials.stage import materials_task
 from tasks.measure.drift import drift_task
 from tasks.measure.sinking import indentation_task
 from tasks.measure.touch import measure_task
-from tasks.measure.views import judged_views_task
 from tasks.mesh.stage import mesh_scene_task
 from tasks.overview import overview_task
 from tasks.particles.stage import particles_task, proposal_particles_task
@@ -48,7 +47,7 @@ OTHER_MATERIALS = frozenset({RIGID_DROP, "blended_materials", "paper"})
 PAPER_STEP_SECONDS = 2e-3 / 18
 """The paper's step of 2 ms in 18 substeps [s]."""
 PICTURE = 512
-"""Side of the pictures of other methods than DCAP [pixels]; judges compare the views, which are alike for all."""
+"""Side of the pictures of other methods than DCAP [pixels]; judges see others, which are alike for all."""
 
 
 def place_by(sample: Sample, config: PlaceConfig) -> PlacementRefs:
@@ -174,11 +173,6 @@ def measured(sample: Sample, found: PlacementRefs, config: PlaceConfig) -> Place
         return found
     scene, item, anchor, settled = found.scene, found.item, found.anchor, found.settled
     found = replace(found, measures=measure_task(scene, item, anchor, settled))
-    if config.compared:
-        views = judged_views_task(
-            scene, item, found.intent, anchor, settled, found.scene_surface, found.object_surface, config=config.views
-        )
-        found = replace(found, views=views)
     materials, particles = found.materials, found.particles
     if sample.method in OTHER_MATERIALS:
         materials = materials_task(scene, item, found.intent, anchor, sample.prompt, config=config.materials)

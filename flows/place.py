@@ -12,7 +12,6 @@ from dcap.scene.readers.scenes.placed_scene import is_placed_scene
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.file_scale import FileScale
 from dcap.scene.types.intent import Intent
-from dcap.scene.types.judged_views import JudgedViews
 from dcap.scene.types.materials import PartMaterials
 from dcap.scene.types.measures import Drift, Indentation, Measures
 from dcap.scene.types.paint import SourceSurface
@@ -33,7 +32,6 @@ from tasks.freed.stage import freed_anchor_task, freed_scene_task, freed_task
 from tasks.intent.stage import IntentConfig, intent_task
 from tasks.materials.stage import MaterialsConfig, materials_task
 from tasks.measure.drift import DriftConfig
-from tasks.measure.judge_cameras import ViewsConfig
 from tasks.mesh.stage import MeshConfig, mesh_object_task, mesh_scene_task
 from tasks.mesh.surfaces import surface_object_task, surface_scene_task, surface_start_task
 from tasks.overview import OverviewConfig, overview_task
@@ -64,11 +62,10 @@ class PlaceConfig(BaseModel, frozen=True, extra="forbid"):
     render: RenderConfig = RenderConfig()
     overview: OverviewConfig = OverviewConfig()
     drift: DriftConfig = DriftConfig()
-    views: ViewsConfig = ViewsConfig()
     measured: bool = False
     """Whether the final state is measured on its meshes, as those of other methods are."""
     compared: bool = False
-    """Whether other methods place the sample, too: then it is also simulated on, and photographed for judges."""
+    """Whether other methods place the sample, too: then it is also simulated on."""
 
 
 STAGES: tuple[Stage[..., object], ...] = (
@@ -94,7 +91,6 @@ SECTIONS = {
     mesh_object_task.name: "object_mesh",
     segment_object_task.name: "segment",
     found_scale_task.name: "segment",
-    "judged_views": "views",
 }
 """Fields of `PlaceConfig` that are not called like the stage whose settings they hold."""
 
@@ -127,10 +123,9 @@ class PlacementRefs(FileRefs):
     overview: Ref[Overview] | None = None
     """Pictures of an infeasible placement, from what its stages found; None if it is feasible."""
     measures: Ref[Measures] | None = None
-    """This and the next three: None where nobody asked, or there is no final state."""
+    """This and the next two: None where nobody asked, or there is no final state."""
     indentation: Ref[Indentation] | None = None
     drift: Ref[Drift] | None = None
-    views: Ref[JudgedViews] | None = None
 
 
 Proposal = Callable[[Sample, PlaceConfig, FileRefs], PlacementRefs]

@@ -120,13 +120,18 @@ def finished_placement(run: str, sample: str | None) -> FinishedPlacement:
     """The values of a sample's stages from the store; InputError where one is no longer there. What was measured
     afterwards is no part of it."""
     asked, name = asked_of(run, sample)
-    plan = plan_sample(asked.samples[name], asked.config.model_copy(update={"measured": False}))
+    finished = finished_sample(asked, name)
+    return FinishedPlacement(asked.folder_of(name), finished, load_values(finished, Store.default()), asked.config)
+
+
+def finished_sample(asked: Asked, name: str) -> FinishedSample:
+    """What the stages of a sample have returned; InputError where a result is no longer in the store."""
+    plan = plan_sample(asked.sample(name), asked.config.model_copy(update={"measured": False}))
     if plan.finished is None:
         why = plan.failed.message if plan.failed else f"stage {plan.missing[0].stage} is not cached ({plan.why})"
         again = "place it again" if asked.one else "run the benchmark again"
         raise InputError(f"{name} of {asked.folder.name}: {why}; {again}")
-    values = load_values(plan.finished, Store.default())
-    return FinishedPlacement(asked.folder_of(name), plan.finished, values, asked.config)
+    return plan.finished
 
 
 def write_asked(folder: Path, sample: Sample, config: PlaceConfig, language: LanguageOptions) -> None:

@@ -25,6 +25,14 @@ def study_serve(
     seed: Annotated[
         int | None, typer.Option(min=0, help="Seed of pairs, sides and order; default: 0.", show_default=False)
     ] = None,
+    ask_overall: Annotated[
+        bool | None,
+        typer.Option(
+            "--ask-overall",
+            help="Ask a third question, which of the two is better overall; default: a composite.",
+            show_default=False,
+        ),
+    ] = None,
     url: Annotated[
         str,
         typer.Option(metavar="ADDRESS", help="https://NAME of a web server that stands before it.", show_default=False),
@@ -37,7 +45,7 @@ def study_serve(
     find_run(run)
     from flows.study.serve import StudyOptions, serve_study
 
-    serve_study(run, StudyOptions(host, port, raters, pairs, seed, url), note, announce)
+    serve_study(run, StudyOptions(host, port, raters, pairs, seed, ask_overall, url), note, announce)
     return 0
 
 
@@ -63,7 +71,7 @@ def study_report(run: Run) -> int:
     """Write Table 2 of the votes so far, the raters, and the votes as a table."""
     find_run(run)
     from dcap.evaluation.statistics.comparisons import JudgedAxis
-    from dcap.evaluation.study.tables import agreement_line
+    from dcap.evaluation.study.tables import agreement_line, overall_line
     from flows.study.report import report_study
 
     found = report_study(run)
@@ -73,6 +81,7 @@ def study_report(run: Run) -> int:
             continue
         share = f"{100 * won.rate:5.1f} % [{100 * won.interval.low:.1f}, {100 * won.interval.high:.1f}] {mark}".rstrip()
         print(f"{found.table.name(row.method):32s} {share}  {row.rating.rating:.0f}  {won.comparisons} comparisons")
+    print(overall_line(found.table))
     print(agreement_line(found.table))
     if found.table.refusals:
         print(f"No placement where one was intended: {found.table.refusals}.")

@@ -41,14 +41,16 @@ class StudyAnswer(BaseModel, extra="forbid"):
     item: str = Field(max_length=16)
     right_place: Side
     physics_naturalness: Side
-    overall: Side
+    overall: Side | None = None
+    """Where the study asks for it."""
     seconds: float = Field(ge=0.0, allow_inf_nan=False)
     """Since the placements were shown; kept as a day at most."""
 
     @property
     def by_axis(self) -> dict[JudgedAxis, Side]:
         """The answers by question."""
-        return {axis: Side(getattr(self, axis.value)) for axis in JudgedAxis}
+        given = {axis: getattr(self, axis.value) for axis in JudgedAxis}
+        return {axis: Side(one) for axis, one in given.items() if one is not None}
 
 
 def study_app(session: StudySession, own: OwnRequests) -> FastAPI:
@@ -102,6 +104,8 @@ def study_app(session: StudySession, own: OwnRequests) -> FastAPI:
             raise HTTPException(404, "There is no such comparison.")
         if session.comes_later(rater, asked):
             raise HTTPException(409, "Another comparison comes first.")
+        if set(answer.by_axis) != set(session.design.questions):
+            raise HTTPException(422, f"The questions are {', '.join(session.design.questions)}.")
         try:
             fresh = session.answer(rater, asked, answer.by_axis, min(answer.seconds, DAY_SECONDS))
         except OSError as error:

@@ -18,6 +18,8 @@ QUESTIONS = {
     JudgedAxis.OVERALL: ("Overall", "Which of the two is the better result?"),
 }
 """Heading and question of each axis."""
+VIEWS = {"overview": "Overview", "closeup": "Close-up of the contact"}
+"""What the views of a placement are called."""
 
 
 class StudyPages:
@@ -48,11 +50,11 @@ class StudyPages:
         item, (done, total) = self._session.current(rater), self._session.progress(rater)
         if item is None:
             return self._page("done.html.j2", done=done, total=total)
-        views = min(len(self._session.pictures(item, side)) for side in Side)
+        views = [VIEWS[path.stem] for path in self._session.pictures(item, Side.LEFT)]
         return self._page(
             "comparison.html.j2", base=f"/s/{token}", item=item.item, prompt=self._session.run.prompts[item.sample],
             done=done, total=total, views=views, sides=[side.value for side in Side],
-            questions=[(axis.value, *words) for axis, words in QUESTIONS.items()],
+            questions=[(axis.value, *QUESTIONS[axis]) for axis in self._session.design.questions],
             models=self._session.has_models(item) and bool(three_script()),
         )  # fmt: skip
 

@@ -12,7 +12,8 @@ from dcap.evaluation.table_files import TABLES
 from dcap.language.protocol.client import ClientName
 from dcap.scene.errors import InputError
 from flows.find_run import find_run
-from flows.judge_run import changed_since, read_rows
+from flows.judge_run import read_rows
+from flows.measures_file import changed_since
 from flows.run_files import chooser_of
 
 

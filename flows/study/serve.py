@@ -8,14 +8,13 @@ import logging
 import socket
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 import uvicorn
 
 from dcap.evaluation.methods import joined_id
 from dcap.evaluation.study.attention import LIFTED, MODEL, SETTLED, check_folder, make_checks
-from dcap.evaluation.study.design import method_pairs, per_pair
+from dcap.evaluation.study.design import method_pairs, per_pair, questions_of
 from dcap.evaluation.study.journal import VoteJournal
 from dcap.evaluation.study.placements import StudyRun, read_study_run
 from dcap.evaluation.study.session import StudySession
@@ -29,10 +28,12 @@ from dcap.evaluation.study.study_folder import (
 )
 from dcap.scene.errors import InputError
 from flows.find_run import find_run
-from flows.judge_run import changed_since, read_rows, states_of
+from flows.judge_run import read_rows
+from flows.judge_views import take_views
+from flows.measures_file import changed_since, states_of
 from flows.own_requests import EVERYWHERE, LOOPBACK, OwnRequests
 from flows.study.app import study_app
-from flows.study.check_views import check_pictures, views_config
+from flows.study.check_views import check_pictures
 
 STOP_SECONDS = 3
 """That answers under way have when the server is stopped [s]."""
@@ -52,6 +53,8 @@ class StudyOptions:
     """Comparisons per rater; None: `design.PER_RATER`, or what the study has."""
     seed: int | None = None
     """Of pairs, sides and order; None: 0, or what the study has."""
+    overall: bool | None = None
+    """Whether a third question asks which is better overall; None: no, or what the study has."""
     url: str = ""
     """Address at which raters reach it, where another server stands before it; empty: none does."""
 
@@ -61,13 +64,16 @@ def serve_study(
 ) -> None:
     """Serve the study of a run; `say` is told what a person should know, `announce` the link of each rater."""
     place = find_run(run)
-    found = read_study_run(place, read_rows(place))
+    rows = read_rows(place)
+    take_views(place, rows, say)
+    found = read_study_run(place, rows)
     folder = found.folder / STUDY_FOLDER
     known = read_design(folder)
     check_kept(found, known, options)
     with listening(options.host, options.port) as ear:
         folder.mkdir(exist_ok=True)
-        with VoteJournal(folder) as journal:
+        asks_overall = known.asks_overall if known else bool(options.overall)
+        with VoteJournal(folder, questions_of(asks_overall)) as journal:
             design = known or new_design(found, folder, options, say)
             design = design.with_raters(options.raters or 1)
             write_design(folder, design)
@@ -90,12 +96,12 @@ def new_design(run: StudyRun, folder: Path, options: StudyOptions, say: Callable
     for (method, sample), why in run.left_out.items():
         say(f"{method} {sample} is left out: {why}")
     say("making attention checks")
-    checks = make_checks(run, folder, seed, partial(check_pictures, config=views_config(run.folder)), say)
+    checks = make_checks(run, folder, seed, check_pictures, say)
     if not checks:
         say(f"no attention checks: no placement of {run.folder.name} has a scene.glb that one can be made of")
     left_out = {f"{method}/{sample}": why for (method, sample), why in run.left_out.items()}
     shown = [joined_id(method, sample) for method, sample in run.shown]
-    return StudyDesign(seed, count, pairs, checks, left_out, {}, states_of(run.folder, shown))
+    return StudyDesign(seed, count, pairs, checks, left_out, {}, states_of(run.folder, shown), bool(options.overall))
 
 
 def check_kept(run: StudyRun, known: StudyDesign | None, options: StudyOptions) -> None:
@@ -107,6 +113,9 @@ def check_kept(run: StudyRun, known: StudyDesign | None, options: StudyOptions) 
         raise InputError(
             f"--seed {options.seed}: the study in {kept} has seed {known.seed}; leave it out or move {kept}"
         )
+    if options.overall is not None and options.overall != known.asks_overall:
+        has = "three questions, one of them overall" if known.asks_overall else "two questions, none of them overall"
+        raise InputError(f"--ask-overall: the study in {kept} has {has}; leave it out or move {kept}")
     check_shown(run, known)
     total = known.per_pair * len(known.pairs)
     if options.pairs is not None and per_pair(known.pairs, options.pairs) != known.per_pair:
@@ -117,8 +126,8 @@ def check_shown(run: StudyRun, design: StudyDesign) -> None:
     """InputError where the run no longer has what its study shows: votes on two placements must not count as one's."""
     for item in {one for items in design.raters.values() for one in items}:
         gone = [m for m in (item.left, item.right) if (m, item.sample) not in run.shown]
-        if gone or not run.pair(item.left, item.right, item.sample)[0]:
-            which = " and ".join(gone or (item.left, item.right))
+        if gone:
+            which = " and ".join(gone)
             raise InputError(f"{run.folder.name}: its study shows {which} {item.sample}, which the run no longer has")
     if changed := changed_since(run.folder, design.states):
         raise InputError(

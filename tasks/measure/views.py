@@ -1,64 +1,74 @@
-"""The fixed pictures of a final state for judges.
+"""The pictures of a final state that judges and raters see, taken when somebody judges or a study is served.
 
 In: scene and object as segmented, what was asked, the pose before any drop, the final state and the textures of both
-sources. Out: `JudgedViews`. Where the cameras stand says `judge_cameras`.
+sources. Out: `Sights`, from which the cameras of a sample are chosen, and from these cameras `JudgedViews` of each
+placement and `SceneBefore` of the sample. Where cameras stand says dcap/evaluation/judging/cameras.py.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dcap.evaluation.judging.cameras import SAMPLES, PlacedThing, asset_view, camera_of, sights_of
 from dcap.geometry.rendering.painted import painted
 from dcap.geometry.rendering.picture import picture
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.intent import Intent
-from dcap.scene.types.judged_views import PLACED, JudgedViews
+from dcap.scene.types.judged_views import JudgedViews, SceneBefore, Sights, Viewpoint
 from dcap.scene.types.paint import SourceSurface
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
 from dcap.scene.types.settled import Settled
 from tasks.cache import stage
-from tasks.measure.judge_cameras import NEARBY, TOWARDS, JudgeCameras, ViewsConfig, seen_from
 from tasks.render.scene_views import SceneViews
-from tasks.render.settled_meshes import is_as_given, painted_item, painted_scene, settled_scene
+from tasks.render.settled_meshes import painted_item, painted_scene, settled_item, settled_scene, structure_faces
 
-ROOM = "room"
-"""The view of what was placed from where the scene without it is looked at."""
+
+def sights(scene: SegmentedScene, item: SegmentedObject, intent: Intent, anchor: Anchor, settled: Settled) -> Sights:
+    """Look at the final state from every direction that its cameras may have."""
+    around = settled_scene(scene, settled, anchor.base_id).scene
+    thing = settled_item(item, anchor, settled.bodies[0])
+    support = scene.instances[scene.index_of(intent.base_id)].box
+    placed = PlacedThing.of(around.mesh, structure_faces(around), thing)
+    return sights_of(placed, support.corners, scene.mesh.bounds.mean(axis=0))
 
 
 def judged_views(
     scene: SegmentedScene,
     item: SegmentedObject,
-    intent: Intent,
     anchor: Anchor,
     settled: Settled,
     scene_surface: SourceSurface,
     object_surface: SourceSurface,
-    config: ViewsConfig,
+    overview: Viewpoint,
+    closeup: Viewpoint,
 ) -> JudgedViews:
-    """Take the pictures."""
+    """Take the pictures of one placement."""
     around = settled_scene(scene, settled, anchor.base_id)
     thing = painted_item(item, anchor, settled.bodies[0], object_surface)
-    after = SceneViews(around.scene, painted_scene(around, scene_surface), [thing])
-    still = is_as_given(around, scene)
-    before = after if still else SceneViews(scene, painted(scene.mesh, scene_surface))
-    own = float(np.linalg.norm(np.ptp(item.mesh.bounds, axis=0)))
-    support = scene.instances[scene.index_of(intent.base_id)].box
-    cameras = JudgeCameras(support.center, support.diagonal, scene.mesh.bounds.mean(axis=0), intent.scale * own, config)
+    views = SceneViews(around.scene, painted_scene(around, scene_surface), [thing])
+    return JudgedViews(overview=taken(views, overview), closeup=taken(views, closeup))
 
-    middle = thing.mesh.bounds.mean(axis=0)
-    clean = before.exposed(cameras.of("clean", middle))
 
-    def taken(name: str) -> NDArray[np.uint8]:
-        if still and name == ROOM:
-            return after.with_things(clean).picture(config.samples).rgb
-        camera = cameras.of(name, middle)
-        return picture(after.seen_by(camera), camera, samples=config.samples).rgb
-
-    alone = seen_from(item.mesh.bounds.mean(axis=0), TOWARDS + 30.0, NEARBY, 0.8 * config.near * own, config)
-    return JudgedViews(
-        clean=clean.picture(config.samples).rgb,
-        asset=picture([painted(item.mesh, object_surface)], alone, samples=config.samples).rgb,
-        **{name: taken(name) for name in PLACED},
+def scene_before(
+    scene: SegmentedScene,
+    item: SegmentedObject,
+    scene_surface: SourceSurface,
+    object_surface: SourceSurface,
+    overview: Viewpoint,
+) -> SceneBefore:
+    """Take the pictures that all methods of a sample share."""
+    alone = camera_of(asset_view(item.mesh))
+    return SceneBefore(
+        clean=taken(SceneViews(scene, painted(scene.mesh, scene_surface)), overview),
+        asset=picture([painted(item.mesh, object_surface)], alone, samples=SAMPLES).rgb,
     )
 
 
+def taken(views: SceneViews, view: Viewpoint) -> NDArray[np.uint8]:
+    """What a camera sees, sRGB."""
+    camera = camera_of(view)
+    return picture(views.seen_by(camera), camera, samples=SAMPLES).rgb
+
+
+sights_task = stage(sights, process=True)
 judged_views_task = stage(judged_views, process=True)
+scene_before_task = stage(scene_before, process=True)

@@ -16,6 +16,7 @@ from judged import REPLY, SCORES, placement
 from many_methods_run import METHODS, SAMPLES, many_methods_run, method_folder, row, write_rows
 
 from dcap.evaluation.comparison_report import comparison_table
+from dcap.evaluation.judging.examples import EXAMPLES
 from dcap.evaluation.judging.known_answers import KnownAnswer
 from dcap.evaluation.judging.rubric import RUBRIC, SCALES
 from dcap.evaluation.method_report import method_table
@@ -128,12 +129,13 @@ def test_names_say_who_answered_for_baselines(tmp_path: Path, run: Path) -> None
 
 
 def test_a_model_judges_by_pictures(small: Path, api: FakeApi) -> None:
-    """Seven views and two of before; no method is named; habits and cost are kept; the maker is told."""
+    """Two views of a placement and two of before, and the examples where it scores; no method is named; habits and cost
+    are kept; the maker is told."""
     api.answers = [judging]
     assert main(["judge", str(small), "--language", "anthropic", "--model", MODEL]) == 0
     assert len(api.asked) == 2 + 2
     pictures = {sum(block["type"] == "image" for block in one["messages"][0]["content"]) for one in api.asked}
-    assert pictures == {2 + len(PLACED)}
+    assert pictures == {2 * len(EXAMPLES) + 2 + len(PLACED), 2 + 2 * len(PLACED)}
     words = json.dumps([data_of(one) for one in api.asked])
     assert not any(name in words for name in (*METHODS, "penetration", "gap_m"))
     record = record_of(small)
@@ -308,9 +310,9 @@ def test_what_cannot_be_judged_is_one_line(
     one = many_methods_run(tmp_path / "one", ("dcap",))
     assert "the run has only dcap, and a judge compares methods" in complaint(capsys, one)
     bare = many_methods_run(tmp_path / "bare")
-    (method_folder(bare, "fireplace", "bed-1") / "views" / "room.png").unlink()
+    (method_folder(bare, "fireplace", "bed-1") / "views" / "closeup.png").unlink()
     said = complaint(capsys, bare, "--language", "anthropic")
-    assert "room.png: no such picture; a judge needs the run's views" in said
+    assert "closeup.png" in said
     metrics = {name: None for axis in SCALES.values() for name in axis}
     write_rows(bare, [replace(row, **metrics) for row in read_rows(run)])  # type: ignore[arg-type]
     assert "can score (no metric of it is known); see the verdicts" in complaint(capsys, bare)
@@ -338,9 +340,9 @@ def test_a_sample_of_which_pictures_are_gone_is_named(
     run: Path, api: FakeApi, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The file that is missing."""
-    (method_folder(run, "layoutgpt", "bed-2") / "views" / "low.png").unlink()
+    (method_folder(run, "layoutgpt", "bed-2") / "views" / "closeup.png").unlink()
     said = complaint(capsys, run, "--language", "anthropic")
-    assert "methods/layoutgpt/samples/bed-2/views/low.png" in said
+    assert "methods/layoutgpt/samples/bed-2/views/closeup.png" in said
 
 
 def test_rows_survive_their_file(run: Path) -> None:

@@ -20,7 +20,7 @@ class Model:
     """Answers like the embedded reader, and knows which of two placements is better."""
 
     def __init__(self) -> None:
-        self.better = iter(("right", "left"))
+        self.better = iter(("B", "A"))
 
     def __call__(self, body: dict[str, Any]) -> Any:
         if question_of(body) != "judge_pair":

@@ -21,7 +21,8 @@ from dcap.scene.types.segmentation import Segmentation
 from dcap.scene.types.settled import Settled
 from dcap.scene.writers.glb import Node, glb_bytes
 from flows.benchmark import dataset_samples, keep_result
-from flows.measures_file import VIEWS, read_measures
+from flows.judge_views import VIEWS
+from flows.measures_file import read_measures
 from flows.methods import examples_of
 from flows.output import write_geometry
 from flows.place import PlaceConfig
@@ -90,9 +91,7 @@ def test_the_pose_before_the_drop_is_measured_as_it_stands(tmp_path: Path, monke
     assert (row.drift_s, row.indentation_m) == (CONFIG.drift.seconds, None)
     kept = read_measures(out)
     assert {"measures", "indentation", "drift", "scene", "intent"} == set(kept)
-    assert {path.stem for path in (out / VIEWS).iterdir()} == {
-        "clean", "asset", "room", "front", "right", "back", "left", "top", "low",
-    }  # fmt: skip
+    assert not (out / VIEWS).exists()  # until somebody judges
     assert row.right_place == 10.0
     assert row.physics_naturalness is not None
     assert row.physics_naturalness < 10.0

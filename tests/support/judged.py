@@ -11,7 +11,7 @@ GOOD: Metrics = {
     "penetration_m": 2e-5, "gap_m": 1e-4, "indentation_error_m": 3e-4, "force_residual": 1e-3,
     "drift_m": 1e-4, "drift_deg": 0.02, "visible_fraction": 0.8, "com_supported": True,
 }  # fmt: skip
-REPLY = {"analysis": "seen", "right_place": "left", "physics_naturalness": "left", "overall": "left"}
+REPLY = {"analysis": "seen", "right_place": "A", "physics_naturalness": "A", "overall": "A"}
 SCORES = {"analysis": "seen", "right_place": 8, "physics_naturalness": 6.5}
 
 
@@ -21,7 +21,7 @@ def flat(name: str, shade: int) -> Picture:
 
 def placement(sample: str, method: str, shade: int, **metrics: float | bool | None) -> JudgedPlacement:
     before = (flat("clean", 1), flat("asset", 2))
-    views = (flat("front", shade), flat("above", shade + 1))
+    views = (flat("overview", shade), flat("closeup", shade + 1))
     return JudgedPlacement(sample, method, f"put it on {sample}", "ball", {**GOOD, **metrics}, before, views)
 
 

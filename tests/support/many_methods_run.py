@@ -16,9 +16,11 @@ import pyarrow.parquet as pq
 import trimesh
 from PIL import Image, ImageDraw
 
+from dcap.evaluation.judging.cameras import PlacedThing, box_corners, sample_cameras, sights_of
+from dcap.evaluation.methods import joined_id
 from dcap.evaluation.outcome_table import SampleOutcome
 from dcap.evaluation.run_folder import sample_folder
-from dcap.scene.types.judged_views import PLACED
+from dcap.scene.types.judged_views import PLACED, Sights
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.writers.glb import Node, glb_bytes
 from flows.find_run import ASKED_VERSION
@@ -66,6 +68,15 @@ def scene_glb(height: float, x: float = 0.0) -> bytes:
     return glb_bytes([inside, Node("object", ball_at(x, height))])
 
 
+@cache
+def seen_at(height: float, x: float) -> Sights:
+    """What can be seen of the ball."""
+    bed, floor = room()
+    scene = Mesh.concatenate([bed, floor])
+    placed = PlacedThing.of(scene, np.arange(len(scene.faces)) >= len(bed.faces), ball_at(x, height))
+    return sights_of(placed, box_corners(*bed.bounds), scene.bounds.mean(axis=0))
+
+
 def draw(path: Path, words: str, color: tuple[int, int, int]) -> None:
     """A picture of one colour with a disc and words on it."""
     image = Image.new("RGB", SIZE, (232, 232, 228))
@@ -98,9 +109,13 @@ def many_methods_run(
                 draw(out / "views" / f"{name}.png", f"{number + 1} {name}", COLORS[method])
             for name in ("settled", "closeup"):
                 draw(out / f"{name}.png", name, COLORS[method])
-            if method == methods[0]:
-                draw(out / "views" / "clean.png", f"room {number + 1}", (232, 232, 228))
-                draw(out / "views" / "asset.png", f"asset {number + 1}", (200, 60, 40))
+            draw(out / "views" / "clean.png", f"room {number + 1}", (232, 232, 228))
+            draw(out / "views" / "asset.png", f"asset {number + 1}", (200, 60, 40))
+            cameras = sample_cameras([seen_at(HEIGHTS[one], 0.1 * number) for one in methods])
+            contact = list(seen_at(height, 0.1 * number).contact[cameras.direction])
+            states = {joined_id(one, sample): "" for one in methods}
+            tree = {"states": states, **asdict(cameras), "contact": contact}
+            (out / "views" / "cameras.json").write_text(json.dumps(tree))
             rows.append(row(method, sample, prompt))
     write_rows(folder, rows)
     samples = [{"id": sample, "prompt": prompt} for sample, prompt in prompts.items()]

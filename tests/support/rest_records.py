@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from dcap.scene.types.judged_views import JudgedViews
+from dcap.scene.types.judged_views import JudgedViews, SceneBefore, Sights
 from dcap.scene.types.measures import Drift, Indentation, Measures
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.settled import LastState, PlacementChecks, Settled, SettledBody
@@ -93,7 +93,9 @@ def measured_records() -> tuple[object, ...]:
             "3", "bed", "mattress", np.zeros(3), np.array([0.0, 1.0, 0.0]), 0.0, 0.01, float("inf"), 0.0, float("-inf")
         ),
         Indentation(0.012, 0.0123),
-        JudgedViews(*[np.zeros((2, 2, 3), np.uint8)] * 9),
+        JudgedViews(*[np.zeros((2, 2, 3), np.uint8)] * 2),
+        SceneBefore(*[np.zeros((2, 2, 3), np.uint8)] * 2),
+        Sights(np.ones(4), np.ones(3), np.zeros((3, 3)), np.zeros((2, 3)), np.zeros((8, 3)), -90.0),
         Drift(0.0, 0, float("inf"), float("inf"), float("inf"), "it starts 2 mm inside"),
     )
 

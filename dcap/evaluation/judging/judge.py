@@ -10,7 +10,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import combinations, pairwise
 
-from dcap.evaluation.judging.judged_pictures import BEFORE_TITLES, side_by_side
+from dcap.evaluation.judging.examples import CAPTIONS, example_pictures
+from dcap.evaluation.judging.judged_pictures import BEFORE_TITLES
 from dcap.evaluation.judging.questions import JUDGE_PAIR, JUDGE_SCORE, PairRequest, ScoreRequest
 from dcap.evaluation.judging.rubric import RUBRIC, Metrics
 from dcap.evaluation.statistics.comparisons import Comparison, JudgedAxis
@@ -46,8 +47,8 @@ class JudgedPlacement:
     before: tuple[Picture, ...]
     """The clean scene and the asset alone: the same for all methods of a sample."""
     views: tuple[Picture, ...]
-    """The canonical views: `room` and `top` from one camera for all methods of a sample, the others centred on the
-    object from the same directions and distance."""
+    """The overview, from one camera for all methods of a sample, and the close-up, centred on the contact from the same
+    direction and distance."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,8 +129,8 @@ def in_order(placements: Iterable[JudgedPlacement]) -> list[JudgedPlacement]:
 
 def score_request(one: JudgedPlacement) -> ScoreRequest:
     """The question for two scores."""
-    shown = (*titled(one.before), *(Picture(f"the object placed, view {v.name}", v.make) for v in one.views))
-    return ScoreRequest(one.prompt, one.object_name, one.metrics, shown)
+    shown = (*titled(one.before), *captioned("the placement", one.views))
+    return ScoreRequest(one.prompt, one.object_name, one.metrics, example_pictures(), shown)
 
 
 def pair_request(left: JudgedPlacement, right: JudgedPlacement) -> PairRequest:
@@ -139,12 +140,15 @@ def pair_request(left: JudgedPlacement, right: JudgedPlacement) -> PairRequest:
             f"sample {left.sample!r}: {left.method} and {right.method} have other views or prompts; "
             "a pair needs the same of both"
         )
-    both = [side_by_side(a, b) for a, b in zip(left.views, right.views, strict=True)]
     shown = (
-        *titled(left.before),
-        *(Picture(f"left and right placement side by side, view {v.name}", v.make) for v in both),
-    )
+        *titled(left.before), *captioned("placement A", left.views), *captioned("placement B", right.views),
+    )  # fmt: skip
     return PairRequest(left.prompt, left.object_name, left.metrics, right.metrics, shown)
+
+
+def captioned(which: str, views: tuple[Picture, ...]) -> tuple[Picture, ...]:
+    """The views of a placement, by what they are."""
+    return tuple(Picture(f"{which}, {CAPTIONS.get(one.name, one.name)}", one.make) for one in views)
 
 
 def titled(before: tuple[Picture, ...]) -> tuple[Picture, ...]:

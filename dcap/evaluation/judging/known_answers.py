@@ -18,6 +18,7 @@ from dcap.evaluation.judging.known_room import (
     DENT,
     FLOOR,
     ON_THE_FLOOR,
+    PROMPTS,
     SETTLED,
     BallPlace,
     DentReference,
@@ -26,7 +27,6 @@ from dcap.evaluation.judging.known_room import (
 from dcap.evaluation.statistics.comparisons import JudgedAxis
 from dcap.synthetic.rooms import build_room
 
-PROMPTS = {BED: "put the bowling ball at the center of the bed", FLOOR: "put the bowling ball on the floor by the bed"}
 OBJECT = "bowling ball"
 AT_REST = {BED: SETTLED, FLOOR: ON_THE_FLOOR}
 OFFSETS_MM = (50, 5, 2, 1)
@@ -53,9 +53,9 @@ def known_answers(room_name: str, seed: int = 0, reference: DentReference | None
     room = RoomWithBall(room_name, build_room(room_name, seed), reference)
     found = []
     for asked in (BED, FLOOR):
-        good = placement(room, AT_REST[asked], asked, BETTER)
         for flaw, place, axis in flawed(asked):
-            worse, sample = placement(room, place, asked, WORSE), f"{room_name}: {flaw}"
+            both, sample = (AT_REST[asked], place), f"{room_name}: {flaw}"
+            good, worse = placement(room, both[0], asked, BETTER, both), placement(room, place, asked, WORSE, both)
             found.append(KnownAnswer(replace(good, sample=sample), replace(worse, sample=sample), axis, flaw))
     return found
 
@@ -74,14 +74,16 @@ def flawed(asked: str) -> Iterator[tuple[str, BallPlace, JudgedAxis]]:
     yield f"{1e2 * ASIDE:.0f} cm off the middle", aside, JudgedAxis.RIGHT_PLACE
 
 
-def placement(room: RoomWithBall, place: BallPlace, asked: str, method: str) -> JudgedPlacement:
-    """A placement as a judge gets it."""
+def placement(
+    room: RoomWithBall, place: BallPlace, asked: str, method: str, compared: tuple[BallPlace, ...]
+) -> JudgedPlacement:
+    """One of the placements that are compared as a judge gets it."""
     return JudgedPlacement(
         sample=room.name,
         method=method,
         prompt=PROMPTS[asked],
         object_name=OBJECT,
         metrics=room.metrics(place, asked),
-        before=room.before(asked),
-        views=room.views(place, asked),
+        before=room.before(asked, compared),
+        views=room.views(place, asked, compared),
     )

@@ -1,7 +1,7 @@
 """An embedded room with a heavy ball in it at stated places: what the pairs with known answers are made of.
 
 In: a room with a bed, and where the ball is over the bed or the floor. Out: meshes, metrics that are measured on them
-by the code that measures every placement, and pictures from the cameras that a judge is told of. The dent of the
+by the code that measures every placement, and pictures by the rules of every placement's (cameras.py). The dent of the
 settled ball has the shape that [J85] gives; whether its depth is right is measured against a reference that is handed
 in. What only a simulation would tell is null.
 
@@ -16,10 +16,18 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from dcap.evaluation.judging.cameras import (
+    SAMPLES,
+    PlacedThing,
+    asset_view,
+    box_corners,
+    camera_of,
+    sample_cameras,
+    sights_of,
+)
 from dcap.evaluation.judging.rubric import Metrics
 from dcap.evaluation.metrics.columns import columns
 from dcap.evaluation.metrics.touching import touching
-from dcap.geometry.camera import looking_at
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.rendering.cutaway import cut_faces
 from dcap.geometry.rendering.picture import picture
@@ -27,6 +35,7 @@ from dcap.geometry.solid.repair import subdivide_near
 from dcap.language.protocol.requests import Picture
 from dcap.scene.errors import InputError
 from dcap.scene.types.gravity import GRAVITY
+from dcap.scene.types.judged_views import BEFORE, PLACED, Sights, Viewpoint
 from dcap.scene.types.mesh import Mesh
 from dcap.synthetic.rooms import BuiltRoom
 
@@ -42,15 +51,8 @@ FINE = 0.006
 """Edges of the bed's faces around the dent [m]: chords of the ball sag by FINE^2 / (8 RADIUS), 0.04 mm."""
 NEAR = 0.05
 """How far from the ball, in plan, the room is still looked at [m]."""
-SIZE = 512
-"""Width and height of pictures [pixels]."""
-ROOM = "room"
-ASKED_VIEWS = {ROOM: (20.0, 40.0, 3.8), "top": (-40.0, 60.0, 1.1)}
-"""Azimuth from the middle of the room and elevation [degrees], and distance [m] of cameras from the asked place."""
-OBJECT_VIEWS = {"front": (0.0, 25.0, 1.1), "right": (70.0, 15.0, 1.1), "low": (0.0, 5.0, 1.1)}
-"""The same of cameras from the ball."""
-VIEWS = (*ASKED_VIEWS, *OBJECT_VIEWS)
 BED, FLOOR = "bed", "floor"
+PROMPTS = {BED: "put the bowling ball at the center of the bed", FLOOR: "put the bowling ball on the floor by the bed"}
 LYING_ON = {BED: ("bed",), FLOOR: ("floor", "rug")}
 """Labels of what carries the ball on either."""
 STRUCTURE = ("floor", "ceiling", "wall", "window", "door")
@@ -222,35 +224,55 @@ class RoomWithBall:
             "com_supported": found.margin >= 0.0,
         }
 
-    def before(self, asked: str) -> tuple[Picture, ...]:
-        """The clean room and the ball alone."""
-        return Picture("clean", lambda: self.seen(None, asked, ROOM)), Picture("asset", asset)
+    def before(self, asked: str, places: tuple[BallPlace, ...]) -> tuple[Picture, ...]:
+        """The clean room, as places of the ball that are compared are seen, and the ball alone."""
+        clean, alone = BEFORE
+        return Picture(clean, lambda: self.seen(None, asked, places, PLACED[0])), Picture(alone, asset)
 
-    def views(self, place: BallPlace, asked: str) -> tuple[Picture, ...]:
-        """The fixed pictures of a placement."""
-        return tuple(Picture(view, lambda view=view: self.seen(place, asked, view)) for view in VIEWS)  # type: ignore[misc]
+    def views(self, place: BallPlace, asked: str, places: tuple[BallPlace, ...]) -> tuple[Picture, ...]:
+        """The pictures of one of the places that are compared."""
+        return tuple(
+            Picture(view, lambda view=view: self.seen(place, asked, places, view))  # type: ignore[misc]
+            for view in PLACED
+        )
 
     @cached_property
-    def seen(self) -> Callable[[BallPlace | None, str, str], NDArray[np.uint8]]:
+    def seen(self) -> Callable[[BallPlace | None, str, tuple[BallPlace, ...], str], NDArray[np.uint8]]:
         """`drawn`, of which the last pictures are kept: a question shows what the one before it showed, on other sides,
         and the better placement of a pair is that of many."""
         return lru_cache(maxsize=KEPT_PICTURES)(self.drawn)
 
-    def drawn(self, place: BallPlace | None, asked: str, view: str) -> NDArray[np.uint8]:
-        """A view of the room with the ball, without one for None; the clean room is seen as in a view of what was
-        asked for."""
-        middle = self.asked[asked] if place is None or view in ASKED_VIEWS else self.center(place)
-        azimuth, elevation, distance = (ASKED_VIEWS | OBJECT_VIEWS)[view]
-        low, high = self.bed_mesh.bounds[:, :2]
-        toward = np.arctan2(*(np.mean(self.room.record.mesh.bounds[:, :2], axis=0) - 0.5 * (low + high))[::-1])
-        turn, up = toward + np.radians(azimuth), np.radians(elevation)
-        away = np.array([np.cos(up) * np.cos(turn), np.cos(up) * np.sin(turn), np.sin(up)])
+    def drawn(self, place: BallPlace | None, asked: str, places: tuple[BallPlace, ...], view: str) -> NDArray[np.uint8]:
+        """A view of the room with the ball, without one for None."""
         around = self.scene(place or BallPlace(BED))
-        structure = np.isin(np.array(self.room.instance_labels)[around.owner], STRUCTURE)
-        camera = looking_at(middle + distance * away, middle, SIZE, SIZE)
-        shown = around.mesh.submesh(np.flatnonzero(~cut_faces(around.mesh, structure, camera.position, middle)))
+        camera = camera_of(self.viewpoint(place, asked, places, view))
+        cut = cut_faces(around.mesh, self.structure(around), camera.position, np.asarray(camera.target))
+        shown = around.mesh.submesh(np.flatnonzero(~cut))
         things = [shown] if place is None else [shown, ball(self.center(place))]
-        return picture(things, camera, samples=1).rgb
+        return picture(things, camera, samples=SAMPLES).rgb
+
+    def viewpoint(self, place: BallPlace | None, asked: str, places: tuple[BallPlace, ...], view: str) -> Viewpoint:
+        """The camera of a view of one of the places that are compared, or of the room before."""
+        cameras = sample_cameras([self.sights(one, asked) for one in places])
+        if place is None or view == PLACED[0]:
+            return cameras.overview
+        return cameras.closeup(self.sights(place, asked))
+
+    @cached_property
+    def sights(self) -> Callable[[BallPlace, str], Sights]:
+        """`look`, kept for each place."""
+        return cache(self.look)
+
+    def look(self, place: BallPlace, asked: str) -> Sights:
+        """What can be seen of the ball at a place; the support is the bed, or all of the room's floor."""
+        around, room = self.scene(place), self.room.record.mesh.bounds
+        low, high = self.bed_mesh.bounds if asked == BED else (room[0], np.array([*room[1, :2], room[0, 2]]))
+        placed = PlacedThing.of(around.mesh, self.structure(around), ball(self.center(place)))
+        return sights_of(placed, box_corners(low, high), room.mean(axis=0))
+
+    def structure(self, around: OwnedMesh) -> NDArray[np.bool_]:
+        """Faces of walls, floor and ceiling, shape (m,)."""
+        return np.isin(np.array(self.room.instance_labels)[around.owner], STRUCTURE)
 
 
 def raised(point: Array, height: float) -> Array:
@@ -278,5 +300,5 @@ def ball(center: Array) -> Mesh:
 
 def asset() -> NDArray[np.uint8]:
     """The ball alone."""
-    camera = looking_at(np.array([0.0, -5.0 * RADIUS, 2.0 * RADIUS]), np.zeros(3), SIZE, SIZE)
-    return picture([ball(np.zeros(3))], camera, samples=1).rgb
+    alone = ball(np.zeros(3))
+    return picture([alone], camera_of(asset_view(alone)), samples=SAMPLES).rgb

@@ -1,11 +1,13 @@
 """What a judge is asked: two scores of one placement, or which of two is better on each axis.
 
-A model sees the sentence and pictures: the clean scene, the asset alone, the same views of every placement. It never
-sees which method made one, nor a metric; those are for the metric rubric, which answers where no model is asked.
+A model sees the sentence and pictures: examples of the rubric, the clean scene, the asset alone, an overview and a
+close-up of every placement. It never sees which method made one, nor a metric; those are for the metric rubric, which
+answers where no model is asked.
 """
 
 import math
 from dataclasses import dataclass, field
+from enum import StrEnum
 from typing import Annotated, TypeVar
 
 from pydantic import AfterValidator, BaseModel, Field, WithJsonSchema
@@ -29,12 +31,27 @@ class ScoreRequest:
     object_name: str
     metrics: Metrics = field(default_factory=dict)
     """For the rubric only."""
+    examples: tuple[Picture, ...] = field(default=(), compare=False)
+    """Of placements with their scores, the same in every request."""
     pictures: tuple[Picture, ...] = field(default=(), compare=False)
+
+
+class PairAnswer(StrEnum):
+    """The better of two placements."""
+
+    A = "A"
+    B = "B"
+    TIE = "tie"
+
+    @property
+    def winner(self) -> Winner:
+        """The same by side: A is the left one."""
+        return {PairAnswer.A: Winner.LEFT, PairAnswer.B: Winner.RIGHT, PairAnswer.TIE: Winner.TIE}[self]
 
 
 @dataclass(frozen=True, slots=True)
 class PairRequest:
-    """Which of two placements is better."""
+    """Which of two placements is better: A, on the left of a comparison, or B."""
 
     prompt: str
     object_name: str
@@ -42,7 +59,6 @@ class PairRequest:
     """For the rubric only."""
     right_metrics: Metrics = field(default_factory=dict)
     pictures: tuple[Picture, ...] = field(default=(), compare=False)
-    """Those of placements show both side by side."""
 
 
 # The rubric may know nothing of an axis; a model has seen the pictures and must judge it. So null is in no schema that
@@ -60,8 +76,8 @@ POINTS_SCHEMA = {
 JudgedScorePoints = Annotated[
     Annotated[float, Field(ge=1.0, le=10.0, strict=True)] | None, AfterValidator(given), WithJsonSchema(POINTS_SCHEMA)
 ]
-WINNER_SCHEMA = {"type": "string", "enum": [one.value for one in Winner]}
-JudgedWinner = Annotated[Winner | None, AfterValidator(given), WithJsonSchema(WINNER_SCHEMA)]
+ANSWER_SCHEMA = {"type": "string", "enum": [one.value for one in PairAnswer]}
+JudgedAnswer = Annotated[PairAnswer | None, AfterValidator(given), WithJsonSchema(ANSWER_SCHEMA)]
 
 
 class ScoreReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
@@ -76,14 +92,14 @@ class PairReply(BaseModel, frozen=True, extra="forbid"):
     """A winner on each axis."""
 
     analysis: str = Field(description="a short sentence for each axis")
-    right_place: JudgedWinner
-    physics_naturalness: JudgedWinner
-    overall: JudgedWinner
+    right_place: JudgedAnswer
+    physics_naturalness: JudgedAnswer
+    overall: JudgedAnswer
 
     def winner(self, axis: JudgedAxis) -> Winner | None:
         """Who wins on an axis; None where that is not known."""
         value = getattr(self, axis)
-        return None if value is None else Winner(value)
+        return None if value is None else PairAnswer(value).winner
 
 
 def no_check(reply: BaseModel, request: object) -> None:
@@ -131,13 +147,13 @@ def all_in_all(scores: tuple[float | None, float | None]) -> float:
     return math.prod(known) ** (1.0 / len(known))
 
 
-def preferred(left: float | None, right: float | None) -> Winner | None:
+def preferred(left: float | None, right: float | None) -> PairAnswer | None:
     """The higher of two scores, a tie where they are nearly equal; None where one is not known."""
     if left is None or right is None:
         return None
     if abs(left - right) < TIE_POINTS:
-        return Winner.TIE
-    return Winner.LEFT if left > right else Winner.RIGHT
+        return PairAnswer.TIE
+    return PairAnswer.A if left > right else PairAnswer.B
 
 
 JUDGE_SCORE = Question("judge_score", ScoreRequest, ScoreReply, no_check, unseen=("metrics",), stand_in=rubric_score)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from dcap.evaluation.outcome_table import AS_POSED, AT_REST, SampleOutcome
 from dcap.scene.json_tree import JsonObject
-from dcap.scene.types.judged_views import BEFORE, PLACED
+from dcap.scene.types.judged_views import PLACED
 
 PLACEMENT = "placement.json"
 MOST_NOTES, MOST_LETTERS = 20, 300
@@ -35,12 +35,11 @@ def read_placement(folder: Path) -> JsonObject:
 
 
 def views_of(folder: Path) -> tuple[str, ...]:
-    """Paths of the pictures that compare a placement with others, below its folder: canonical views, or its own."""
-    found = {path.stem for path in (folder / "views").glob("*.png")} - set(BEFORE)
-    if not found:
-        return tuple(f"{name}.png" for name in ("settled", "closeup") if (folder / f"{name}.png").is_file())
-    order = [name for name in PLACED if name in found]
-    return tuple(f"views/{name}.png" for name in (*order, *sorted(found - set(order))))
+    """Paths of the pictures that compare a placement with others, below its folder: those that judges see, once
+    somebody has judged; until then its own."""
+    judged, own = [f"views/{name}.png" for name in PLACED], ["settled.png", "closeup.png"]
+    names = judged if all((folder / name).is_file() for name in judged) else own
+    return tuple(name for name in names if (folder / name).is_file())
 
 
 def stage_bars(timings: object) -> tuple[tuple[str, float, float], ...]:

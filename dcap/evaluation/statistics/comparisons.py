@@ -26,6 +26,10 @@ class JudgedAxis(StrEnum):
     OVERALL = "overall"
 
 
+AXES = (JudgedAxis.RIGHT_PLACE, JudgedAxis.PHYSICS_NATURALNESS)
+"""The two axes of which the paper's overall is a composite."""
+
+
 class Winner(StrEnum):
     """Who wins a comparison."""
 

@@ -15,6 +15,7 @@ from itertools import combinations
 from math import ceil
 from random import Random
 
+from dcap.evaluation.statistics.comparisons import AXES, JudgedAxis
 from dcap.evaluation.study.placements import StudyRun
 from dcap.scene.errors import InputError
 
@@ -39,6 +40,11 @@ class Side(StrEnum):
     def other(self) -> "Side":
         """The other one."""
         return Side.RIGHT if self is Side.LEFT else Side.LEFT
+
+
+def questions_of(asks_overall: bool) -> tuple[JudgedAxis, ...]:
+    """What raters are asked of each comparison."""
+    return (*AXES, JudgedAxis.OVERALL) if asks_overall else AXES
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,13 +74,11 @@ def method_pairs(run: StudyRun) -> dict[tuple[str, str], tuple[str, ...]]:
     """The pairs of methods that can be compared, and the samples of each; InputError where there are none."""
     found = {}
     for one, two in combinations(run.methods, 2):
-        both = [s for s in run.prompts if (one, s) in run.shown and (two, s) in run.shown and run.pair(one, two, s)[0]]
+        both = [s for s in run.prompts if (one, s) in run.shown and (two, s) in run.shown]
         if both:
             found[one, two] = tuple(both)
     if not found:
-        raise InputError(
-            f"{run.folder.name}: no sample has pictures of the same views by two methods; nothing to compare"
-        )
+        raise InputError(f"{run.folder.name}: no sample has a final state of two methods; nothing to compare")
     return found
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from threading import Lock
 from typing import Self
 
-from dcap.evaluation.statistics.comparisons import JudgedAxis
+from dcap.evaluation.statistics.comparisons import AXES, JudgedAxis
 from dcap.evaluation.study.design import Side
 from dcap.scene.errors import InputError
 
@@ -97,7 +97,9 @@ def read_votes(folder: Path) -> tuple[StudyVote, ...]:
 class VoteJournal:
     """The open journal of a study; votes may be added from several threads."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, questions: Sequence[JudgedAxis] = AXES) -> None:
+        """Open it; `questions` are those that a comparison is answered with."""
+        self._questions = tuple(questions)
         self._path, self._lock = folder / JOURNAL, Lock()
         self._votes: dict[VoteKey, StudyVote] = {}
         self._answered: defaultdict[str, set[str]] = defaultdict(set)
@@ -159,7 +161,7 @@ class VoteJournal:
         """Let votes count, and note which comparisons are answered with them: every page asks for these."""
         self._votes.update({vote.key: vote for vote in votes})
         for rater, item in {(vote.rater, vote.item) for vote in votes}:
-            if all((rater, item, axis) in self._votes for axis in JudgedAxis):
+            if all((rater, item, axis) in self._votes for axis in self._questions):
                 self._answered[rater].add(item)
 
 

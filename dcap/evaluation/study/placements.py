@@ -31,7 +31,7 @@ class ShownPlacement:
     sample: str
     folder: Path
     pictures: tuple[Path, ...]
-    """Its views in the order in which judges see them; any others follow by name."""
+    """Its views in the order in which judges see them."""
     verdict: str
 
     @property
@@ -53,12 +53,6 @@ class StudyRun:
     """By (method, sample)."""
     left_out: Mapping[tuple[str, str], str]
     """Why a placement cannot be shown, by (method, sample)."""
-
-    def pair(self, left: str, right: str, sample: str) -> tuple[tuple[Path, ...], tuple[Path, ...]]:
-        """Pictures of two methods of one sample: the views that both have, in one order."""
-        one, two = self.shown[left, sample].pictures, self.shown[right, sample].pictures
-        common = {path.name for path in one} & {path.name for path in two}
-        return tuple(p for p in one if p.name in common), tuple(p for p in two if p.name in common)
 
     def clean_picture(self, sample: str) -> Path | None:
         """The scene before anything was placed."""
@@ -98,7 +92,7 @@ def read_study_run(folder: Path, rows: Sequence[SampleOutcome]) -> StudyRun:
     if not shown:
         where = placement_folder(folder, methods[0], next(iter(prompts), "SAMPLE")) / VIEWS
         raise InputError(
-            f"{folder.name}: the run has no renders of placements ({where}/*.png); run the benchmark again"
+            f"{folder.name}: the run has no pictures of placements ({where}/*.png); run the benchmark again"
         )
     return StudyRun(folder, methods, prompts, shown, left_out)
 
@@ -128,11 +122,10 @@ def show(run: Path, method: str, sample: str, row: SampleOutcome | None) -> Show
         return f"no placement: {row.reason or row.error or row.verdict}"
     folder = placement_folder(run, method, sample)
     pictures = views_of(folder / VIEWS)
-    return ShownPlacement(method, sample, folder, tuple(pictures), row.verdict) if pictures else "not rendered"
+    there = all(path.is_file() for path in pictures)
+    return ShownPlacement(method, sample, folder, pictures, row.verdict) if there else "no pictures"
 
 
-def views_of(folder: Path) -> list[Path]:
-    """The pictures of a placement in the order in which judges see them; any others follow by name."""
-    order = {name: place for place, name in enumerate(PLACED)}
-    found = (path for path in folder.glob("*.png") if path.stem not in BEFORE)
-    return sorted(found, key=lambda path: (order.get(path.stem, len(order)), path.stem))
+def views_of(folder: Path) -> tuple[Path, ...]:
+    """The pictures of a placement in the order in which judges see them."""
+    return tuple(folder / f"{name}.png" for name in PLACED)

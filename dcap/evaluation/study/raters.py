@@ -30,7 +30,7 @@ class RaterRow:
     flagged: bool
     """Whether any was failed. The votes count all the same."""
     left_share: float | None
-    """Share of the overall votes of true comparisons that went to the left side [-]; None without votes."""
+    """Share of the votes on true comparisons, to all questions, that went to the left side [-]; None without votes."""
     median_seconds: float | None
     """Per comparison [s]."""
 
@@ -42,12 +42,11 @@ def rater_rows(design: StudyDesign, votes: Sequence[StudyVote]) -> tuple[RaterRo
 
 def rater_row(rater: str, items: int, votes: Sequence[StudyVote]) -> RaterRow:
     """The row of one rater."""
-    mine = [vote for vote in votes if vote.rater == rater and vote.axis is JudgedAxis.OVERALL]
-    checks = [
-        v for v in votes if v.rater == rater and v.axis is JudgedAxis.PHYSICS_NATURALNESS and v.lifted is not None
-    ]
+    given = [vote for vote in votes if vote.rater == rater]
+    mine = [vote for vote in given if vote.axis is JudgedAxis.RIGHT_PLACE]
+    checks = [v for v in given if v.axis is JudgedAxis.PHYSICS_NATURALNESS and v.lifted is not None]
     failed = sum(vote.winner is vote.lifted for vote in checks)
-    true = [vote for vote in mine if vote.lifted is None]
+    true = [vote for vote in given if vote.lifted is None]
     return RaterRow(
         rater=rater,
         answered=len(mine),

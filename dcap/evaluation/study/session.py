@@ -60,12 +60,11 @@ class StudySession:
         return next((one for one in self.design.raters[rater] if one.item == name), None)
 
     def pictures(self, item: StudyItem, side: Side) -> tuple[Path, ...]:
-        """The views of the placement on a side, both sides in one order."""
+        """The views of the placement on a side."""
         check = self._check_folder(item, side)
         if check is not None:
-            return tuple(views_of(check))
-        left, right = self.run.pair(item.left, item.right, item.sample)
-        return left if side is Side.LEFT else right
+            return views_of(check)
+        return self.run.shown[item.left if side is Side.LEFT else item.right, item.sample].pictures
 
     def model(self, item: StudyItem, side: Side) -> Path | None:
         """The scene around the object on a side as GLB; None if the run has none. Made where it is not there yet.
@@ -105,7 +104,7 @@ class StudySession:
                 rater, item.item, item.sample, axis, item.left, item.right, answers[axis], item.lifted,
                 round(seconds, 1),
             )
-            for axis in JudgedAxis
+            for axis in self.design.questions
         ])  # fmt: skip
 
     def _check_folder(self, item: StudyItem, side: Side) -> Path | None:

@@ -14,13 +14,14 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from dcap.evaluation.study.design import MethodPairs, Side, StudyItem, rater_items, showings_of
+from dcap.evaluation.statistics.comparisons import JudgedAxis
+from dcap.evaluation.study.design import MethodPairs, Side, StudyItem, questions_of, rater_items, showings_of
 from dcap.evaluation.study.journal import StudyVote, sync_folder
 from dcap.scene.errors import InputError
 from dcap.scene.whole_files import whole_file
 
 STUDY_FOLDER, DESIGN, TOKENS, VOTES = "study", "study.json", "tokens.json", "votes.parquet"
-VERSION = 1
+VERSION = 2
 TOKEN_BYTES = 24
 """Of chance in a rater's link: nobody guesses 192 bits."""
 VOTE_COLUMNS = pa.schema([
@@ -47,6 +48,13 @@ class StudyDesign:
     states: Mapping[str, str] = field(default_factory=dict)
     """Fingerprint of the final state of each placement that may be shown, by the name of its sample, when the study
     began."""
+    asks_overall: bool = False
+    """Whether there is a third question, which of the two is better overall; without it overall is the composite."""
+
+    @property
+    def questions(self) -> tuple[JudgedAxis, ...]:
+        """What raters are asked of each comparison."""
+        return questions_of(self.asks_overall)
 
     def with_raters(self, count: int) -> "StudyDesign":
         """The same with at least so many raters."""
@@ -80,6 +88,7 @@ def read_design(folder: Path) -> StudyDesign | None:
             left_out=dict(tree["left_out"]),
             raters={str(name): tuple(map(item_of_tree, items)) for name, items in tree["raters"].items()},
             states={str(name): str(state) for name, state in tree.get("states", {}).items()},
+            asks_overall=bool(tree["asks_overall"]),
         )
     except (OSError, ValueError, KeyError, TypeError, IndexError) as error:
         raise InputError(f"{path}: not a study's design ({type(error).__name__}: {error})") from None
@@ -103,6 +112,7 @@ def write_design(folder: Path, design: StudyDesign) -> None:
         "left_out": dict(design.left_out),
         "raters": {name: [asdict(item) for item in items] for name, items in design.raters.items()},
         "states": dict(design.states),
+        "asks_overall": design.asks_overall,
     }
     write_lasting(folder / DESIGN, json.dumps(tree, indent=1, ensure_ascii=False).encode() + b"\n")
 

@@ -3,16 +3,20 @@
 The adapter between the study and the statistics: votes go in as comparisons, whose judge is the rater, and what comes
 back is laid out as the table. Attention checks are no comparisons of methods and count nowhere here. Raters who failed
 one are told and stay in. Where a method made no placement nothing is compared: those samples are counted beside it.
+
+Overall is, as in the paper's table, a composite: the mean of the two win rates, which is the win rate of all votes on
+either axis; intervals, tests and ratings are of these votes. Where raters were asked a third question it is the answer
+to that.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from dcap.evaluation.methods import DCAP, baselines_among, shown_name
 from dcap.evaluation.preference_table import MARKED, best_first, row_cells, tabular
 from dcap.evaluation.statistics.agreement import SIDES, krippendorff_alpha, percent_agreement, ratings_of
-from dcap.evaluation.statistics.comparisons import Comparison, JudgedAxis, Winner, methods_of, on_axis
+from dcap.evaluation.statistics.comparisons import AXES, Comparison, JudgedAxis, Winner, methods_of, on_axis
 from dcap.evaluation.statistics.method_tables import PreferenceRow, preference_rows
 from dcap.evaluation.study.journal import StudyVote
 from dcap.evaluation.study.raters import RaterRow
@@ -20,6 +24,8 @@ from dcap.evaluation.table_files import write_table
 from dcap.evaluation.table_text import csv_of, number, tex_escaped
 
 TABLE = "table2"
+COMPOSITE, QUESTION = "composite", "third question"
+"""What overall may be."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +53,8 @@ class StudyTable:
     """Whether no model answered for the baselines: their names say so."""
     without_placement: Mapping[str, int] = field(default_factory=dict)
     """Samples of each method on which it made no placement though one was intended [-]."""
+    overall: str = COMPOSITE
+    """What overall is: COMPOSITE or QUESTION."""
 
     def name(self, method: str) -> str:
         """A method as the table shows it."""
@@ -63,17 +71,33 @@ def study_table(
 ) -> StudyTable:
     """Table 2 of the votes on true comparisons."""
     rows, refused = [comparison_of(vote) for vote in votes if vote.lifted is None], without_placement or {}
-    methods = methods_of(rows)
-    table = preference_rows(methods, rows, baselines_among(methods), ours=DCAP, seed=seed)
+    asked = bool(on_axis(rows, JudgedAxis.OVERALL))
+    methods, counted = methods_of(rows), rows if asked else with_composite(rows)
+    table = preference_rows(methods, counted, baselines_among(methods), ours=DCAP, seed=seed)
+    table = table if asked else [each_once(row) for row in table]
     table += [PreferenceRow(name, {}, None, {}, {}) for name, n in refused.items() if n and name not in methods]
     return StudyTable(
         rows=best_first(table),
-        agreement={axis: agreement_of(on_axis(rows, axis)) for axis in JudgedAxis},
-        comparisons=len(on_axis(rows, JudgedAxis.OVERALL)),
+        agreement={axis: agreement_of(on_axis(rows, axis)) for axis in (*AXES, *[JudgedAxis.OVERALL] * asked)},
+        comparisons=len(on_axis(rows, JudgedAxis.RIGHT_PLACE)),
         raters=len({row.judge for row in rows}),
         offline=offline,
         without_placement=refused,
+        overall=QUESTION if asked else COMPOSITE,
     )
+
+
+def with_composite(rows: Sequence[Comparison]) -> list[Comparison]:
+    """Comparisons of both axes, and each of them as one overall: every rater answers both, so that the win rate of
+    these is the mean of the two."""
+    return [*rows, *(replace(one, axis=JudgedAxis.OVERALL) for one in rows)]
+
+
+def each_once(row: PreferenceRow) -> PreferenceRow:
+    """A row whose overall counts each comparison once, though it is of two votes."""
+    both = row.rates[JudgedAxis.OVERALL]
+    rates = {**row.rates, JudgedAxis.OVERALL: replace(both, comparisons=both.comparisons // len(AXES))}
+    return replace(row, rates=rates)
 
 
 def agreement_of(rows: Sequence[Comparison]) -> StudyAgreement:
@@ -98,7 +122,7 @@ def csv_text(table: StudyTable, raters: Sequence[RaterRow]) -> str:
     study: dict[str, object] = {"raters": table.raters, "study_comparisons": table.comparisons}
     for axis, agreed in table.agreement.items():
         study |= {f"agreement_{axis}": number(agreed.alpha), f"percent_agreement_{axis}": percent(agreed.share)}
-    study |= {"shared_comparisons": table.agreement[JudgedAxis.OVERALL].comparisons}
+    study |= {"shared_comparisons": table.agreement[JudgedAxis.RIGHT_PLACE].comparisons, "overall_is": table.overall}
     study |= {"attention_checks": sum(one.checks for one in raters)}
     study |= {"attention_failures": sum(one.checks_failed for one in raters)}
     study |= {"raters_flagged": sum(one.flagged for one in raters)}
@@ -118,7 +142,8 @@ def percent(share: float | None) -> str:
 def tex_text(table: StudyTable, raters: Sequence[RaterRow]) -> str:
     """The table as the paper lays it out."""
     lines = [
-        "% Human forced choice, side by side. Win rates with 95 % intervals of a bootstrap over scene-prompt pairs."
+        "% Human forced choice, side by side. Win rates with 95 % intervals of a bootstrap over scene-prompt pairs.",
+        f"% {overall_line(table)}",
     ]
     lines += tabular(table.rows, table.name)
     checks, failed = sum(one.checks for one in raters), sum(one.checks_failed for one in raters)
@@ -133,9 +158,16 @@ def tex_text(table: StudyTable, raters: Sequence[RaterRow]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def overall_line(table: StudyTable) -> str:
+    """What overall is, a sentence for people."""
+    if table.overall == QUESTION:
+        return "Overall: the answers to a third question, which of the two is better."
+    return "Overall: the composite, the mean of the two win rates; its ratings are of the votes on both axes."
+
+
 def agreement_line(table: StudyTable) -> str:
     """How far raters agree, a sentence for people."""
-    shared = table.agreement[JudgedAxis.OVERALL].comparisons
+    shared = table.agreement[JudgedAxis.RIGHT_PLACE].comparisons
     if not shared:
         return "No comparison was answered by two raters: nothing tells how far they agree."
     said = (

@@ -27,7 +27,8 @@ from dcap.language.protocol.session import MOST_TOKENS
 from dcap.scene.settings import resource
 
 PROMPTS = "prompts"
-PICTURES = "pictures"
+EXAMPLES, PICTURES = "examples", "pictures"
+"""Fields of requests with pictures: the same of every request, and its own."""
 CACHED = {"cache_control": {"type": "ephemeral"}}
 """Ends a part of the prompt that the API shall keep for the next question."""
 CACHED_FROM = 16_000
@@ -103,7 +104,7 @@ def payload_of(question: Question[RequestT, ReplyT], request: RequestT) -> Paylo
     own: dict[str, object] = {}
     shared: dict[str, object] = {}
     for name in field_names(request):
-        if name not in (PICTURES, *question.unseen):
+        if name not in (EXAMPLES, PICTURES, *question.unseen):
             (shared if name in question.shared else own)[name] = plain(getattr(request, name))
     system = template(f"{question.name}.system.j2").render()
     content: list[Block] = []
@@ -111,8 +112,10 @@ def payload_of(question: Question[RequestT, ReplyT], request: RequestT) -> Paylo
         text = data_text(question.name, shared)
         kept = CACHED if len(system) + len(text) >= CACHED_FROM else {}
         content.append({"type": "text", "text": text, **kept})
-    for number, one in enumerate(getattr(request, PICTURES, ()), 1):
-        content += [{"type": "text", "text": f"Picture {number}: {one.name}"}, picture_block(one)]
+    examples = getattr(request, EXAMPLES, ())
+    for number, one in enumerate((*examples, *getattr(request, PICTURES, ())), 1):
+        kept = CACHED if number == len(examples) else {}
+        content += [{"type": "text", "text": f"Picture {number}: {one.name}"}, {**picture_block(one), **kept}]
     content.append({"type": "text", "text": data_text(question.name, own)})
     return Payload(question.name, system, ({"role": "user", "content": content},), schema_of(question.reply))
 

@@ -1,4 +1,4 @@
-"""The fixed pictures of a final state that judges see."""
+"""The pictures that judges and raters see of a final state, and what decides where their cameras stand."""
 
 from dataclasses import dataclass, fields
 
@@ -6,34 +6,60 @@ import numpy as np
 from numpy.typing import NDArray
 
 Picture = NDArray[np.uint8]
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class JudgedViews:
-    """Square RGB images, each (h, w, 3). Those of a whole support are from one camera for all methods, the others from
-    cameras at the same directions and distance from the object."""
+    """Square RGB images of one placement, each (h, w, 3)."""
+
+    overview: Picture
+    """The support that was asked for and the object, from one camera for all methods of a sample."""
+    closeup: Picture
+    """Where the object touches, at a grazing angle: from the same direction and distance for all methods."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class SceneBefore:
+    """Square RGB images that all methods of a sample share, each (h, w, 3)."""
 
     clean: Picture
-    """The scene before, as in `room`."""
+    """The scene before, as in `overview`."""
     asset: Picture
     """The object alone, as it was given."""
-    room: Picture
-    """The support that was asked for, from the middle of the room."""
-    front: Picture
-    """The object from nearby: from the middle of the room, a little above it."""
-    right: Picture
-    """From a quarter turn farther, counterclockwise seen from above."""
-    back: Picture
-    """From the other side."""
-    left: Picture
-    """From a quarter turn back."""
-    top: Picture
-    """The support from steeply above."""
-    low: Picture
-    """From the front and just above the level of what it stands on, where gaps and dents show."""
 
 
-BEFORE = ("clean", "asset")
+BEFORE = tuple(one.name for one in fields(SceneBefore))
 """Names of the pictures of the scene before and of the object alone."""
-PLACED = tuple(one.name for one in fields(JudgedViews) if one.name not in BEFORE)
+PLACED = tuple(one.name for one in fields(JudgedViews))
 """Names of the pictures of a placement, in the order in which judges and people see them."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Sights:
+    """What can be seen of one placement from each of the directions that cameras may have."""
+
+    overview: Array
+    """Share of the object's surface that the scene does not hide, by direction of the overview [-], shape (n,)."""
+    closeup: Array
+    """Share of the object's lower edge that nothing hides, by direction of the close-up [-], shape (m,)."""
+    contact: Array
+    """The point where it touches, or is nearest to what is below, as seen from there [m], shape (m, 3)."""
+    bounds: Array
+    """Of the object [m], shape (2, 3)."""
+    support: Array
+    """Corners of the box of the support that was asked for [m], shape (8, 3)."""
+    ahead_deg: float
+    """Azimuth from that support to the middle of the scene [degrees]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Viewpoint:
+    """A camera of a square picture, in plain numbers."""
+
+    position: tuple[float, float, float]
+    """[m]."""
+    target: tuple[float, float, float]
+    """What is in the middle of the picture [m]."""
+    fov_deg: float
+    """Field of view across the picture [degrees]."""

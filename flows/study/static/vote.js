@@ -40,6 +40,7 @@
   const submit = form.querySelector("button[type=submit]");
   const problem = document.getElementById("problem");
   const views = [...document.querySelectorAll("[data-view]")];
+  const seen = new Set([0]);
   let active = 0, view = 0, sending = false;
 
   function focusQuestion(number) {
@@ -51,8 +52,14 @@
     return questions.findIndex(one => !one.querySelector("input:checked"));
   }
 
+  // A page is complete once each view was looked at and each question is answered.
+  function incomplete() {
+    return unanswered() >= 0 || seen.size < views.length;
+  }
+
   function refresh() {
-    submit.disabled = sending || unanswered() >= 0;
+    submit.disabled = sending || incomplete();
+    problem.textContent = unanswered() < 0 && seen.size < views.length ? "Look at each view first." : "";
   }
 
   function choose(side) {
@@ -63,15 +70,17 @@
 
   function showView(number) {
     view = number % views.length;
+    seen.add(view);
     document.dispatchEvent(new Event("pictures"));
     views.forEach((one, index) => one.setAttribute("aria-pressed", String(index === view)));
     document.querySelectorAll("figure[data-side] .picture").forEach(button => {
       button.querySelectorAll("img").forEach((image, index) => { image.hidden = index !== view; });
     });
+    refresh();
   }
 
   async function send() {
-    if (sending || unanswered() >= 0) return;
+    if (sending || incomplete()) return;
     sending = true;
     refresh();
     const answers = Object.fromEntries(new FormData(form));
@@ -86,12 +95,16 @@
         location.replace(page.dataset.base);
         return;
       }
-      problem.textContent = "Your answer is not saved yet: the study could not keep it. Press Next to try again.";
+      failed("Your answer is not saved yet: the study could not keep it. Press Next to try again.");
     } catch {
-      problem.textContent = "Your answer is not saved yet: the study does not answer. Press Next to try again in a moment.";
+      failed("Your answer is not saved yet: the study does not answer. Press Next to try again in a moment.");
     }
+  }
+
+  function failed(words) {
     sending = false;
     refresh();
+    problem.textContent = words;
   }
 
   form.addEventListener("submit", event => { event.preventDefault(); send(); });

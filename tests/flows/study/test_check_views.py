@@ -1,90 +1,85 @@
-"""Pictures of attention checks beside those that a benchmark takes of the same placement."""
+"""Pictures of attention checks beside those that judges see of the same placement."""
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 import pytest
 from dented_bed import anchor, ball, scene_of, settled
-from forged_pictures import huge
 from PIL import Image
 from placed_folder import placed_folder
 
+from dcap.evaluation.judging.cameras import SIZE, sample_cameras
 from dcap.evaluation.study.placed_surface import read_placed_surface
 from dcap.evaluation.study.placements import ShownPlacement, views_of
-from dcap.scene.errors import FormatError
+from dcap.scene.errors import FormatError, InputError
 from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
-from dcap.scene.types.judged_views import PLACED, JudgedViews
+from dcap.scene.types.judged_views import PLACED
 from dcap.scene.types.paint import SourceSurface
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
-from flows.study.check_views import check_pictures, size_of, views_config
-from tasks.measure.judge_cameras import ViewsConfig
-from tasks.measure.views import judged_views
-
-SMALL = ViewsConfig(size=40)
+from flows.judge_views import CAMERAS, VIEWS
+from flows.study.check_views import check_pictures
+from tasks.measure.views import judged_views, sights
 
 
 @pytest.fixture(scope="module")
 def placement(tmp_path_factory: pytest.TempPathFactory) -> ShownPlacement:
     """A ball on a bed between two walls, with the pictures that a judge sees of it."""
     folder = placed_folder(tmp_path_factory.mktemp("placed"))
-    bare = SourceSurface.untextured()
+    scene, item, bare = SegmentedScene(scene_of()), SegmentedObject(ball()), SourceSurface.untextured()
     asked = Intent("bed", "bed", "ball", np.full(3, 0.2), 0.4, False, 1.0, OrientationRequest("any", "", ""),
                    RegionRequest("", (), (), ""), (), ())  # fmt: skip
-    views = judged_views(
-        SegmentedScene(scene_of()), SegmentedObject(ball()), asked, anchor(), settled(), bare, bare, SMALL
-    )
-    (folder / "views").mkdir()
-    for name in JudgedViews.__slots__:
-        Image.fromarray(getattr(views, name)).save(folder / "views" / f"{name}.png")
-    return ShownPlacement("dcap", "ball", folder, tuple(views_of(folder / "views")), "at_rest")
+    seen = sights(scene, item, asked, anchor(), settled())
+    cameras = sample_cameras([seen])
+    views = judged_views(scene, item, anchor(), settled(), bare, bare, cameras.overview, cameras.closeup(seen))
+    (folder / VIEWS).mkdir()
+    for name in PLACED:
+        Image.fromarray(getattr(views, name)).save(folder / VIEWS / f"{name}.png")
+    tree = {"states": {}, **asdict(cameras), "contact": list(seen.contact[cameras.direction])}
+    (folder / VIEWS / CAMERAS).write_text(json.dumps(tree))
+    return ShownPlacement("dcap", "ball", folder, views_of(folder / VIEWS), "at_rest")
 
 
+@pytest.mark.slow
 def test_the_side_at_rest_is_what_the_run_shows(placement: ShownPlacement) -> None:
     """Names, order, sizes, cameras, walls that are cut away and shading: pictures of the same things, but for what
     writing them to a file rounds."""
     assert placement.scene_model is not None
     surface = read_placed_surface(placement.scene_model)
-    found = check_pictures(placement, surface, surface, SMALL)
+    found = check_pictures(placement, surface, surface.lifted(0.0))
     assert tuple(found) == PLACED
     for path in placement.pictures:
         own = np.asarray(Image.open(path), int)
-        assert found[path.stem].shape == own.shape
+        assert found[path.stem].shape == own.shape == (SIZE, SIZE, 3)
         differs = np.abs(found[path.stem] - own).max(axis=2)
         assert (differs > 8).mean() < 0.01, path.stem
 
 
-def test_a_picture_that_says_it_is_huge_is_refused(tmp_path: Path) -> None:
-    """Pictures of checks are drawn as large as a run's, so its headers are not believed beyond what images may have."""
-    (tmp_path / "front.png").write_bytes(huge())
-    with pytest.raises(FormatError, match=r"front\.png: an image of 60000 x 60000 pixels"):
-        size_of(tmp_path / "front.png")
-
-
-def test_a_floating_object_is_in_the_middle_of_its_own_pictures(placement: ShownPlacement) -> None:
-    """As a method's own would be that let it float; the room and the view from above stay where they are."""
+@pytest.mark.slow
+def test_the_close_up_follows_a_floating_object(placement: ShownPlacement) -> None:
+    """As that of a method's own would that let it float: its lowest point is below the middle and in the picture. The
+    overview stays where it is."""
     assert placement.scene_model is not None
     surface = read_placed_surface(placement.scene_model)
-    found = check_pictures(placement, surface, surface.lifted(0.3), SMALL)
-    for name, rgb in found.items():
-        red = rgb[..., 1] < 0.5 * rgb[..., 0]
-        off = np.hypot(*(np.argwhere(red).mean(axis=0) + 0.5 - SMALL.size / 2)) / SMALL.size
-        assert (off < 0.05) == (name not in ("room", "top")), name
+    floating = check_pictures(placement, surface, surface.lifted(0.3))
+    resting = check_pictures(placement, surface, surface)
+    lowest = {}
+    for name, pictures in (("floating", floating), ("resting", resting)):
+        for view, rgb in pictures.items():
+            red = (rgb[..., 1] < 0.5 * rgb[..., 0]).any(axis=1)
+            lowest[name, view] = float(np.flatnonzero(red).max()) / SIZE
+    assert 0.5 < lowest["floating", "closeup"] < 0.75
+    assert lowest["floating", "overview"] < lowest["resting", "overview"] - 0.02
 
 
-def test_cameras_are_those_of_the_run(tmp_path: Path) -> None:
-    """As its configuration has them; what it does not say is the default."""
-    (tmp_path / "run.json").write_text(json.dumps({"config": {"views": {"near": 4.0, "older": 1}}}))
-    assert views_config(tmp_path) == ViewsConfig(near=4.0)
-    (tmp_path / "run.json").write_text("{}")
-    assert views_config(tmp_path) == ViewsConfig()
-
-
-def test_a_scene_that_says_nonsense_is_refused(placement: ShownPlacement, tmp_path: Path) -> None:
-    """The study goes on without that check."""
+def test_a_placement_of_unknown_cameras_is_refused(placement: ShownPlacement, tmp_path: Path) -> None:
+    """It is told; the study goes on without that check."""
     assert placement.scene_model is not None
     surface = read_placed_surface(placement.scene_model)
-    (tmp_path / "scene.json").write_text('{"version": 1}')
     other = ShownPlacement("dcap", "ball", tmp_path, placement.pictures, "at_rest")
+    with pytest.raises(InputError, match=r"cameras\.json: not there"):
+        check_pictures(other, surface, surface)
+    (tmp_path / "scene.json").write_text('{"version": 1}')
     with pytest.raises(FormatError, match=r"scene\.json"):
-        check_pictures(other, surface, surface, SMALL)
+        check_pictures(other, surface, surface)

@@ -12,7 +12,7 @@ from many_methods_run import COLORS, METHODS, SAMPLES, method_folder
 from study_server import CHECK, ServedStudy
 
 from dcap.evaluation.page3d.three import three_script
-from dcap.evaluation.statistics.comparisons import JudgedAxis
+from dcap.evaluation.statistics.comparisons import AXES
 from dcap.evaluation.study.attention import LIFTED, SETTLED
 from dcap.evaluation.study.design import Side, StudyItem
 from dcap.evaluation.study.journal import read_votes
@@ -24,7 +24,7 @@ from flows.study.body_limit import MOST_BYTES
 
 def answer(item: StudyItem, side: Side = Side.LEFT) -> dict[str, object]:
     """The same side for every question."""
-    return {"item": item.item, "seconds": 2.0, **{axis.value: side.value for axis in JudgedAxis}}
+    return {"item": item.item, "seconds": 2.0, **{axis.value: side.value for axis in AXES}}
 
 
 def current(study: ServedStudy, rater: str = "r01") -> StudyItem:
@@ -54,7 +54,7 @@ def test_the_scene_comes_first_then_the_placements(study: ServedStudy) -> None:
     second = study.browser.get(f"{base}/compare").text
     for side in Side:
         assert all(f"{base}/pictures/{item.item}/{side}/{view}" in second for view in range(len(PLACED)))
-    assert all(f'name="{axis}"' in second for axis in JudgedAxis)
+    assert all(f'name="{axis}"' in second for axis in AXES)
     assert "<kbd>1</kbd> or <kbd>←</kbd>" in second
 
 
@@ -152,7 +152,7 @@ def test_answers_lead_on_until_all_are_given(study: ServedStudy) -> None:
         text = study.browser.get(base + page).text
         assert "Thank you" in text
         assert "<form" not in text
-    assert len(read_votes(study.folder)) == 14 * len(JudgedAxis)
+    assert len(read_votes(study.folder)) == 14 * len(AXES)
 
 
 def test_an_answer_counts_once(study: ServedStudy) -> None:
@@ -161,7 +161,7 @@ def test_an_answer_counts_once(study: ServedStudy) -> None:
     assert study.browser.post(address, json=answer(item, Side.RIGHT)).json()["saved"]
     assert not study.browser.post(address, json=answer(item, Side.LEFT)).json()["saved"]
     assert {vote.winner for vote in read_votes(study.folder)} == {Side.RIGHT}
-    assert len(read_votes(study.folder)) == len(JudgedAxis)
+    assert len(read_votes(study.folder)) == len(AXES)
 
 
 def test_raters_do_not_mix(study: ServedStudy) -> None:
@@ -173,7 +173,7 @@ def test_raters_do_not_mix(study: ServedStudy) -> None:
     for rater, side in (("r01", Side.LEFT), ("r02", Side.RIGHT)):
         mine = [vote for vote in votes if vote.rater == rater]
         assert {vote.winner for vote in mine} == {side}
-        assert [vote.item for vote in mine][:: len(JudgedAxis)] == ["001", "002", "003"]
+        assert [vote.item for vote in mine][:: len(AXES)] == ["001", "002", "003"]
         assert study.session.progress(rater) == (3, 14)
 
 
@@ -194,7 +194,7 @@ def test_what_is_no_answer_is_refused(study: ServedStudy, wrong: dict[str, objec
 def test_a_question_without_answer_is_refused(study: ServedStudy) -> None:
     """All questions or none: a comparison is never half answered."""
     body = answer(current(study))
-    del body["overall"]
+    del body["physics_naturalness"]
     assert study.browser.post(f"{study.page('r01')}/votes", json=body).status_code == 422
     assert study.browser.post(f"{study.page('r01')}/votes", content=b"{").status_code == 422
     assert read_votes(study.folder) == ()

@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from fake_api import FakeApi, data_of, message, question_of, reason_of, says
 from judged import GOOD, REPLY, SCORES, flat, placement, three_methods
 from PIL import Image
 
+from dcap.evaluation.judging.examples import EXAMPLES
 from dcap.evaluation.judging.judge import (
     comparisons,
     judge_name,
@@ -19,7 +21,7 @@ from dcap.evaluation.judging.judge import (
     score_request,
     scores,
 )
-from dcap.evaluation.judging.judged_pictures import GAP, pictures_in, side_by_side
+from dcap.evaluation.judging.judged_pictures import pictures_in
 from dcap.evaluation.judging.questions import JUDGE_PAIR, JUDGE_SCORE
 from dcap.evaluation.judging.rubric import RUBRIC
 from dcap.evaluation.statistics.comparisons import JudgedAxis, Winner, pair_counts, write_comparisons
@@ -89,29 +91,31 @@ def test_a_model_sees_neither_methods_nor_metrics():
     """What is sent has the sentence, the pictures and what they show; methods and metrics are not in it."""
     one, other = three_methods(1)[:2]
     for payload, pictures in (
-        (payload_of(JUDGE_SCORE, score_request(one)), 4),
-        (payload_of(JUDGE_PAIR, pair_request(one, other)), 4),
+        (payload_of(JUDGE_SCORE, replace(score_request(one), examples=(flat("example", 5),))), 1 + 4),
+        (payload_of(JUDGE_PAIR, pair_request(one, other)), 2 + 4),
     ):
         text = json.dumps(payload.readable())
         assert payload.pictures == pictures
         assert "put it on s0" in text
-        assert "view above" in text
-        assert '"room\\" and \\"top\\" are from cameras that are the same for every placement' in text
-        assert "centred on the object, from the same directions" in text
-        assert "from the same camera." not in text
+        assert "close-up of the contact" in text
+        assert "The overview is from one camera for every placement" in text
         assert not any(word in text for word in ("dcap", "holodeck", "metrics", "penetration_m", "0.01"))
 
 
-def test_pairs_are_shown_side_by_side_and_in_both_orders(api: FakeApi):
-    """Left half left, right half right, a strip between; the second question has them exchanged."""
+def test_a_pair_is_asked_in_both_orders_each_picture_by_its_name(api: FakeApi):
+    """A then B, each with its views in one order; the second question has them exchanged."""
     api.answers = [judging]
     rows = comparisons(connect(MODEL, Session()), three_methods(1)[:2], NAME)
     assert [(row.left_method, row.right_method) for row in rows[::3]] == [("dcap", "holodeck"), ("holodeck", "dcap")]
-    assert [pictures_of(body) for body in api.asked] == [4, 4]
-    both = side_by_side(flat("front", 10), flat("front", 20)).make()
-    assert both.shape == (8, 20 + GAP, 3)
-    assert (both[:, :10] == 10).all()
-    assert (both[:, 10 + GAP :] == 20).all()
+    said = [[one["text"] for one in body["messages"][0]["content"] if one["type"] == "text"][:-1] for body in api.asked]
+    assert said == [[
+        "Picture 1: the scene before the object is placed", "Picture 2: the object alone",
+        "Picture 3: placement A, overview", "Picture 4: placement A, close-up of the contact",
+        "Picture 5: placement B, overview", "Picture 6: placement B, close-up of the contact",
+    ]] * 2  # fmt: skip
+    first, second = ([one for one in body["messages"][0]["content"] if one["type"] == "image"] for body in api.asked)
+    assert first[2:4] == second[4:]
+    assert first[4:] == second[2:4]
     # always the left one: never the same method in both orders, and a side is preferred
     decided = [row for row in rows if row.axis is JudgedAxis.OVERALL]
     assert side_report(decided).consistent == 0
@@ -140,11 +144,33 @@ def test_a_wrong_score_is_asked_again_and_then_refused(api: FakeApi, answer, sai
     assert re.search(said, reason_of(api.asked[-1]))
 
 
+@pytest.mark.slow
+def test_examples_come_with_their_pictures_and_scores():
+    """Before all else, the same in every request, and kept for the next: they tell more than the placement itself. The
+    first shows a ball in its dent, the third one that hovers, of another picture."""
+    payload = payload_of(JUDGE_SCORE, score_request(three_methods(1)[0]))
+    content = payload.messages[0]["content"]
+    count = 2 * len(EXAMPLES)
+    assert payload.pictures == count + 4
+    said = [one["text"] for one in content if one["type"] == "text"][:count]
+    assert said[0].startswith(
+        'Picture 1: example 1, overview; "put the bowling ball at the center of the bed": it lies'
+    )
+    assert said[0].endswith("right_place 10, physics_naturalness 10")
+    assert said[1] == "Picture 2: example 1, close-up of the contact"
+    marked = [number for number, one in enumerate(content) if "cache_control" in one]
+    assert marked == [2 * count - 1]
+    again = payload_of(JUDGE_SCORE, score_request(three_methods(1)[1]))
+    assert again.messages[0]["content"][: 2 * count] == content[: 2 * count]
+    pictures = [one["source"]["data"] for one in content[: 2 * count] if one["type"] == "image"]
+    assert len(set(pictures)) == count
+
+
 @pytest.mark.parametrize(
     ("answer", "said"),
     [
         (REPLY | {"overall": None}, "overall: .*null is no answer"),
-        (REPLY | {"overall": "both"}, "overall: Input should be 'left', 'right' or 'tie'"),
+        (REPLY | {"overall": "both"}, "overall: Input should be 'A', 'B' or 'tie'"),
         ({name: value for name, value in REPLY.items() if name != "right_place"}, "right_place: Field required"),
     ],
 )
@@ -224,14 +250,9 @@ def test_views_are_read_when_somebody_looks(tmp_path: Path):
 
 
 def test_pairs_that_do_not_fit_are_refused():
-    """Other views, other sizes, the same placement twice."""
+    """Other views, the same placement twice."""
     one, other = three_methods(1)[:2]
     with pytest.raises(InputError, match="dcap and other have other views or prompts"):
         pair_request(one, placement("s1", "other", 3))
     with pytest.raises(InputError, match="is to be judged twice"):
         comparisons(OfflineClient(), [one, other, one], RUBRIC)
-    with pytest.raises(InputError, match="'front' beside 'above'"):
-        side_by_side(*one.views)
-    narrow = flat("front", 1)
-    with pytest.raises(InputError, match=r"shapes \(8, 10, 3\) and \(8, 32, 3\)"):
-        side_by_side(narrow, side_by_side(narrow, narrow)).make()

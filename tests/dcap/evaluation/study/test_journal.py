@@ -7,7 +7,7 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
-from dcap.evaluation.statistics.comparisons import JudgedAxis
+from dcap.evaluation.statistics.comparisons import AXES
 from dcap.evaluation.study.design import Side
 from dcap.evaluation.study.journal import JOURNAL, StudyVote, VoteJournal, read_votes
 from dcap.evaluation.study.study_folder import export_votes
@@ -16,7 +16,7 @@ from dcap.scene.errors import InputError
 
 def ballot(rater: str = "r01", item: str = "001", winner: Side = Side.LEFT) -> list[StudyVote]:
     """A rater's answers to one comparison."""
-    return [StudyVote(rater, item, "bed", axis, "dcap", "layoutgpt", winner, None, 3.5) for axis in JudgedAxis]
+    return [StudyVote(rater, item, "bed", axis, "dcap", "layoutgpt", winner, None, 3.5) for axis in AXES]
 
 
 def test_what_was_added_is_read_again(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from math import log
 import numpy as np
 import pytest
 
-from dcap.evaluation.statistics.comparisons import JudgedAxis
+from dcap.evaluation.statistics.comparisons import AXES, JudgedAxis
 from dcap.evaluation.statistics.method_tables import PreferenceRow
 from dcap.evaluation.statistics.score_summary import DAGGER
 from dcap.evaluation.study.design import Showings, Side, rater_items
@@ -29,7 +29,7 @@ def votes_of(raters: int, lifted: Side | None = None) -> list[StudyVote]:
     found, before = [], Showings()
     for rater in range(raters):
         for one in rater_items(pairs, (), SAMPLES, rater, 0, before):
-            for axis in JudgedAxis:
+            for axis in AXES:
                 share = STRENGTH[one.left] / (STRENGTH[one.left] + STRENGTH[one.right])
                 side = Side.LEFT if chance.random() < share else Side.RIGHT
                 found.append(StudyVote(f"r{rater}", one.item, one.sample, axis, one.left, one.right, side, lifted, 1.0))
@@ -42,7 +42,7 @@ def given(*counts: tuple[str, str, str, int]) -> list[StudyVote]:
         StudyVote("r0", f"{sample} {winner} {k}", sample, axis, winner, loser, Side.LEFT, None, 1.0)
         for sample, winner, loser, count in counts
         for k in range(count)
-        for axis in JudgedAxis
+        for axis in AXES
     ]
 
 
@@ -78,7 +78,7 @@ def test_ratings_are_those_of_the_raters() -> None:
     best = table.rows[0].rates[JudgedAxis.OVERALL].interval
     assert best.low < (2 / 3 + 0.8) / 2 < best.high  # of 2 against 1 and of 2 against 0.5
     assert table.rows[0].marks[JudgedAxis.OVERALL] == DAGGER
-    assert not any(row.marks[axis] for row in table.rows[1:] for axis in JudgedAxis)
+    assert not any(row.marks[axis] for row in table.rows[1:] for axis in AXES)
 
 
 def test_win_rates_draw_whole_samples() -> None:
@@ -125,12 +125,12 @@ def test_raters_agree_by_krippendorff_s_alpha() -> None:
 
     def said(*answers: str) -> float | None:
         votes = [
-            StudyVote(f"r{rater}", f"{k}", f"s{k}", JudgedAxis.OVERALL, "dcap", "fireplace", side, None, 1.0)
+            StudyVote(f"r{rater}", f"{k}", f"s{k}", JudgedAxis.RIGHT_PLACE, "dcap", "fireplace", side, None, 1.0)
             for k, unit in enumerate(answers)
             for rater, one in enumerate(unit)
             for side in (Side.LEFT if one == "1" else Side.RIGHT,)
         ]
-        return study_table(votes, 0).agreement[JudgedAxis.OVERALL].alpha
+        return study_table(votes, 0).agreement[JudgedAxis.RIGHT_PLACE].alpha
 
     assert said("11", "11", "00", "01") == pytest.approx(0.5)
     assert said("11", "00") == 1.0
@@ -142,13 +142,15 @@ def test_raters_who_toss_coins_do_not_agree() -> None:
     """Alpha is 0, also over three methods, of which each comparison shows two: 120 units of four raters."""
     chance, names = np.random.default_rng(3), ("dcap", "fireplace", "layoutgpt")
     votes = [
-        StudyVote(f"r{rater}", f"{k}", f"s{k}", JudgedAxis.OVERALL, names[k % 3], names[(k + 1) % 3], side, None, 1.0)
+        StudyVote(
+            f"r{rater}", f"{k}", f"s{k}", JudgedAxis.RIGHT_PLACE, names[k % 3], names[(k + 1) % 3], side, None, 1.0
+        )
         for k in range(120)
         for rater in range(4)
         for side in (Side.LEFT if chance.random() < 0.5 else Side.RIGHT,)
     ]
     # six pairs of raters per unit: sigma of the observed share is 0.5 / sqrt(6 * 120), twice that of alpha; four of it
-    assert study_table(votes, 0).agreement[JudgedAxis.OVERALL].alpha == pytest.approx(0.0, abs=0.15)
+    assert study_table(votes, 0).agreement[JudgedAxis.RIGHT_PLACE].alpha == pytest.approx(0.0, abs=0.15)
 
 
 def test_a_usual_study_tells_how_far_raters_agree() -> None:
@@ -161,7 +163,7 @@ def test_a_usual_study_tells_how_far_raters_agree() -> None:
         for rater, items in design.raters.items()
         for one in items
         for side in (Side.LEFT if (one.left < one.right) == (int(one.sample[1:]) % 2 == 0) else Side.RIGHT,)
-        for axis in JudgedAxis
+        for axis in AXES
     ]
     for raters, shared in ((2, 8), (12, 24)):
         table = study_table([vote for vote in votes if vote.rater <= f"r{raters:02d}"], 0)
@@ -188,10 +190,10 @@ def test_the_tables_hold_what_was_computed() -> None:
     assert {row["attention_checks"] for row in rows} == {"8"}
     assert {row["raters_flagged"] for row in rows} == {"1"}
     assert {row["raters"] for row in rows} == {"3"}
-    assert float(rows[0]["agreement_overall"]) < 1.0
-    assert 0.0 < float(rows[0]["percent_agreement_overall"]) < 100.0
+    assert float(rows[0]["agreement_right_place"]) < 1.0
+    assert 0.0 < float(rows[0]["percent_agreement_right_place"]) < 100.0
     assert rows[0]["shared_comparisons"] == "36"
-    assert f"({rows[0]['percent_agreement_overall']} % of pairs of raters)" in tex_text(table, raters)
+    assert f"({rows[0]['percent_agreement_right_place']} % of pairs of raters)" in tex_text(table, raters)
     tex = tex_text(table, raters)
     assert tex.count("\\\\") == 1 + len(table.rows)
     assert "FirePlace*" in tex

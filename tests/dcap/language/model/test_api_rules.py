@@ -2,11 +2,14 @@
 
 import base64
 import io
+import json
 import sys
 from collections.abc import Callable
 from copy import deepcopy
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 from api_rules import (
     ANTHROPIC_RULES,
@@ -20,18 +23,23 @@ from api_rules import (
     union_parameters,
 )
 from fake_api import QUESTIONS
+from judged import GOOD
 from openai_rules import OPENAI_RULES, openai_shape
 from PIL import Image
 from pydantic import BaseModel
 from questions_at_hand import AT_HAND
 
+from dcap.evaluation.judging.cameras import SIZE
+from dcap.evaluation.judging.judge import JudgedPlacement, pair_request, score_request
 from dcap.evaluation.judging.questions import JUDGE_PAIR, JUDGE_SCORE
 from dcap.language.model import anthropic_api, openai_api
 from dcap.language.model.ledger import prices
 from dcap.language.model.payload import Payload, payload_of, schema_of, template
 from dcap.language.protocol.client import ClientName, LanguageConfig
 from dcap.language.protocol.questions import INTENT, Question
+from dcap.language.protocol.requests import Picture
 from dcap.language.protocol.session import Session
+from dcap.scene.types.judged_views import BEFORE, PLACED
 
 EVERY: tuple[Question[Any, Any], ...] = (*QUESTIONS.values(), JUDGE_SCORE, JUDGE_PAIR)
 ANTHROPIC = {"x-api-key": "k", "anthropic-version": "2023-06-01"}
@@ -105,6 +113,35 @@ def test_forms_of_answers_leave_room(question: Question[Any, Any], record_proper
         assert properties[0] == "reason"
     if question is INTENT:
         assert properties.index("candidates") < properties.index("base_id")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("question", [JUDGE_SCORE, JUDGE_PAIR], ids=lambda one: one.name)
+def test_pictures_of_judges_reach_a_model_as_they_are(question: Question[Any, Any], record_property) -> None:
+    """Of the size that judges see, with all examples: both APIs take them and make none smaller. Anthropic does so from
+    1568 pixels along a side or 1.15 megapixels [VISION], OpenAI where the shorter side has more than 768 [IMAGES]."""
+    noise = np.random.default_rng(0).integers(0, 255, (SIZE, SIZE, 3), dtype=np.uint8)  # what PNG cannot make smaller
+    views = tuple(Picture(name, lambda: noise) for name in PLACED)
+    before = tuple(Picture(name, lambda: noise) for name in BEFORE)
+    one = JudgedPlacement("s", "a", "put it there", "ball", GOOD, before, views)
+    request = score_request(one) if question is JUDGE_SCORE else pair_request(one, replace(one, method="b"))
+    payload = payload_of(question, request)
+    body = anthropic_api.call_of(
+        LanguageConfig(client=ClientName.ANTHROPIC, model="claude-sonnet-4-5"), payload, Session()
+    )
+    size = len(json.dumps(body))
+    record_property("bytes", size)
+    assert refusal(Call(body, headers=ANTHROPIC, size=size), ANTHROPIC_RULES, anthropic_shape) is None
+    assert (
+        openai_refuses(openai_api.call_of(LanguageConfig(client=ClientName.OPENAI, model="gpt-5"), payload, Session()))
+        == ""
+    )
+    for block in payload.messages[0]["content"]:
+        if block["type"] == "image":
+            width, height = Image.open(io.BytesIO(base64.b64decode(block["source"]["data"]))).size
+            assert max(width, height) <= 1568
+            assert width * height <= 1.15e6
+            assert min(width, height) <= 768
 
 
 # what is broken ------------------------------------------------------------------------------------------------------

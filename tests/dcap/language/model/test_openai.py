@@ -68,7 +68,7 @@ def test_a_judge_is_asked_like_everybody_else(server: FakeOpenAi):
     """Scores and comparisons come back through forms that strict mode takes."""
     server.answers = [says(REPLY), says(SCORES)]
     client, (one, other) = connect(config(), Session()), three_methods(1)[:2]
-    assert client.ask(JUDGE_PAIR, pair_request(one, other)).overall == "left"
+    assert client.ask(JUDGE_PAIR, pair_request(one, other)).overall == "A"
     assert client.ask(JUDGE_SCORE, score_request(one)).physics_naturalness == 6.5
     assert server.raw[0]["response_format"]["json_schema"]["name"] == "judge_pair"
 

@@ -1,0 +1,122 @@
+"""The pictures that judges and raters see of a run's placements, taken once somebody judges or a study is served.
+
+In: a run's folder and its rows. Out: `views/` in the folder of each placement that is compared: the pictures, and
+`cameras.json`, which says from where they were taken and of which final states. What is there and still shows these is
+left alone; what was taken before comes from the store. Cameras are those of a sample, alike for all of its methods.
+"""
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from dcap.evaluation.judging.cameras import SampleCameras, sample_cameras
+from dcap.evaluation.judging.standing import Standing, standing_of
+from dcap.evaluation.methods import joined_id
+from dcap.evaluation.outcome_table import SampleOutcome
+from dcap.evaluation.run_folder import sample_folder
+from dcap.scene.errors import InputError
+from dcap.scene.types.judged_views import BEFORE, PLACED, JudgedViews, SceneBefore, Sights, Viewpoint
+from dcap.scene.whole_files import write_whole
+from flows.find_run import read_keys, undamaged
+from flows.measures_file import states_of
+from flows.output import load, readable_json
+from flows.run_files import Asked, asked_of_run, finished_sample
+from flows.sample_run import FinishedSample, sample_context
+from tasks.artifact import Ref, Store
+from tasks.measure.views import judged_views_task, scene_before_task, sights_task
+from tasks.run_context import RunContext
+
+VIEWS, CAMERAS = "views", "cameras.json"
+
+
+@dataclass(frozen=True, slots=True)
+class TakenFrom:
+    """From where the pictures of a placement were taken."""
+
+    cameras: SampleCameras
+    contact: tuple[float, float, float]
+    """What its close-up is centred on [m]."""
+
+
+def take_views(run: Path, rows: Sequence[SampleOutcome], say: Callable[[str], None]) -> None:
+    """Take the pictures of every placement that is judged, as far as they are not there; InputError where stages of one
+    are no longer in the cache."""
+    samples: dict[str, list[str]] = {}
+    for row in rows:
+        if standing_of(row) is Standing.JUDGED:
+            samples.setdefault(row.sample, []).append(joined_id(row.method, row.sample))
+    missing = {sample: names for sample, names in samples.items() if not there(run, names)}
+    if not missing:
+        return
+    asked = asked_of_run(run)
+    for number, (sample, names) in enumerate(missing.items(), 1):
+        say(f"pictures of {sample} ({number} of {len(missing)})")
+        take(run, asked, names)
+
+
+def there(run: Path, names: Sequence[str]) -> bool:
+    """Whether the pictures of a sample's placements are there and show their final states."""
+    states = states_of(run, names)
+    for name in names:
+        folder = sample_folder(run, name) / VIEWS
+        if not all((folder / f"{one}.png").is_file() for one in (*BEFORE, *PLACED)):
+            return False
+        if not (folder / CAMERAS).is_file() or read_keys(folder / CAMERAS).get("states") != states:
+            return False
+    return True
+
+
+def take(run: Path, asked: Asked, names: Sequence[str]) -> None:
+    """Take the pictures of a sample as each method placed it."""
+    found = {name: finished_sample(asked, name) for name in names}
+    seen = {name: sights_of_sample(one) for name, one in found.items()}
+    cameras, states = sample_cameras(list(seen.values())), states_of(run, names)
+    for name, one in found.items():
+        views, before = pictures_of(one, cameras, seen[name])
+        folder = sample_folder(run, name) / VIEWS
+        folder.mkdir(parents=True, exist_ok=True)
+        for ref, pictures in ((before, BEFORE), (views, PLACED)):
+            for picture in pictures:
+                source = Store.default().folder(ref) / f"{picture}.png"
+                write_whole(folder / source.name, source.read_bytes())
+        contact = [round(float(x), 6) for x in seen[name].contact[cameras.direction]]
+        write_whole(folder / CAMERAS, readable_json({"states": states, **asdict(cameras), "contact": contact}))
+
+
+def sights_of_sample(finished: FinishedSample) -> Sights:
+    """What can be seen of a placement, from the cache or computed."""
+    refs = finished.placement
+    with sample_context(finished.sample, RunContext()):
+        ref = sights_task(refs.scene, refs.item, refs.intent, refs.anchor, refs.settled)
+    found = load(Store.default(), ref, Sights)
+    assert found is not None
+    return found
+
+
+def pictures_of(
+    finished: FinishedSample, cameras: SampleCameras, seen: Sights
+) -> tuple[Ref[JudgedViews], Ref[SceneBefore]]:
+    """The pictures of a placement, and of its sample before, from the cache or taken."""
+    refs = finished.placement
+    surfaces = refs.scene_surface, refs.object_surface
+    with sample_context(finished.sample, RunContext()):
+        views = judged_views_task(
+            refs.scene, refs.item, refs.anchor, refs.settled, *surfaces, cameras.overview, cameras.closeup(seen)
+        )
+        return views, scene_before_task(refs.scene, refs.item, *surfaces, cameras.overview)
+
+
+def taken_from(folder: Path) -> TakenFrom:
+    """From where the pictures in the folder of a placement were taken; InputError where that is not known."""
+    path = folder / VIEWS / CAMERAS
+    if not path.is_file():
+        raise InputError(f"{path}: not there; move {folder / VIEWS} away and start again")
+    tree: Mapping[str, object] = read_keys(path)
+    with undamaged(path):
+        x, y, z = (float(one) for one in json.loads(json.dumps(tree["contact"])))
+        view = tree["overview"]
+        assert isinstance(view, Mapping)
+        overview = Viewpoint(tuple(view["position"]), tuple(view["target"]), float(view["fov_deg"]))
+        cameras = SampleCameras(overview, int(str(tree["direction"])), float(str(tree["width"])))
+        return TakenFrom(cameras, (x, y, z))
