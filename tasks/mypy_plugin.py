@@ -1,7 +1,7 @@
 """A mypy plugin: the signature of a stage's task, derived from the signature of its function.
 
 Where the function takes a value of the pipeline (a type of dcap/scene/types, or a Source), the task takes a `Ref` of
-it; what the user gave (dcap.scene.types.sample), an end pose and plain values stay as they are; `client` is the
+it; what the user gave (dcap.scene.types.sample), an end pose, a viewpoint and plain values stay as they are; `client` is the
 runner's to give. Without this plugin a task takes anything, so other type checkers still know what it returns.
 """
 
@@ -14,7 +14,9 @@ from mypy.types import CallableType, Instance, Parameters, Type, UnionType, get_
 STAGE = "tasks.cache.stage"
 REF = "tasks.artifact.Ref"
 VALUES = ("dcap.scene.types.", "tasks.artifact.Source")
-PLAIN = ("dcap.scene.types.sample.", "dcap.scene.types.settled.EndPose")
+PLAIN = (
+    "dcap.scene.types.sample.", "dcap.scene.types.settled.EndPose", "dcap.scene.types.judged_views.Viewpoint",
+)  # fmt: skip
 OWN = "client"
 
 
