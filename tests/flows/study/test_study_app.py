@@ -180,7 +180,7 @@ def test_raters_do_not_mix(study: ServedStudy) -> None:
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"overall": "both"}, {"overall": None}, {"extra": 1}, {"seconds": -1.0}, {"seconds": "NaN"}, {"item": 7},
+        {"overall": "both"}, {"right_place": None}, {"extra": 1}, {"seconds": -1.0}, {"seconds": "NaN"}, {"item": 7},
         {"item": "0" * 99},
     ],
 )  # fmt: skip
