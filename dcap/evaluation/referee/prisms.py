@@ -1,0 +1,184 @@
+"""Surfaces as convex prisms, which collide where the surface is: dents, rims and hollows stay what they are.
+
+MuJoCo collides a mesh as its convex hull. A prism is a triangle sunk into the solid against its normal; all of them
+together have the surface of the solid, and are as deep as it allows. Near the contact surfaces keep 0.05 mm where the
+number of faces allows it; farther away, where things only fall, they are coarse.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.geometry.boundary import is_closed, welded
+from dcap.geometry.distance import signed_volume
+from dcap.geometry.raycast import Raycaster
+from dcap.geometry.solid.height_map import seen_from_above
+from dcap.geometry.solid.mending import look_spacing, looks_at_backs, wound_outwards
+from dcap.geometry.solid.repair import simplified
+from dcap.geometry.solid.surface_prisms import ThinnedSurface, rays_in, thinned
+from dcap.scene.types.mesh import Mesh
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+NEAR = 0.02
+"""Surfaces this near to each other [m] are kept as they are."""
+ASIDE, ABOVE = 2.0, 0.1
+"""How far aside and above of the object the scene is looked at [m]; below it all is: a second's slide down 40 degrees
+with friction 0.5 is 1.3 m."""
+DEEPEST, SHEET = 0.1, 2e-3
+"""Depth of a prism at most [m], so that what is in it is pushed out on the right side; and of an object's sheet."""
+THROUGH, LEAST = 0.45, 2e-4
+"""Depth of a prism over the thickness of the solid at most [-]: those of opposite sides do not meet; at least [m]."""
+THIN = 2e-3
+"""Where a scene is thinner [m], the side that looks at the object stands for both, with the full depth."""
+NARROW = 1e-5
+"""A face lower than this [m] has no prism; the crack that it leaves is as narrow."""
+START = 2e-5
+"""Begin of a ray beneath its face [m]."""
+
+
+FINE, FINE_BUDGETS = 5e-5, (4000, 2000, 1000, 500, 250)
+"""Largest distance of near surfaces from what collides [m], and numbers of faces: the least that keeps it is taken,
+else the first. Fewer faces stay as they are."""
+FAR_VERTICES, FAR_CELL = 250, 0.5 * NEAR
+"""Vertices of the surfaces of a thing that are not near, and how far they may be moved [m]: what falls on them has left
+its place."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Prisms:
+    """Convex shapes of six corners."""
+
+    corners: Array
+    """[m], shape (n, 6, 3)."""
+    owner: NDArray[np.int64]
+    """Which thing each is of, shape (n,)."""
+    deviation: float
+    """How far near the contact they are from the surface at most [m]."""
+
+
+def scene_prisms(scene: Mesh, owner: NDArray[np.int64], thing: Mesh) -> Prisms:
+    """What of a scene an object may touch or fall on within a second."""
+    low, high = thing.bounds + np.array([[-ASIDE, -ASIDE, -np.inf], [ASIDE, ASIDE, ABOVE]])
+    reached = within(scene.triangles, low, high)
+    center = thing.bounds.mean(axis=0)
+    found, owners, deviation = [np.zeros((0, 6, 3))], [np.zeros(0, dtype=np.int64)], 0.0
+    for index in np.unique(owner[reached]):
+        mine = np.flatnonzero(owner == index)
+        whole = outward(scene.submesh(mine))
+        seen = reached[mine] & ~(doubled(whole) & looks_away(whole, center))
+        near = close_to(whole, thing)
+        for few in (kept(whole, near & seen), coarse(whole, ~near & seen)):
+            unit, broad, thickness = under(few.mesh, whole)
+            thin = thickness < THIN
+            broad &= ~(thin & looks_away(few.mesh, center))
+            depth = np.where(thin, DEEPEST, np.minimum(THROUGH * thickness, DEEPEST))
+            found.append(sunk(few.mesh.triangles, unit, depth)[broad])
+            owners.append(np.full(int(broad.sum()), index))
+            deviation = max(deviation, few.deviation)
+    return Prisms(np.concatenate(found), np.concatenate(owners), deviation)
+
+
+def object_prisms(thing: Mesh, scene: Mesh) -> Prisms:
+    """An object; its sides may be as thin as sheets, because what they touch is not."""
+    whole = outward(thing)
+    near, sheet = close_to(whole, around(scene, thing.bounds, NEAR)), doubled(whole)
+    found, deviation = [], 0.0
+    for flat in (False, True):
+        for few in (kept(whole, near & (sheet == flat)), coarse(whole, ~near & (sheet == flat))):
+            unit, broad, thickness = under(few.mesh, whole)
+            solid = np.clip(THROUGH * thickness, LEAST, DEEPEST)
+            depth = np.where(np.isfinite(thickness), LEAST if flat else solid, SHEET)
+            found.append(sunk(few.mesh.triangles, unit, depth)[broad])
+            deviation = max(deviation, few.deviation)
+    corners = np.concatenate(found)
+    return Prisms(corners, np.zeros(len(corners), dtype=np.int64), deviation)
+
+
+def kept(mesh: Mesh, mask: Bools) -> ThinnedSurface:
+    """Some faces (m,) of a mesh as they are, or fewer faces at the same place where they are many."""
+    some = mesh.submesh(np.flatnonzero(mask))
+    return thinned(some, FINE, FINE_BUDGETS) if len(some.faces) > FINE_BUDGETS[-1] else ThinnedSurface(some, 0.0)
+
+
+def coarse(mesh: Mesh, mask: Bools) -> ThinnedSurface:
+    """Some faces (m,) of a mesh, few of them; how far they are off does not count."""
+    import open3d
+
+    some = mesh.submesh(np.flatnonzero(mask))
+    if len(some.vertices) > FAR_VERTICES:  # collapsing edges of a flat surface alone would take minutes
+        dense = open3d.geometry.TriangleMesh(
+            open3d.utility.Vector3dVector(some.vertices), open3d.utility.Vector3iVector(some.faces)
+        )
+        merged = dense.simplify_vertex_clustering(FAR_CELL)
+        some = simplified(Mesh.of(np.asarray(merged.vertices), np.asarray(merged.triangles)), FAR_VERTICES)
+    return ThinnedSurface(some, 0.0)
+
+
+def sunk(corner: Array, unit: Array, depth: Array) -> Array:
+    """Prisms of triangles (n, 3, 3) and outward unit normals (n, 3), shape (n, 6, 3)."""
+    return np.concatenate([corner, corner - (depth[:, None] * unit)[:, None]], axis=1)
+
+
+def under(few: Mesh, solid: Mesh) -> tuple[Array, Bools, Array]:
+    """Outward unit normals of faces, which of them have a breadth, and how thick the solid is under each [m], inf of a
+    sheet."""
+    corner, normal = few.triangles, few.face_normals
+    length = np.linalg.norm(normal, axis=1)
+    longest = np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=2).max(axis=1, initial=0.0)
+    broad = length > NARROW * longest
+    unit = np.zeros_like(normal)
+    unit[broad] = normal[broad] / length[broad, None]
+    starts, ways = rays_in(corner, unit, START)
+    distance = Raycaster(solid).cast(starts, ways).distance.reshape(len(corner), 4).min(axis=1)
+    return unit, broad, np.asarray(distance, dtype=np.float64)
+
+
+def within(corner: Array, low: Array, high: Array) -> Bools:
+    """Which triangles (n, 3, 3) have a box that meets another box, shape (n,)."""
+    return np.asarray(((corner.max(axis=1) >= low) & (corner.min(axis=1) <= high)).all(axis=1))
+
+
+def around(mesh: Mesh, bounds: Array, reach: float) -> Mesh:
+    """Faces of a mesh that may be as near as that to a box [m]."""
+    return mesh.submesh(np.flatnonzero(within(mesh.triangles, bounds[0] - reach, bounds[1] + reach)))
+
+
+def close_to(mesh: Mesh, other: Mesh) -> Bools:
+    """Which faces of a mesh may be NEAR another mesh, shape (m,)."""
+    if not len(other.faces):
+        return np.zeros(len(mesh.faces), dtype=bool)
+    corner = mesh.triangles
+    found = within(corner, other.bounds[0] - NEAR, other.bounds[1] + NEAR)
+    asked = np.flatnonzero(found)
+    middle = corner[asked].mean(axis=1)
+    radius = np.linalg.norm(corner[asked] - middle[:, None], axis=2).max(axis=1, initial=0.0)
+    found[asked] = Raycaster(other).distance_to(middle) <= NEAR + radius
+    return found
+
+
+def outward(mesh: Mesh) -> Mesh:
+    """A thing wound outwards: a closed one by its volume, an open one, a scan, by how it looks from above, as the drop
+    takes it."""
+    faces = mesh.faces
+    if is_closed(mesh):
+        faces = faces[:, ::-1] if signed_volume(mesh.vertices, faces) < 0.0 else faces
+    else:
+        caster = Raycaster(mesh)
+        seen = seen_from_above(caster, mesh.bounds, look_spacing(mesh.bounds))
+        faces = wound_outwards(mesh, caster, seen)[0] if looks_at_backs(mesh, seen) else faces
+    return Mesh(mesh.vertices, faces, mesh.colors)
+
+
+def doubled(mesh: Mesh) -> Bools:
+    """Which faces have another one at the same place: sheets with two sides, shape (m,)."""
+    corners = np.sort(welded(mesh.vertices)[mesh.faces], axis=1)
+    _, same, count = np.unique(corners, axis=0, return_inverse=True, return_counts=True)
+    return np.asarray(count[same.reshape(-1)] > 1)
+
+
+def looks_away(mesh: Mesh, point: Array) -> Bools:
+    """Which faces look away from a point [m], shape (m,)."""
+    return np.asarray(np.einsum("ij,ij->i", mesh.face_normals, point - mesh.triangles.mean(axis=1)) < 0.0)
