@@ -82,7 +82,7 @@ class Run:
     rows: tuple[SampleOutcome, ...]
     summary: RunSummary
     table: MethodTable | None = None
-    """Table 1; None where methods cannot be compared."""
+    """Of scores; None where methods cannot be compared."""
 
     @property
     def failed(self) -> int:

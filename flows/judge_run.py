@@ -1,7 +1,8 @@
-"""Judge a run: scores of its placements, comparisons of its methods, and Table 1.
+"""Judge a run: scores of its placements, comparisons of its methods, and the table: Table 1 if a model judged.
 
 In: a run of several methods with its rows, and who judges. Out: `judging/` (scores, comparisons, judge.json), the three
-columns of results.parquet that a judge makes, `tables/table1.csv|tex` and `tables/comparisons_by_method.csv|tex`.
+columns of results.parquet that a judge makes, `tables/table1.csv|tex` of a model, `tables/metric_scores.csv|tex` of the
+rubric, and `tables/comparisons_by_method.csv|tex`.
 Which samples are judged, and what the others get, stands in dcap/evaluation/judging/standing.py. Nothing is written
 before every question is answered.
 """
@@ -84,7 +85,7 @@ class JudgedRun:
 
 
 def judge_run(run: str, options: LanguageOptions, say: Callable[[str], None] = lambda text: None) -> JudgedRun:
-    """Judge a run and write scores, comparisons and Table 1; InputError where it cannot be judged."""
+    """Judge a run and write scores, comparisons and the table; InputError where it cannot be judged."""
     folder, config = find_run(run), options.config()
     rows = read_rows(folder)
     judged = judgement_of(folder, rows, config, options, say)
@@ -96,7 +97,8 @@ def judge_run(run: str, options: LanguageOptions, say: Callable[[str], None] = l
 
 
 def judged_rows(folder: Path, rows: Sequence[SampleOutcome]) -> tuple[tuple[SampleOutcome, ...], MethodTable | None]:
-    """Rows of a run with the scores of the judge that it has, by default the metric rubric, and Table 1, both written.
+    """Rows of a run with the scores of the judge that it has, by default the metric rubric, and the table, both
+    written.
 
     A run of one method stays as it is, and so does one that the rubric cannot judge: nothing is compared there.
     """
@@ -221,7 +223,7 @@ def write_tables(
     folder: Path, rows: Sequence[SampleOutcome], compared: Sequence[Comparison], record: JudgeRecord,
     changed: tuple[str, ...] = (),
 ) -> tuple[MethodTable, Path]:  # fmt: skip
-    """Table 1, and what the comparisons come to, written."""
+    """The table of scores, and what the comparisons come to, written."""
     offline = chooser_of(folder).client is ClientName.OFFLINE
     table = method_table(rows, compared, record, offline=offline, changed=changed)
     write_comparison_table(folder, comparison_table(compared, record, offline=offline))

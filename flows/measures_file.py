@@ -6,7 +6,7 @@ from pathlib import Path
 
 from dcap.evaluation.run_folder import sample_folder
 from dcap.scene.json_tree import JsonObject, JsonValue, object_to_json
-from dcap.scene.types.measures import Drift, Indentation, Measures
+from dcap.scene.types.measures import Drift, Indentation, Measures, RefereeMeasures
 from dcap.scene.whole_files import write_whole
 from flows.find_run import read_keys
 from flows.output import load, readable_json
@@ -24,7 +24,7 @@ def write_measures(finished: FinishedSample, out: Path) -> JsonObject | None:
         path.unlink(missing_ok=True)
         return None
     kinds = (("measures", refs.measures, Measures), ("indentation", refs.indentation, Indentation),
-             ("drift", refs.drift, Drift))  # fmt: skip
+             ("drift", refs.drift, Drift), ("referee", refs.referee, RefereeMeasures))  # fmt: skip
     found = {name: load(store, ref, kind) if ref else None for name, ref, kind in kinds}
     tree = object_to_json({"scene": refs.scene.to_json(), "intent": refs.intent.to_json(), **found})
     write_whole(path, readable_json(tree))

@@ -26,6 +26,7 @@ from tasks.baselines.layoutgpt import LayoutGptConfig, layoutgpt_task
 from tasks.intent.stage import intent_task
 from tasks.materials.stage import materials_task
 from tasks.measure.drift import drift_task
+from tasks.measure.referee import referee_task
 from tasks.measure.sinking import indentation_task
 from tasks.measure.touch import measure_task
 from tasks.mesh.stage import mesh_scene_task
@@ -172,7 +173,8 @@ def measured(sample: Sample, found: PlacementRefs, config: PlaceConfig) -> Place
     if found.settled.infeasible:
         return found
     scene, item, anchor, settled = found.scene, found.item, found.anchor, found.settled
-    found = replace(found, measures=measure_task(scene, item, anchor, settled))
+    measures = measure_task(scene, item, anchor, settled)
+    found = replace(found, measures=measures)
     materials, particles = found.materials, found.particles
     if sample.method in OTHER_MATERIALS:
         materials = materials_task(scene, item, found.intent, anchor, sample.prompt, config=config.materials)
@@ -189,4 +191,5 @@ def measured(sample: Sample, found: PlacementRefs, config: PlaceConfig) -> Place
         cells = coarsened(config.particles)
         larger = proposal_particles_task(scene, item, found.intent, anchor, materials, config=cells)
         drift = drift if larger.infeasible else drift_task(larger, settled, config=config.drift)
-    return replace(found, drift=drift)
+    referee = referee_task(scene, item, anchor, materials, particles, settled, measures)
+    return replace(found, drift=drift, referee=referee)

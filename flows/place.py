@@ -13,7 +13,7 @@ from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.file_scale import FileScale
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.materials import PartMaterials
-from dcap.scene.types.measures import Drift, Indentation, Measures
+from dcap.scene.types.measures import Drift, Indentation, Measures, RefereeMeasures
 from dcap.scene.types.paint import SourceSurface
 from dcap.scene.types.particles import Particles
 from dcap.scene.types.renders import Overview, Renders
@@ -123,9 +123,10 @@ class PlacementRefs(FileRefs):
     overview: Ref[Overview] | None = None
     """Pictures of an infeasible placement, from what its stages found; None if it is feasible."""
     measures: Ref[Measures] | None = None
-    """This and the next two: None where nobody asked, or there is no final state."""
+    """This and the next three: None where nobody asked, or there is no final state."""
     indentation: Ref[Indentation] | None = None
     drift: Ref[Drift] | None = None
+    referee: Ref[RefereeMeasures] | None = None
 
 
 Proposal = Callable[[Sample, PlaceConfig, FileRefs], PlacementRefs]

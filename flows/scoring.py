@@ -55,7 +55,9 @@ def scored_row(
     with undamaged(folder / RESULT):
         _, turned = pose_at_rest(tree)
         box = np.asarray(tree["object_aabb"], dtype=float).reshape(2, 3)
-    sinking, drift = (one if isinstance(one, Mapping) else {} for one in (kept.get("indentation"), kept.get("drift")))
+    sinking, drift, referee = (
+        one if isinstance(one := kept.get(name), Mapping) else {} for name in ("indentation", "drift", "referee")
+    )
     found, reference = number(sinking.get("found_m")), number(sinking.get("reference_m"))
     margin = number(measures.get("com_margin_m"))
     row = replace(
@@ -72,6 +74,11 @@ def scored_row(
         drift_m=number(drift.get("distance_m")),
         drift_deg=scaled(drift.get("angle_rad"), 180.0 / np.pi),
         drift_s=number(drift.get("seconds")),
+        referee_drift_m=number(referee.get("drift_m")),
+        referee_drift_deg=number(referee.get("drift_deg")),
+        referee_supported=known_truth(referee.get("supported")),
+        referee_penetration_m=number(referee.get("penetration_m")),
+        referee_s=number(referee.get("seconds")),
     )
     row = with_rules(row, kept, box, truth)
     if truth is None or not truth.feasible:
@@ -159,6 +166,11 @@ def with_scores(row: SampleOutcome) -> SampleOutcome:
 def number(value: object) -> float | None:
     """A number, None where there is none."""
     return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
+
+
+def known_truth(value: object) -> bool | None:
+    """Yes or no, None where it is neither."""
+    return value if isinstance(value, bool) else None
 
 
 def scaled(value: object, factor: float) -> float | None:

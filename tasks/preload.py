@@ -6,6 +6,7 @@ import solver.onward
 import solver.settle  # noqa: F401
 import tasks.drop.stage
 import tasks.measure.drift
+import tasks.measure.referee
 import tasks.measure.touch
 import tasks.measure.views
 import tasks.mesh.stage

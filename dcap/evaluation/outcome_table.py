@@ -89,6 +89,12 @@ class SampleOutcome:
     drift_m: float | None = None
     drift_deg: float | None = None
     drift_s: float | None = None
+    referee_drift_m: float | None = None
+    """This and the next four by the independent referee (`referee/`), None where it cannot judge."""
+    referee_drift_deg: float | None = None
+    referee_supported: bool | None = None
+    referee_penetration_m: float | None = None
+    referee_s: float | None = None
     placeit3d_spatial_asked: int | None = None
     """Constraints counted by PlaceIt3D's rules, here and below (`metrics/placeit3d.py`)."""
     placeit3d_spatial_met: int | None = None

@@ -32,7 +32,7 @@ def judge(
     *,
     options: JudgeOptions,
 ) -> int:
-    """Score and compare the methods of a run, and write Table 1; or tell how good a judge is."""
+    """Score and compare the methods of a run, and write the table; or tell how good a judge is."""
     if run is None and not validate:
         raise InputError("name the run to judge, or 'last'; without one there is --validate")
     if run is not None:

@@ -90,7 +90,10 @@ def test_the_pose_before_the_drop_is_measured_as_it_stands(tmp_path: Path, monke
     assert row.drift_m == pytest.approx(clearance, abs=2.0 * CONFIG.drift.solver.penetration_target)
     assert (row.drift_s, row.indentation_m) == (CONFIG.drift.seconds, None)
     kept = read_measures(out)
-    assert {"measures", "indentation", "drift", "scene", "intent"} == set(kept)
+    # and by the referee, which needs a step of 0.5 ms to stop it
+    assert row.referee_drift_m == pytest.approx(clearance, abs=5e-4 * np.sqrt(2 * 9.81 * clearance) + 1e-5)
+    assert (row.referee_supported, row.referee_penetration_m, row.referee_s) == (True, 0.0, 1.0)
+    assert {"measures", "indentation", "drift", "referee", "scene", "intent"} == set(kept)
     assert not (out / VIEWS).exists()  # until somebody judges
     assert row.right_place == 10.0
     assert row.physics_naturalness is not None

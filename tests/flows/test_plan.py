@@ -98,7 +98,7 @@ def test_a_real_sample_is_planned_to_its_end(sample: Sample) -> None:
     """Where a result decides how it goes on, the way of a feasible placement is foreseen; nothing is computed."""
     names = [one.stage for one in plan_sample(sample, PlaceConfig(measured=True, compared=True)).stages]
     assert names[: len(STAGES)] == [one.name for one in STAGES]
-    assert set(names[len(STAGES) :]) == {"measure", "indentation", "drift"}
+    assert set(names[len(STAGES) :]) == {"measure", "indentation", "drift", "referee"}
 
 
 def test_a_sample_that_cannot_run_says_why(planned: Callable[..., Plan], sample: Sample) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from dcap.scene.types.judged_views import JudgedViews, SceneBefore, Sights
-from dcap.scene.types.measures import Drift, Indentation, Measures
+from dcap.scene.types.measures import Drift, Indentation, Measures, RefereeMeasures
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.settled import LastState, PlacementChecks, Settled, SettledBody
 from solver.certificate import (
@@ -97,6 +97,7 @@ def measured_records() -> tuple[object, ...]:
         SceneBefore(*[np.zeros((2, 2, 3), np.uint8)] * 2),
         Sights(np.ones(4), np.ones(3), np.zeros((3, 3)), np.zeros((2, 3)), np.zeros((8, 3)), -90.0),
         Drift(0.0, 0, float("inf"), float("inf"), float("inf"), "it starts 2 mm inside"),
+        RefereeMeasures(1e-4, 0.1, True, "3", 2e-4, 1.0, 5e-5),
     )
 
 

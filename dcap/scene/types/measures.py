@@ -51,6 +51,28 @@ class Indentation:
 
 
 @dataclass(frozen=True, slots=True)
+class RefereeMeasures:
+    """What the independent referee says of the final state (dcap/evaluation/referee): None where it cannot judge."""
+
+    drift_m: float | None = None
+    """Largest distance of the centre of mass from where it was within `seconds`."""
+    drift_deg: float | None = None
+    """Largest turn [degrees]."""
+    supported: bool | None = None
+    """Whether the thing over which it was placed still carries it at the end."""
+    carrier_id: str = ""
+    """Instance that carries most of it at the end; empty where nothing does."""
+    penetration_m: float | None = None
+    """Overlap with the scene as it was left, by Open3D's distances."""
+    seconds: float | None = None
+    """That were simulated."""
+    deviation_m: float | None = None
+    """How far what collides is from the surfaces near the contact at most."""
+    reason: str = ""
+    """Why it cannot judge; empty where it does."""
+
+
+@dataclass(frozen=True, slots=True)
 class Drift:
     """What became of the final state when it was simulated on."""
 

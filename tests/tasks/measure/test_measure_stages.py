@@ -1,5 +1,6 @@
 """The stages that measure a final state, on poses whose answers are known without a drop."""
 
+import sys
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import cast
@@ -20,6 +21,7 @@ from dcap.scene.types.particles import ColumnLayer, Particles
 from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
 from solver.certificate import Verdict
 from tasks.measure.drift import DriftConfig, drift
+from tasks.measure.referee import frictions, referee
 from tasks.measure.sinking import indentation
 from tasks.measure.touch import measure
 from tasks.particles.config import ParticlesConfig
@@ -179,3 +181,28 @@ def test_what_floats_over_nothing_falls_freely():
     # what was not simulated of the 0.4 s that were asked counts as balanced
     assert found.force_residual == pytest.approx(found.seconds / 0.4, rel=1e-3)
     assert found.angle_rad < 1e-6
+
+
+@pytest.mark.slow
+def test_the_referee_judges_a_pose_with_the_mass_and_friction_of_its_drop(monkeypatch: pytest.MonkeyPatch):
+    """A cube 2 mm over the bed lands there; beside the bed it falls past it and is no longer supported; without MuJoCo
+    there are no numbers, and the reason says what to install."""
+    cube = SegmentedObject(thing("ball", block((-RADIUS, -RADIUS, -RADIUS), (RADIUS, RADIUS, RADIUS))))
+    scene, gap = SegmentedScene(room()), 2e-3
+    over, beside = anchor(0.0, TOP + gap), anchor(0.3, TOP + gap)
+    bodies = proposal_particles(scene, cube, intent(), over, made_of(WOOD, WOOD), ParticlesConfig())
+    assert isinstance(bodies, Particles)
+    # wood on wood, the geometric mean of 0.5 and 0.5, rolling resistance 1 mm
+    np.testing.assert_allclose(frictions(scene, made_of(WOOD, WOOD), bodies), [[0.5, 0.001]] * 2)
+    given = made_of(WOOD, WOOD), bodies, posed(cube, over)
+    found = referee(scene, cube, over, *given, measure(scene, cube, over, posed(cube, over)))
+    assert found.drift_m == pytest.approx(gap, abs=2e-4)  # a step of 0.5 ms at 0.2 m/s, and rest within 1e-5
+    assert (found.supported, found.carrier_id, found.penetration_m, found.reason) == (True, "bed", 0.0, "")
+    fallen = referee(scene, cube, beside, made_of(WOOD, WOOD), bodies, posed(cube, beside),
+                     measure(scene, cube, over, posed(cube, over)))  # fmt: skip
+    assert fallen.drift_m == pytest.approx(0.5 * 9.81, rel=1e-2)
+    assert (fallen.supported, fallen.carrier_id) == (False, "")
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    unknown = referee(scene, cube, over, *given, measure(scene, cube, over, posed(cube, over)))
+    assert (unknown.drift_m, unknown.supported, unknown.seconds) == (None, None, None)
+    assert "pip install dcap[referee]" in unknown.reason
