@@ -1,8 +1,8 @@
-"""Table 1: how a judge scores and ranks the methods of a run, as CSV and LaTeX.
+"""How a judge scores and ranks the methods of a run, as CSV and LaTeX: Table 1 of a model, else *Metrics*.
 
 In: rows of a run with a judge's scores, the comparisons, and who judged. Out: a row per method. Samples are paired: a
 sample is a scene with a prompt, and every test compares methods on the same ones. The same judgement gives the same
-bytes.
+bytes. What the offline rubric makes of metrics is never called Table 1.
 """
 
 from collections.abc import Sequence
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.evaluation.judging.judging_folder import JudgeRecord
+from dcap.evaluation.judging.rubric import RUBRIC
 from dcap.evaluation.judging.standing import Standing, standing_of
 from dcap.evaluation.methods import DCAP, METHODS, baselines_among, shown_name
 from dcap.evaluation.outcome_table import SampleOutcome
@@ -22,10 +23,14 @@ from dcap.evaluation.statistics.method_tables import ScoreRow, score_rows
 from dcap.evaluation.statistics.ratings import ANCHOR_RATING
 from dcap.evaluation.statistics.score_summary import ScoreSummary
 from dcap.evaluation.statistics.sides import side_report
-from dcap.evaluation.table_files import TABLES, write_table
+from dcap.evaluation.table_files import TABLES, table_files, write_table
 from dcap.evaluation.table_text import csv_of, number, tex_escaped
 
-TABLE = "table1"
+TABLE1, METRIC_SCORES = "table1", "metric_scores"
+"""Files of what a model judged, and of what the rubric made of the metrics."""
+TITLES = {TABLE1: "Table 1: scores", METRIC_SCORES: "Metrics: scores by stated rules"}
+"""How people call them."""
+REFEREE_HINT = "it needs MuJoCo, pip install dcap[referee], and two methods; measures.json says why it could not judge"
 COMPOSITE, ELO = "composite", "elo"
 AXES = (JudgedAxis.RIGHT_PLACE, JudgedAxis.PHYSICS_NATURALNESS)
 HEAD = (
@@ -40,7 +45,7 @@ HEAD = (
 
 @dataclass(frozen=True, eq=False, slots=True)
 class MethodTable:
-    """Table 1 and what belongs to it."""
+    """The table and what belongs to it."""
 
     methods: tuple[str, ...]
     """All of the run, in the order of the table."""
@@ -59,8 +64,16 @@ class MethodTable:
     """Share of the left side among the decided ones [-]; None without any."""
     offline: bool
     """Whether no model answered for the baselines: their names say so."""
+    referee: tuple[int, int]
+    """Placements that the rubric scored with the drift of the independent referee, and all that it scored; (0, 0) of
+    another judge."""
     changed: tuple[str, ...] = ()
     """Placements that are others than those that were judged, by method and sample."""
+
+    @property
+    def file(self) -> str:
+        """Name of its files: Table 1 is what a model judged."""
+        return METRIC_SCORES if self.record.judge == RUBRIC else TABLE1
 
     def name(self, method: str) -> str:
         """A method as the table shows it."""
@@ -76,7 +89,7 @@ def method_table(
     changed: tuple[str, ...] = (),
     resamples: int = RESAMPLES,
 ) -> MethodTable:
-    """Table 1 of rows with scores."""
+    """The table of rows with scores."""
     order = list(METHODS)
     methods = tuple(sorted({row.method for row in rows}, key=order.index))
     given = score_arrays(rows, methods)
@@ -97,6 +110,7 @@ def method_table(
         tie_rate=habits.tie_rate,
         left_share=habits.left_share,
         offline=offline,
+        referee=with_referee(rows, record),
         changed=changed,
     )
 
@@ -116,9 +130,19 @@ def count(rows: Sequence[SampleOutcome], method: str, standing: Standing) -> int
     return sum(row.method == method and standing_of(row) is standing for row in rows)
 
 
+def with_referee(rows: Sequence[SampleOutcome], record: JudgeRecord) -> tuple[int, int]:
+    """How many placements the rubric scored with the referee's drift, and how many at all; (0, 0) of another judge."""
+    scored = [row for row in rows if record.judge == RUBRIC and standing_of(row) is Standing.JUDGED
+              and row.physics_naturalness is not None]  # fmt: skip
+    return sum(row.referee_drift_m is not None for row in scored), len(scored)
+
+
 def write_method_table(run: Path, table: MethodTable) -> tuple[Path, Path]:
-    """Write tables/table1.csv and table1.tex into a run."""
-    return write_table(run / TABLES, TABLE, csv_text(table), tex_text(table))
+    """Write the table into a run, and remove that of an earlier judge of the other kind."""
+    other = METRIC_SCORES if table.file == TABLE1 else TABLE1
+    for path in table_files(run / TABLES, other):
+        path.unlink(missing_ok=True)
+    return write_table(run / TABLES, table.file, csv_text(table), tex_text(table))
 
 
 def csv_text(table: MethodTable) -> str:
@@ -141,7 +165,10 @@ def row_cells(table: MethodTable, method: str) -> dict[str, object]:
     cells |= {f"{ELO}{k}": number(v, 1) for k, v in zip(("", "_low", "_high"), ratings, strict=True)}
     cells |= {**tested(row, ELO), "elo_separable": bool(elo and elo.separable), "elo_anchor": table.anchor}
     cells |= {"samples": row.samples if row else 0, "without_placement": table.lowest[method]}
-    cells |= {"left_out": table.left_out[method], "judge": record.judge, "same_family": record.same_family}
+    cells |= {"left_out": table.left_out[method]}
+    if table.file == METRIC_SCORES:
+        cells |= {"with_referee": "{} of {}".format(*table.referee)}
+    cells |= {"judge": record.judge, "same_family": record.same_family}
     return cells | {"tie_rate": number(table.tie_rate), "left_share": number(table.left_share)}
 
 
@@ -187,7 +214,13 @@ def tex_cells(table: MethodTable, method: str) -> list[str]:
 def notes(table: MethodTable) -> list[str]:
     """What a reader must know of the table, a sentence each."""
     record = table.record
-    said = [f"Judged by: {record.judge}; {record.questions} questions."]
+    said = [f"{TITLES[table.file]}. Judged by: {record.judge}; {record.questions} questions."]
+    judged, scored = table.referee
+    if judged < scored:
+        said.append(
+            f"{scored - judged} of {scored} scores of P & N were made without the independent referee's drift "
+            f"({REFEREE_HINT})."
+        )
     if record.same_family:
         said.append(f"The judge is of the same maker as {record.chooser}, which chose: it may favour its own.")
     if table.changed:

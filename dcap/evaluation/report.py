@@ -13,6 +13,7 @@ from pathlib import Path
 from jinja2 import FileSystemLoader, StrictUndefined
 from jinja2.sandbox import SandboxedEnvironment
 
+from dcap.evaluation.method_report import TITLES
 from dcap.evaluation.methods import DCAP, METHODS, shown_name
 from dcap.evaluation.outcome_table import AS_POSED, SampleOutcome
 from dcap.evaluation.page3d.viewer import PAGE, ShownModel, write_view3d
@@ -117,7 +118,7 @@ def write_report(folder: Path, rows: Sequence[SampleOutcome], summary: RunSummar
     several = len(names) > 1
     rows_by_method = {name: [card.row for card in own] for name, own in by_method.items()}
     tables = [
-        table_from_csv(folder, "table1", "Table 1: scores") if several else None,
+        *(table_from_csv(folder, name, title) for name, title in TITLES.items() if several),
         table_from_csv(folder, "comparisons_by_method", "Comparisons by the judge") if several else None,
         table_from_csv(folder, "table2", "Table 2: human study"),
         metrics_table(folder, rows_by_method, names),

@@ -28,11 +28,14 @@ from flows.cli.app import main
 from flows.judge_run import read_rows
 
 MODEL = "claude-sonnet-5-5"
-TABLES = (
-    "tables/table1.csv", "tables/table1.tex", "tables/comparisons_by_method.csv", "tables/comparisons_by_method.tex",
-    "judging/scores.parquet", "judging/comparisons.parquet",
+METRICS = ("tables/metric_scores.csv", "tables/metric_scores.tex")
+"""What the rubric makes."""
+TABLE1 = ("tables/table1.csv", "tables/table1.tex")
+"""What a model judged."""
+OTHERS = (
+    "tables/comparisons_by_method.csv", "tables/comparisons_by_method.tex",
+    "judging/scores.parquet", "judging/comparisons.parquet", "results.parquet",
 )  # fmt: skip
-EXACT = (*TABLES, "results.parquet")
 
 
 @pytest.fixture(autouse=True)
@@ -56,8 +59,9 @@ def run(tmp_path: Path) -> Path:
 
 
 def rows_of(run: Path) -> dict[str, dict[str, str]]:
-    """Table 1 by method."""
-    return {one["method"]: one for one in csv.DictReader((run / "tables" / "table1.csv").open())}
+    """The table of scores by method: there is one."""
+    (path,) = [run / name for name in (METRICS[0], TABLE1[0]) if (run / name).exists()]
+    return {one["method"]: one for one in csv.DictReader(path.open())}
 
 
 def record_of(run: Path) -> dict[str, object]:
@@ -65,8 +69,9 @@ def record_of(run: Path) -> dict[str, object]:
     return json.loads((run / "judging" / "judge.json").read_text())
 
 
-def contents(run: Path, names: tuple[str, ...] = EXACT) -> dict[str, bytes]:
-    """Files of a run."""
+def contents(run: Path) -> dict[str, bytes]:
+    """Files of a run that a judge makes."""
+    names = [one for one in (*METRICS, *TABLE1, *OTHERS) if (run / one).exists()]
     return {name: (run / name).read_bytes() for name in names}
 
 
@@ -117,6 +122,19 @@ def test_the_rubric_judges_a_run(run: Path, capsys: pytest.CaptureFixture[str]) 
     assert record_of(run)["same_family"] is False
 
 
+def test_what_the_rubric_makes_is_never_table_1(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Files, page and lines say Metrics, and how many of its scores have the referee's drift: here one of twelve."""
+    changed(run, "dcap", "bed-1", referee_drift_m=1e-5, referee_drift_deg=0.01)
+    assert main(["judge", str(run)]) == 0
+    said = capsys.readouterr().out
+    texts = [said, *((run / path).read_text() for path in METRICS), (run / "report.html").read_text()]
+    assert not any("table 1" in one.lower() or "table1" in one for one in texts)
+    assert all("Metrics: scores by stated rules" in one for one in (said, texts[2], texts[3]))
+    assert {one["with_referee"] for one in rows_of(run).values()} == {"1 of 12"}
+    assert "11 of 12 scores of P & N were made without the independent referee's drift" in said
+    assert not any((run / path).exists() for path in TABLE1)
+
+
 def test_names_say_who_answered_for_baselines(tmp_path: Path, run: Path) -> None:
     """Offline rules stand in for a model only where no model was asked."""
     assert main(["judge", str(run)]) == 0
@@ -124,7 +142,7 @@ def test_names_say_who_answered_for_baselines(tmp_path: Path, run: Path) -> None
     offline = many_methods_run(tmp_path / "offline")
     assert main(["judge", str(offline)]) == 0
     assert rows_of(offline)["fireplace"]["name"] == "FirePlace* (offline rules)"
-    assert "FirePlace* (offline rules) & $" in (offline / "tables" / "table1.tex").read_text()
+    assert "FirePlace* (offline rules) & $" in (offline / METRICS[1]).read_text()
     assert rows_of(offline)["dcap"]["name"] == "DCAP"
 
 
@@ -168,12 +186,13 @@ def test_recorded_replies_give_the_same_tables(small: Path, api: FakeApi, tmp_pa
     assert main(["judge", str(small), "--language", "anthropic", *recording]) == 0
     first, asked = contents(small), len(api.asked)
     assert main(["judge", str(small)]) == 0
-    assert contents(small)["tables/table1.csv"] != first["tables/table1.csv"]
+    assert set(contents(small)) == {*METRICS, *OTHERS}
     assert main(["judge", str(small), "--replay", str(tmp_path / "recorded")]) == 0
     assert contents(small) == first
     assert len(api.asked) == asked
     fresh = [row(method, "bed-1", SAMPLES["bed-1"]) for method in METHODS[:2]]
-    for path in TABLES[:2]:
+    assert set(first) == {*TABLE1, *OTHERS}
+    for path in TABLE1:
         (small / path).unlink()
     kept = finish(small, fresh, 1.0)
     assert contents(small) == first
@@ -197,7 +216,7 @@ def test_a_benchmark_of_one_method_compares_nothing(tmp_path: Path) -> None:
     ended = finish(run, rows, 1.0)
     assert (ended.rows, ended.table) == (rows, None)
     assert not (run / "judging").exists()
-    assert not (run / "tables" / "table1.csv").exists()
+    assert not any((run / path).exists() for path in (*TABLE1, *METRICS))
 
 
 def test_refusing_costs_and_is_not_compared(run: Path) -> None:
@@ -230,7 +249,7 @@ def test_refusing_costs_and_is_not_compared(run: Path) -> None:
 def test_comparisons_come_to_win_rates_and_ratings(run: Path) -> None:
     """By method and axis; by hand: dcap wins all of its overall comparisons, layoutgpt none; the page has the table."""
     for sample in SAMPLES:
-        changed(run, "layoutgpt", sample, drift_m=0.3, gap_m=0.05)
+        changed(run, "layoutgpt", sample, referee_drift_m=0.3, gap_m=0.05)
     assert main(["judge", str(run)]) == 0
     rows = list(csv.DictReader((run / "tables" / "comparisons_by_method.csv").open()))
     assert [one["method"] for one in rows] == list(METHODS)
@@ -252,7 +271,7 @@ def test_comparisons_come_to_win_rates_and_ratings(run: Path) -> None:
 
 
 def test_physics_is_judged_where_nobody_stated_a_place(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Table 1 has a dash for the place and the composite; scores have nulls; all in all physics decides."""
+    """The table has a dash for the place and the composite; scores have nulls; all in all physics decides."""
     place = dict.fromkeys(SCALES[JudgedAxis.RIGHT_PLACE])
     rows = [replace(one, feasible_intended=None, **place) for one in read_rows(run)]  # type: ignore[arg-type]
     ended = finish(run, rows, 1.0)
@@ -269,7 +288,7 @@ def test_physics_is_judged_where_nobody_stated_a_place(run: Path, capsys: pytest
     physics = [float(found[name]["physics_naturalness"]) for name in METHODS]
     assert physics == sorted(physics, reverse=True)
     assert float(found["dcap"]["elo"]) > float(found["layoutgpt"]["elo"]) == 1000.0
-    assert re.search(r"^DCAP & -- & \$.* & -- & \$.* & 0/4 ", (run / "tables" / "table1.tex").read_text(), re.MULTILINE)
+    assert re.search(r"^DCAP & -- & \$.* & -- & \$.* & 0/4 ", (run / METRICS[1]).read_text(), re.MULTILINE)
     assert {one.right_place for one in read_rows(run)} == {None}
     assert {one.physics_naturalness for one in read_rows(run) if one.method == "dcap"} == {physics[0]}
     axes = {one.axis for one in read_comparisons(run / "judging" / "comparisons.parquet")}
@@ -287,7 +306,7 @@ def test_a_place_that_one_sample_states_counts_there(run: Path) -> None:
     assert (found["right_place_n"], found["physics_naturalness_n"], found["samples"]) == ("1", "4", "4")
     means = float(found["right_place"]), float(found["physics_naturalness"])
     assert float(found["composite"]) == pytest.approx((means[0] * means[1]) ** 0.5, abs=1e-3)
-    text = (run / "tables" / "table1.tex").read_text()
+    text = (run / METRICS[1]).read_text()
     assert "& 1/4 " in text
     assert "have a score on one axis only" in text
 
@@ -298,7 +317,7 @@ def test_a_method_without_any_score_has_dashes(run: Path) -> None:
         changed(run, "fireplace", sample, verdict="infeasible", feasible_intended=None)
     assert main(["judge", str(run)]) == 0
     assert (rows_of(run)["fireplace"]["composite"], rows_of(run)["fireplace"]["samples"]) == ("", "0")
-    assert "FirePlace* & -- & -- & -- & -- & 0" in (run / "tables" / "table1.tex").read_text()
+    assert "FirePlace* & -- & -- & -- & -- & 0" in (run / METRICS[1]).read_text()
 
 
 def test_what_cannot_be_judged_is_one_line(
@@ -358,7 +377,7 @@ def test_a_judge_is_validated(
     pair = KnownAnswer(
         placement("s", "a", 1), placement("s", "b", 2, gap_m=0.05), JudgedAxis.PHYSICS_NATURALNESS, "floating"
     )
-    monkeypatch.setattr("flows.judge_known.known_answers", lambda name, reference: [pair])
+    monkeypatch.setattr("flows.judge_known.known_answers", lambda name: [pair])
     assert main(["judge", str(run), "--validate"]) == 0
     assert f"{RUBRIC}: 10 of 10 known answers right (100%" in capsys.readouterr().out
     tree = json.loads((run / "judging" / "validation.json").read_text())
@@ -379,7 +398,7 @@ def test_a_judge_that_cannot_be_asked_says_so_before_all_rooms_are_prepared(
     """One pair is asked first; here the key is refused."""
     prepared: list[str] = []
 
-    def pairs_of(name: str, reference: object) -> list[KnownAnswer]:
+    def pairs_of(name: str) -> list[KnownAnswer]:
         prepared.append(name)
         one, two = placement("s", "a", 1), placement("s", "b", 2, gap_m=0.05)
         return [KnownAnswer(one, two, JudgedAxis.PHYSICS_NATURALNESS, "floating")]

@@ -49,11 +49,11 @@ BOX = np.asarray(tree_of()["object_aabb"], dtype=float)
 
 def row(
     folder: Path, truth: ExpectedOutcome | None = TRUTH, *, verdict: str = AS_POSED, turn_deg: float = 0.0,
-    drift: JsonObject = STAYS, **measures: Any,
+    drift: JsonObject = STAYS, referee: JsonObject | None = None, **measures: Any,
 ) -> SampleOutcome:  # fmt: skip
     """The row of what was measured so."""
     scene = Store.default().save(dented_bed.scene_of()).to_json()
-    kept = {"scene": scene, "measures": MEASURES | measures, "drift": drift}
+    kept = {"scene": scene, "measures": MEASURES | measures, "drift": drift, "referee": referee}
     (folder / "measures.json").write_text(json.dumps(kept))
     return scored_row(SAMPLE, tree_of(verdict, turn_deg), "", truth, folder)
 
@@ -141,8 +141,8 @@ def test_what_floats_has_its_gap_and_scores_less_of_physics_alone(tmp_path: Path
     scores = []
     for gap in (0.0, 0.01, 0.1, 1.0):
         found = row(tmp_path, gap_m=gap, contact_area_m2=0.0 if gap else 0.01,
-                    drift=STAYS | {"distance_m": gap, "force_residual": min(1.0, np.sqrt(2 * gap / 9.81))})  # fmt: skip
-        assert (found.gap_m, found.drift_m, found.right_place) == (gap, gap, 10.0)
+                    referee={"drift_m": gap, "drift_deg": 0.0, "supported": True})  # fmt: skip
+        assert (found.gap_m, found.referee_drift_m, found.right_place) == (gap, gap, 10.0)
         scores.append(found.physics_naturalness or 0.0)
     assert scores == sorted(scores, reverse=True)
     assert scores[0] > scores[1] > scores[-1]

@@ -8,8 +8,8 @@ from dcap.language.protocol.requests import Picture
 
 GOOD: Metrics = {
     "support_hit": True, "part_hit": True, "region_distance_m": 0.01, "orientation_error_deg": None,
-    "penetration_m": 2e-5, "gap_m": 1e-4, "indentation_error_m": 3e-4, "force_residual": 1e-3,
-    "drift_m": 1e-4, "drift_deg": 0.02, "visible_fraction": 0.8, "com_supported": True,
+    "penetration_m": 2e-5, "gap_m": 1e-4,
+    "referee_drift_m": 1e-4, "referee_drift_deg": 0.02, "visible_fraction": 0.8, "com_supported": True,
 }  # fmt: skip
 REPLY = {"analysis": "seen", "right_place": "A", "physics_naturalness": "A", "overall": "A"}
 SCORES = {"analysis": "seen", "right_place": 8, "physics_naturalness": 6.5}
@@ -32,7 +32,7 @@ def three_methods(samples: int = 2) -> list[JudgedPlacement]:
         for k in range(samples)
         for one in (
             placement(f"s{k}", "dcap", 10 + 50 * k),
-            placement(f"s{k}", "holodeck", 20 + 50 * k, gap_m=0.01, drift_m=0.01),
+            placement(f"s{k}", "holodeck", 20 + 50 * k, gap_m=0.01, referee_drift_m=0.01),
             placement(f"s{k}", "layoutgpt", 30 + 50 * k, penetration_m=0.03, region_distance_m=0.4),
         )
     ]

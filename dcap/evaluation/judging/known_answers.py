@@ -21,7 +21,6 @@ from dcap.evaluation.judging.known_room import (
     PROMPTS,
     SETTLED,
     BallPlace,
-    DentReference,
     RoomWithBall,
 )
 from dcap.evaluation.statistics.comparisons import JudgedAxis
@@ -47,10 +46,9 @@ class KnownAnswer:
     """What is wrong with the worse one."""
 
 
-def known_answers(room_name: str, seed: int = 0, reference: DentReference | None = None) -> list[KnownAnswer]:
-    """The pairs of a room; InputError if it has no bed, or no free floor beside it. Without a reference for the depth
-    of the dent, the error of the indentation is null."""
-    room = RoomWithBall(room_name, build_room(room_name, seed), reference)
+def known_answers(room_name: str, seed: int = 0) -> list[KnownAnswer]:
+    """The pairs of a room; InputError if it has no bed, or no free floor beside it."""
+    room = RoomWithBall(room_name, build_room(room_name, seed))
     found = []
     for asked in (BED, FLOOR):
         for flaw, place, axis in flawed(asked):

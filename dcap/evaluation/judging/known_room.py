@@ -2,8 +2,7 @@
 
 In: a room with a bed, and where the ball is over the bed or the floor. Out: meshes, metrics that are measured on them
 by the code that measures every placement, and pictures by the rules of every placement's (cameras.py). The dent of the
-settled ball has the shape that [J85] gives; whether its depth is right is measured against a reference that is handed
-in. What only a simulation would tell is null.
+settled ball has the shape and depth that [J85] gives. What only a simulation would tell is null.
 
 [J85] Johnson, Contact Mechanics, 1985, ch. 3.4 and 4.2.
 """
@@ -63,8 +62,6 @@ KEPT_SCENES = 4
 """The two of a pair, and the room as it is."""
 KEPT_PICTURES = 64
 """More than the questions about two pairs show."""
-DentReference = Callable[[Mesh, Mesh], float | None]
-"""Of the ball over a bed that it has not pressed in, as meshes: how deep its weight ought to press it [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +104,6 @@ class RoomWithBall:
 
     name: str
     room: BuiltRoom
-    reference: DentReference | None = None
 
     @cached_property
     def bed(self) -> int:
@@ -191,12 +187,6 @@ class RoomWithBall:
         ])  # fmt: skip
         return OwnedMesh(mesh, np.concatenate([owner[rest], np.full(len(fine.faces), self.bed, dtype=np.int32)]))
 
-    @cached_property
-    def expected_dent(self) -> float | None:
-        """How deep the ball's weight ought to press it into the middle of the bed [m]; None without a reference."""
-        touching_it = self.center(BallPlace(BED))
-        return self.reference(ball(touching_it), self.bed_mesh) if self.reference else None
-
     def metrics(self, place: BallPlace, asked: str) -> Metrics:
         """What is measured of a placement where BED or FLOOR was asked for."""
         thing = ball(self.center(place))
@@ -205,10 +195,6 @@ class RoomWithBall:
         face = int(found.columns.face[found.columns.nearest])
         label = self.room.instance_labels[int(around.owner[face])] if face >= 0 else ""
         middle = found.patch.mean(axis=0) if len(found.patch) else thing.bounds.mean(axis=0)
-        error = None
-        if label in LYING_ON[BED] and self.expected_dent is not None:
-            depth = max(-float(columns(thing, Raycaster(self.bed_mesh)).gap.min()), 0.0)
-            error = abs(depth - self.expected_dent)
         return {
             "support_hit": label in LYING_ON[asked],
             "part_hit": None,
@@ -216,10 +202,8 @@ class RoomWithBall:
             "orientation_error_deg": None,
             "penetration_m": found.penetration,
             "gap_m": found.gap,
-            "indentation_error_m": error,
-            "force_residual": None,
-            "drift_m": None,
-            "drift_deg": None,
+            "referee_drift_m": None,
+            "referee_drift_deg": None,
             "visible_fraction": None,
             "com_supported": found.margin >= 0.0,
         }

@@ -5,8 +5,11 @@ linear in the logarithm of the metric between anchors, flat beyond them, never r
 axis is half its worst metric and half the mean of its metrics: one gross flaw cannot be bought back by many small
 virtues, and among equals the others decide. So both scores are monotone in every metric.
 
-A metric that is null (nothing asked for a direction, nothing soft to sink into) does not count, neither for nor
-against; a score without any metric is null. The anchors are argued in docs/metrics.md.
+What our own solver or contact model says (OWN) is in no score: a method that settles with them would be measured by
+itself. Rest is what the independent referee sees (`dcap/evaluation/referee`).
+
+A metric that is null (nothing asked for a direction, no referee at hand) does not count, neither for nor against; a
+score without any metric is null. The anchors are argued in docs/metrics.md.
 """
 
 import math
@@ -68,13 +71,13 @@ RIGHT_PLACE: Mapping[str, MetricScale | TruthScale] = {
 PHYSICS_NATURALNESS: Mapping[str, MetricScale | TruthScale] = {
     "penetration_m": MetricScale(((5e-5, BEST), (1e-3, 8.0), (1e-2, 4.0), (5e-2, WORST))),
     "gap_m": MetricScale(((2e-4, BEST), (2e-3, 8.0), (1e-2, 4.0), (5e-2, WORST))),
-    "indentation_error_m": MetricScale(((5e-4, BEST), (2e-3, 8.0), (1e-2, 4.0), (3e-2, WORST))),
-    "force_residual": MetricScale(((5e-3, BEST), (5e-2, 7.0), (0.3, 4.0), (1.0, WORST))),
-    "drift_m": MetricScale(((5e-4, BEST), (5e-3, 7.0), (5e-2, 3.0), (0.3, WORST))),
-    "drift_deg": MetricScale(((0.5, BEST), (5.0, 7.0), (30.0, 3.0), (90.0, WORST))),
+    "referee_drift_m": MetricScale(((5e-4, BEST), (5e-3, 7.0), (5e-2, 3.0), (0.3, WORST))),
+    "referee_drift_deg": MetricScale(((0.5, BEST), (5.0, 7.0), (30.0, 3.0), (90.0, WORST))),
     "visible_fraction": MetricScale(((5e-3, WORST), (0.02, 2.0), (0.1, 5.0), (0.5, BEST))),
     "com_supported": TruthScale(3.0),
 }
+OWN = ("indentation_error_m", "force_residual", "drift_m", "drift_deg", "drift_s")
+"""Columns of results.parquet made by our own solver or contact model: shown as "(ours)", and in no score."""
 SCALES: Mapping[JudgedAxis, Mapping[str, MetricScale | TruthScale]] = {
     JudgedAxis.RIGHT_PLACE: RIGHT_PLACE,
     JudgedAxis.PHYSICS_NATURALNESS: PHYSICS_NATURALNESS,

@@ -121,7 +121,7 @@ def score_cells(row: SampleOutcome) -> Mapping[str, str]:
     numbers: dict[str, tuple[float | None, str]] = {
         "RP": (row.right_place, "{:.1f}"), "P&N": (row.physics_naturalness, "{:.1f}"),
         "penetration": (scaled(row.penetration_m), "{:.2g} mm"), "gap": (scaled(row.gap_m), "{:.2g} mm"),
-        "drift": (scaled(row.drift_m), "{:.2g} mm"),
+        "drift by the referee": (scaled(row.referee_drift_m), "{:.2g} mm"),
     }  # fmt: skip
     return {name: NOTHING if value is None else form.format(value) for name, (value, form) in numbers.items()}
 

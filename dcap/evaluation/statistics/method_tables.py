@@ -28,7 +28,7 @@ from dcap.scene.errors import InputError
 
 @dataclass(frozen=True, slots=True)
 class ScoreRow:
-    """One method before a judge: a row of table 1."""
+    """One method before a judge: a row of the table of scores."""
 
     method: str
     right_place: ScoreSummary | None
@@ -71,7 +71,7 @@ def score_rows(
     resamples: int = RESAMPLES,
     seed: int = SEED,
 ) -> list[ScoreRow]:
-    """Rows of table 1.
+    """Rows of the table of scores.
 
     Args:
         scores: by method, shape (n, 2): Right Place and Physics & Naturalness per sample, nan where there is none.

@@ -135,7 +135,7 @@ def test_metrics_are_told_in_raw_units(run: Path) -> None:
     assert found["placed"] == ("4 of 4",) * 3
     assert found["support hit [%]"] == ("100", "100", "0")
     assert found["penetration [mm]"] == ("0 (0)", "1 (1)", "2 (2), n 3")
-    assert found["drift [mm]"] == ("0.1 (0.1)", "–", "–")
+    assert found["drift (ours) [mm]"] == ("0.1 (0.1)", "–", "–")
     lines = (run / "tables" / "metrics.tex").read_text().splitlines()
     assert "penetration [mm] & 0 (0) & 1 (1) & 2 (2), n 3 \\\\" in lines
     assert sum(", n " in one for one in lines) == 1

@@ -1,7 +1,5 @@
 """Pairs with known answers, and who gets them right."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from judged import placement
@@ -10,13 +8,11 @@ from dcap.evaluation.judging.cameras import SIZE, camera_of
 from dcap.evaluation.judging.known_answers import KnownAnswer, known_answers
 from dcap.evaluation.judging.known_room import (
     BED,
-    DENT,
     FLOOR,
     RADIUS,
     SETTLED,
     BallPlace,
     RoomWithBall,
-    ball,
 )
 from dcap.evaluation.judging.questions import PairReply
 from dcap.evaluation.judging.rubric import RUBRIC, SCALES
@@ -26,7 +22,7 @@ from dcap.language.offline.client import OfflineClient
 from dcap.scene.errors import InputError
 from dcap.scene.types.judged_views import PLACED
 from dcap.synthetic.rooms import build_room
-from flows.judge_known import ROOMS, pressed_depth
+from flows.judge_known import ROOMS
 
 AXIS = JudgedAxis.PHYSICS_NATURALNESS
 
@@ -43,7 +39,7 @@ class LeftClient:
 
 @pytest.fixture(scope="module")
 def answers():
-    return known_answers("bedroom_01", reference=pressed_depth)
+    return known_answers("bedroom_01")
 
 
 @pytest.fixture(scope="module")
@@ -76,23 +72,16 @@ def test_metrics_are_measured_on_the_meshes(room: RoomWithBall, on: str, offset:
     assert over["penetration_m"] == 0.0
     assert inside["penetration_m"] == pytest.approx(offset, rel=0.05)
     assert inside["gap_m"] == 0.0
-    unknown = ("part_hit", "orientation_error_deg", "indentation_error_m", "force_residual", "drift_m")
+    unknown = ("part_hit", "orientation_error_deg", "referee_drift_m", "referee_drift_deg", "visible_fraction")
     assert {over[name] for name in unknown} == {None}
 
 
 @pytest.mark.slow
-def test_the_settled_ball_lies_in_its_dent(answers, room: RoomWithBall):
-    """Neither over nor inside what gave way to it; its depth by the closed form is within a tenth of the reference on
-    the mattress as it is, which is not flat; on one that does not give way the whole depth is missing."""
+def test_the_settled_ball_lies_in_its_dent(room: RoomWithBall):
+    """Neither over nor inside what gave way to it."""
     found = room.metrics(SETTLED, BED)
     assert found["penetration_m"] == pytest.approx(0.0, abs=1e-4)  # chords of the ball sag by 0.04 mm
     assert found["gap_m"] == 0.0
-    expected = pressed_depth(ball(room.center(BallPlace(BED))), room.bed_mesh)
-    assert expected is not None
-    assert expected == pytest.approx(DENT, rel=0.1)
-    assert 0.0 < answers[0].better.metrics["indentation_error_m"] == pytest.approx(abs(expected - DENT), rel=0.01)
-    flat = next(one for one in answers if one.flaw == "no dent")
-    assert flat.worse.metrics["indentation_error_m"] == pytest.approx(expected, abs=1e-4)
     assert room.metrics(SETTLED, FLOOR)["support_hit"] is False
 
 
@@ -108,15 +97,9 @@ def test_a_side_is_right_half_of_the_time(answers):
 
 
 @pytest.mark.slow
-def test_the_rubric_misses_what_is_not_measured(answers):
-    """With the depth of the dent it tells a mattress that does not give way, without it it cannot."""
-    assert set(judge_accuracy(OfflineClient(), answers, RUBRIC).by_flaw.values()) == {(2, 2)}
-    blind = [
-        replace(one, **{side: replace(own, metrics={**own.metrics, "indentation_error_m": None})
-                        for side, own in (("better", one.better), ("worse", one.worse))})
-        for one in answers
-    ]  # fmt: skip
-    found = judge_accuracy(OfflineClient(), blind, RUBRIC)
+def test_the_rubric_misses_only_a_mattress_that_does_not_give_way(answers):
+    """How deep a dent ought to be only our own contact model could say, and that is in no score."""
+    found = judge_accuracy(OfflineClient(), answers, RUBRIC)
     assert {flaw for flaw, counts in found.by_flaw.items() if counts != (2, 2)} == {"no dent"}
     assert found.by_flaw["no dent"] == (0, 2)
 
@@ -125,9 +108,9 @@ def test_the_rubric_misses_what_is_not_measured(answers):
 @pytest.mark.long
 @pytest.mark.parametrize("name", [one for one in ROOMS if one != "bedroom_01"])
 def test_the_rubric_is_right_in_the_other_bedrooms(name: str):
-    """All pairs, in both orders."""
-    found = judge_accuracy(OfflineClient(), known_answers(name, reference=pressed_depth), RUBRIC)
-    assert (found.right, found.asked) == (40, 40)
+    """All pairs but the mattress that stays flat, in both orders."""
+    found = judge_accuracy(OfflineClient(), known_answers(name), RUBRIC)
+    assert (found.right, found.asked) == (38, 40)
 
 
 @pytest.mark.slow
