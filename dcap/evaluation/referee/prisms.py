@@ -15,8 +15,7 @@ from dcap.geometry.distance import signed_volume
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.solid.height_map import seen_from_above
 from dcap.geometry.solid.mending import look_spacing, looks_at_backs, wound_outwards
-from dcap.geometry.solid.repair import simplified
-from dcap.geometry.solid.surface_prisms import ThinnedSurface, rays_in, thinned
+from dcap.geometry.solid.surface_prisms import RIM, ThinnedSurface, rays_in, samples, thinned
 from dcap.scene.types.mesh import Mesh
 
 Array = NDArray[np.float64]
@@ -42,9 +41,9 @@ START = 2e-5
 FINE, FINE_BUDGETS = 5e-5, (4000, 2000, 1000, 500, 250)
 """Largest distance of near surfaces from what collides [m], and numbers of faces: the least that keeps it is taken,
 else the first. Fewer faces stay as they are."""
-FAR_VERTICES, FAR_CELL = 250, 0.5 * NEAR
-"""Vertices of the surfaces of a thing that are not near, and how far they may be moved [m]: what falls on them has left
-its place."""
+FAR_VERTICES, FAR_CELL, CLEAR = (100, 400, 1600), 0.5 * NEAR, 0.25 * NEAR
+"""Numbers of vertices of surfaces that are not near, and how far they may be moved at first [m]: the least is taken
+that leaves the other body this clear [m], else all. What falls on them has left its place."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -70,7 +69,7 @@ def scene_prisms(scene: Mesh, owner: NDArray[np.int64], thing: Mesh) -> Prisms:
         whole = outward(scene.submesh(mine))
         seen = reached[mine] & ~(doubled(whole) & looks_away(whole, center))
         near = close_to(whole, thing)
-        for few in (kept(whole, near & seen), coarse(whole, ~near & seen)):
+        for few in (kept(whole, near & seen), coarse(whole, ~near & seen, thing)):
             unit, broad, thickness = under(few.mesh, whole)
             thin = thickness < THIN
             broad &= ~(thin & looks_away(few.mesh, center))
@@ -84,10 +83,11 @@ def scene_prisms(scene: Mesh, owner: NDArray[np.int64], thing: Mesh) -> Prisms:
 def object_prisms(thing: Mesh, scene: Mesh) -> Prisms:
     """An object; its sides may be as thin as sheets, because what they touch is not."""
     whole = outward(thing)
-    near, sheet = close_to(whole, around(scene, thing.bounds, NEAR)), doubled(whole)
+    beside = around(scene, thing.bounds, NEAR)
+    near, sheet = close_to(whole, beside), doubled(whole)
     found, deviation = [], 0.0
     for flat in (False, True):
-        for few in (kept(whole, near & (sheet == flat)), coarse(whole, ~near & (sheet == flat))):
+        for few in (kept(whole, near & (sheet == flat)), coarse(whole, ~near & (sheet == flat), beside)):
             unit, broad, thickness = under(few.mesh, whole)
             solid = np.clip(THROUGH * thickness, LEAST, DEEPEST)
             depth = np.where(np.isfinite(thickness), LEAST if flat else solid, SHEET)
@@ -103,17 +103,24 @@ def kept(mesh: Mesh, mask: Bools) -> ThinnedSurface:
     return thinned(some, FINE, FINE_BUDGETS) if len(some.faces) > FINE_BUDGETS[-1] else ThinnedSurface(some, 0.0)
 
 
-def coarse(mesh: Mesh, mask: Bools) -> ThinnedSurface:
-    """Some faces (m,) of a mesh, few of them; how far they are off does not count."""
+def coarse(mesh: Mesh, mask: Bools, other: Mesh) -> ThinnedSurface:
+    """Some faces (m,) of a mesh that are not NEAR another one, as few as leave it clear; how far they are off does not
+    count."""
     import open3d
 
     some = mesh.submesh(np.flatnonzero(mask))
-    if len(some.vertices) > FAR_VERTICES:  # collapsing edges of a flat surface alone would take minutes
-        dense = open3d.geometry.TriangleMesh(
-            open3d.utility.Vector3dVector(some.vertices), open3d.utility.Vector3iVector(some.faces)
-        )
-        merged = dense.simplify_vertex_clustering(FAR_CELL)
-        some = simplified(Mesh.of(np.asarray(merged.vertices), np.asarray(merged.triangles)), FAR_VERTICES)
+    if len(some.vertices) <= FAR_VERTICES[0]:
+        return ThinnedSurface(some, 0.0)
+    points = samples(other)
+    dense = open3d.geometry.TriangleMesh(
+        open3d.utility.Vector3dVector(some.vertices), open3d.utility.Vector3iVector(some.faces)
+    )
+    merged = dense.simplify_vertex_clustering(FAR_CELL)  # collapsing the edges of a large flat surface takes minutes
+    for count in FAR_VERTICES:
+        few = merged.simplify_quadric_decimation(2 * count, boundary_weight=RIM)
+        found = Mesh.of(np.asarray(few.vertices), np.asarray(few.triangles))
+        if Raycaster(found).distance_to(points).min(initial=np.inf) > CLEAR:
+            return ThinnedSurface(found, 0.0)
     return ThinnedSurface(some, 0.0)
 
 
