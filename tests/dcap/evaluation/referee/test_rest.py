@@ -137,12 +137,13 @@ def test_a_ball_in_a_dent_of_its_shape_stays():
 
 @pytest.mark.slow
 def test_a_ball_in_a_bowl_stays():
-    """At the bottom of a sheet wound upwards, within the sag of the facets of both: 7 mm ones of a ball of 5 cm sag by
-    7e-3^2 / (8 R) = 1.2e-4 m, those of the bowl, of 30 cm, by less."""
-    bowl = height_field(lambda x, y: (x**2 + y**2) / 0.6, 0.1, 41)
+    """At the bottom of a sheet wound upwards, whose hull would lift it by 3 cm. It comes to lie on one of its facets of
+    7 mm, half of one aside at most."""
+    bowl = height_field(lambda x, y: (x**2 + y**2) / 0.3, 0.1, 41)
     ball = mesh(trimesh.creation.icosphere(3, 0.05), (0.0, 0.0, 0.05))
     found = judge_rest(ball, Surroundings.of([bowl], 0.5), 0.5)
-    assert found.drift_m < 3e-4
+    assert found.drift_m < 3.5e-3
+    assert found.drift_deg < np.degrees(3.5e-3 / 0.05)
     assert found.supported
 
 
