@@ -32,12 +32,14 @@ from dcap.scene.settings import runs_root
 from dcap.scene.types.sample import Sample, SourceOptions
 from dcap.scene.types.segmentation import Segmentation
 from dcap.scene.whole_files import draft_folder
+from flows.asset_names import ASSETS, asset_labels
 from flows.configure import configured
 from flows.language_options import language_options
 from flows.options import PlaceOptions
 from flows.sample_files import TRUTH_FILE, SampledRow, check_free, dataset_text, lists_of, slug, truth_text
 from flows.scene_contents import read_all
 from flows.scene_lists import named_paths, named_scenes
+from flows.sugar_meshes import with_sugar
 from tasks.artifact import Store
 from tasks.intent.rescale import rescale
 from tasks.requests.views import instance_views, object_view, room_center
@@ -64,6 +66,8 @@ class SamplingOptions:
     scenes: str = ""
     skip: bool = False
     """Leave out what cannot be used."""
+    sugar: Path | None = None
+    """Folder of SuGaR, which makes meshes of scenes that only have splats; None: their surface is our own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +94,8 @@ class SampledScene:
     """A scene and what was made of it."""
 
     name: str
-    path: Path
+    source: Sample
+    """Where it lies and how it is read."""
     contents: Segmentation
     drafts: tuple[SampleDraft, ...]
 
@@ -102,15 +107,16 @@ def sample_dataset(
     check_sampling(sampling)
     shares = shares_of(sampling.splits) if sampling.splits else {}
     found, items = chosen_scenes(scenes, sampling.scenes), found_objects(objects)
+    called = asset_labels(objects if objects.is_dir() else objects.parent, items.values())
     path = out or runs_root() / "samples" / slug(scenes.resolve().name) / SAMPLES_FILE
     check_free(path)
     asking = language_options(options)
     config, session = configured(options, language=asking.config()), asking.session(path.parent)
-    read = read_all(
-        {name: sample_for(name, one, "", options) for name, one in found.items()},
-        {name: sample_for(name, "", one, options) for name, one in items.items()},
-        config, session, quiet=quiet,
-    )  # fmt: skip
+    sources = {name: sample_for(name, one, "", options) for name, one in found.items()}
+    if sampling.sugar is not None:
+        sources = with_sugar(sources, sampling.sugar, threads=options.threads, quiet=quiet)
+    things = {name: sample_for(name, "", one, options, called.get(one, "")) for name, one in items.items()}
+    read = read_all(sources, things, config, session, quiet=quiet)
     left_out = dict(read.failed)
     told_or_refused(left_out, sampling.skip, len(found) + len(items))
     store = Store.default()
@@ -120,7 +126,8 @@ def sample_dataset(
         assert isinstance(item, Segmentation)
         asset = asset_of(name, item)
         if asset is None:
-            left_out[name] = f"the lexicon does not know what {item.instances[0].label!r} is; rename the file"
+            told = f"rename the file, or give its category in {ASSETS}"
+            left_out[name] = f"the lexicon does not know what {item.instances[0].label!r} is; {told}"
             continue
         views[name] = object_view(item)
         assets.append(asset)
@@ -140,12 +147,12 @@ def sample_dataset(
         except (InputError, LanguageError) as poor:
             short[name] = " ".join(str(poor).split())
             continue
-        made.append(SampledScene(name, found[name], contents, drafts))
+        made.append(SampledScene(name, sources[name], contents, drafts))
     told_or_refused(short, sampling.skip, len(found))
     left_out.update(short)
     if not made:
         raise InputError(f"{scenes}: no scene is left; the first: {next(iter(left_out.values()), 'none')}")
-    return write_dataset(path, made, items, views, sampling, shares, options, left_out)
+    return write_dataset(path, made, things, views, sampling, shares, left_out)
 
 
 def check_sampling(sampling: SamplingOptions) -> None:
@@ -207,7 +214,7 @@ def found_objects(folder: Path) -> dict[str, Path]:
     return found
 
 
-def sample_for(name: str, scene: Path | str, thing: Path | str, options: PlaceOptions) -> Sample:
+def sample_for(name: str, scene: Path | str, thing: Path | str, options: PlaceOptions, label: str = "") -> Sample:
     """A scene or an object as the stages take it."""
     return Sample(
         id=name,
@@ -215,7 +222,7 @@ def sample_for(name: str, scene: Path | str, thing: Path | str, options: PlaceOp
         object=str(thing),
         prompt="",
         scene_options=SourceOptions(options.up, options.unit),
-        object_options=SourceOptions(options.object_up, options.object_unit),
+        object_options=SourceOptions(options.object_up, options.object_unit, label),
     )
 
 
@@ -256,11 +263,10 @@ def drafts_for(
 def write_dataset(
     path: Path,
     made: Sequence[SampledScene],
-    items: Mapping[str, Path],
+    items: Mapping[str, Sample],
     views: Mapping[str, ObjectView],
     sampling: SamplingOptions,
     shares: Mapping[str, float],
-    options: PlaceOptions,
     left_out: Mapping[str, str],
 ) -> SampledDataset:
     """Write all files beside each other, and what they hold."""
@@ -274,7 +280,13 @@ def write_dataset(
             truth = draft.truth(labels)
             name = id_of(scene.name, draft, truth, {row.id for row in rows})
             seed = int(chance(sampling.seed, name, "seed") * LARGEST_SEED)
-            rows.append(SampledRow(name, scene.path, items[draft.object], draft.prompt, seed, truth, options))
+            thing, source = items[draft.object], scene.source
+            rows.append(
+                SampledRow(
+                    name, Path(source.scene), Path(thing.object), draft.prompt, seed, truth, source.scene_options,
+                    thing.object_options,
+                )
+            )  # fmt: skip
             missed = misread(IntentRequest(draft.prompt, views[draft.object], instances, center), truth)
             if missed:
                 misses[name] = f"{draft.prompt} {missed}"

@@ -38,7 +38,7 @@ from dcap.evaluation.judging.row_metrics import row_metrics
 from dcap.evaluation.judging.rubric import RUBRIC, Metrics, rubric_scores
 from dcap.evaluation.judging.standing import Standing, lowest_scores, standing_of, with_judged_scores
 from dcap.evaluation.method_report import MethodTable, method_table, write_method_table
-from dcap.evaluation.methods import OFFLINE, joined_id
+from dcap.evaluation.methods import OFFLINE, joined_id, split_id
 from dcap.evaluation.outcome_table import SampleOutcome
 from dcap.evaluation.run_folder import sample_folder
 from dcap.evaluation.statistics.comparisons import Comparison, read_comparisons
@@ -52,7 +52,7 @@ from dcap.language.protocol.session import Session
 from dcap.scene.errors import FormatError, InputError
 from dcap.scene.types.judged_views import BEFORE, PLACED
 from dcap.scene.whole_files import whole_file
-from flows.find_run import find_run
+from flows.find_run import RUN, find_run, read_asked, undamaged
 from flows.judge_views import VIEWS, take_views
 from flows.language_options import LanguageOptions
 from flows.measures_file import changed_since, states_of
@@ -197,13 +197,28 @@ def with_pictures(folder: Path, rows: Sequence[SampleOutcome], methods: Sequence
     """What a model judges: final states with their pictures; InputError for one that is not there."""
     judged = [row for row in rows if standing_of(row) is Standing.JUDGED]
     first: dict[str, tuple[Picture, ...]] = {}
+    names = object_names(folder)
     for row in sorted(judged, key=lambda one: methods.index(one.method)):
         if row.sample not in first:
             first[row.sample] = pictures_in(views_of(folder, row), BEFORE)
     return [
-        judged_placement(row, row_metrics(row), first[row.sample], pictures_in(views_of(folder, row), PLACED))
+        judged_placement(
+            row,
+            row_metrics(row),
+            first[row.sample],
+            pictures_in(views_of(folder, row), PLACED),
+            names.get(row.sample, ""),
+        )
         for row in judged
     ]
+
+
+def object_names(folder: Path) -> dict[str, str]:
+    """What the objects of a run are called by whoever asked for them, by sample, as far as they are."""
+    tree = read_asked(folder / RUN)
+    with undamaged(folder / RUN):
+        labels = {split_id(one["id"])[1]: one.get("object_options", {}).get("label", "") for one in tree["samples"]}
+    return {sample: label for sample, label in labels.items() if label}
 
 
 def views_of(folder: Path, row: SampleOutcome) -> Path:
@@ -212,10 +227,10 @@ def views_of(folder: Path, row: SampleOutcome) -> Path:
 
 
 def judged_placement(
-    row: SampleOutcome, metrics: Metrics, before: tuple[Picture, ...], views: tuple[Picture, ...]
+    row: SampleOutcome, metrics: Metrics, before: tuple[Picture, ...], views: tuple[Picture, ...], name: str = ""
 ) -> JudgedPlacement:
     """A row as a judge gets it."""
-    thing = object_name(Path(row.object), row.prompt)
+    thing = object_name(Path(row.object), row.prompt, name)
     return JudgedPlacement(row.sample, row.method, row.prompt, thing, metrics, before, views)
 
 

@@ -4,12 +4,12 @@ import json
 import os
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 from dcap.evaluation.outcome_table import ExpectedOutcome
 from dcap.scene.errors import InputError
-from flows.options import PlaceOptions
+from dcap.scene.types.sample import SourceOptions
 from flows.samples import TRUTH, load_samples, load_yaml
 from flows.scene_lists import SPLIT_SUFFIX
 
@@ -38,7 +38,8 @@ class SampledRow:
     prompt: str
     seed: int
     truth: ExpectedOutcome
-    options: PlaceOptions
+    scene_options: SourceOptions
+    object_options: SourceOptions
 
 
 def slug(text: str) -> str:
@@ -79,9 +80,10 @@ def dataset_text(rows: Sequence[SampledRow], folder: Path) -> str:
             f"  prompt: {scalar(row.prompt)}",
             f"  seed: {row.seed}",
         ]
-        for key in ("up", "unit", "object_up", "object_unit"):
-            value = getattr(row.options, key)
-            lines += [f"  {key}: {scalar(value)}"] if value != "auto" else []
+        for prefix, options in (("", row.scene_options), ("object_", row.object_options)):
+            for one in fields(SourceOptions):
+                value = getattr(options, one.name)
+                lines += [f"  {prefix}{one.name}: {scalar(value)}"] if value != one.default else []
     return "\n".join(lines) + "\n"
 
 

@@ -4,11 +4,11 @@ import json
 import os
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from fake_sugar import fake_sugar
 from PIL import Image
 
 from dcap.geometry.splatting.on_mesh import splats_on_mesh
@@ -20,25 +20,6 @@ from dcap.scene.writers.interiorgs import MESH_NAME, write_interiorgs
 from dcap.synthetic.rooms import build_room
 from flows.cli.app import main
 from flows.prepare_sugar import publish
-
-TRAIN = """
-import argparse, json, os, pathlib
-options = argparse.ArgumentParser()
-for name in ("-s", "-c", "-r", "--refinement_time", "--eval"):
-    options.add_argument(name)
-given = options.parse_args()
-assert given.r == "sdf"
-cameras = json.load(open(given.c + "cameras.json"))
-suffix = "." + os.listdir(os.path.join(given.s, "images"))[0].split(".")[-1]
-assert all(os.path.isfile(os.path.join(given.s, "images", c["img_name"] + suffix)) for c in cameras)
-assert os.path.isfile(os.path.join(given.c, "point_cloud", "iteration_7000", "point_cloud.ply"))
-name = given.s.split("/")[-1]
-for kind, file in (("coarse_mesh", "sugarmesh_3Dgs7000_level03_decim1000000.ply"), ("refined_mesh", "sugarfine_x.obj")):
-    folder = pathlib.Path("output", kind, name)
-    folder.mkdir(parents=True)
-    (folder / file).write_text(kind)
-"""
-"""Reads its input and names its output as SuGaR's train.py does."""
 
 
 @pytest.fixture(scope="module")
@@ -132,10 +113,7 @@ def test_meshes_of_sugar_are_found_in_the_scene(
 ) -> None:
     """Through run_sugar.sh, with a stand-in that reads and writes what SuGaR does; paths with spaces."""
     assert has_only_splats(room)
-    (tmp_path / "train.py").write_text(TRAIN)
-    (tmp_path / "bin").mkdir()
-    (tmp_path / "bin" / "python").symlink_to(sys.executable)
-    path = f"{tmp_path / 'bin'}{os.pathsep}{os.environ['PATH']}"
+    path = fake_sugar(tmp_path)
     done = subprocess.run(
         ["sh", str(prepared / "run_sugar.sh"), str(tmp_path)], capture_output=True, text=True,
         env=os.environ | {"PATH": path},
