@@ -23,7 +23,7 @@ said = $(filter command,$(origin $(1)))
 option = $(if $(call said,$(2)),--$(1) "$($(2))")
 
 .DEFAULT_GOAL := help
-.PHONY: setup node-tools test test-all types fast clusters sweep check benchmark demo ui worker perf perf-peers docs docs-serve docs-pictures clean help lock system-libraries
+.PHONY: setup node-tools test test-all types fast clusters sweep check benchmark paper demo ui worker perf perf-peers docs docs-serve docs-pictures clean help lock system-libraries
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-18s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -81,10 +81,15 @@ types: $(READY)
 fast: $(READY)
 	$(BIN)/pytest $(PARALLEL) -m "$(FAST)"
 
-benchmark: $(READY) ## place the embedded dataset, or DATASET=samples.yaml; also METHODS, LANGUAGE, MODEL, WORKERS, JUDGE, JUDGE_MODEL
-	$(BIN)/dcap benchmark $(call option,dataset,DATASET) $(call option,methods,METHODS) $(call option,language,LANGUAGE) \
-		$(call option,model,MODEL) $(call option,workers,WORKERS) $(if $(call said,JUDGE),|| test $$? -eq 4)
-	$(if $(call said,JUDGE),$(BIN)/dcap judge last --language "$(JUDGE)" $(call option,model,JUDGE_MODEL))
+BENCHMARK = $(call option,dataset,DATASET) $(call option,objects,OBJECTS) $(call option,methods,METHODS) $(call option,language,LANGUAGE) \
+	$(call option,model,MODEL) $(call option,judge,JUDGE) $(call option,judge-model,JUDGE_MODEL) $(call option,workers,WORKERS) \
+	$(call option,limit,LIMIT) $(call option,sugar,SUGAR)
+
+benchmark: $(READY) ## place the embedded dataset, or DATASET=samples.yaml or DATASET=scenes/ OBJECTS=meshes/; also METHODS, LANGUAGE, MODEL, JUDGE, JUDGE_MODEL, WORKERS, LIMIT
+	$(BIN)/dcap benchmark $(BENCHMARK)
+
+paper: $(READY) ## the paper's whole evaluation of the embedded rooms (six samples), or of a DATASET as above; also SUGAR=folder
+	$(BIN)/dcap paper $(BENCHMARK)
 
 demo: $(READY) ## one placement: a ball on a bed
 	$(BIN)/dcap dataset make

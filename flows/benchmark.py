@@ -23,6 +23,7 @@ from dcap.evaluation.outcome_table import ExpectedOutcome, SampleOutcome, read_t
 from dcap.evaluation.report import write_report
 from dcap.evaluation.run_folder import sample_folder
 from dcap.evaluation.run_summary import RunSummary, summary_of
+from dcap.evaluation.sampling.spread import spread_samples
 from dcap.language.model.batch import batch_queue
 from dcap.language.model.ledger import check_budget, spending_of
 from dcap.language.protocol.client import ClientName
@@ -37,7 +38,7 @@ from dcap.scene.whole_files import write_whole
 from flows.display import Display, console_on_stderr, print_lines, print_table, summary_line
 from flows.failed_before import failed_before
 from flows.find_run import ASKED_VERSION, RUN, find_run, read_asked, read_keys, undamaged
-from flows.judge_run import judged_rows, write_rows
+from flows.judge_run import judge_run, judged_rows, write_rows
 from flows.language_options import LEDGER, LanguageOptions
 from flows.measures_file import write_measures
 from flows.output import readable_json, write_placement
@@ -51,6 +52,7 @@ from flows.samples import EMBEDDED, SPLAT_ROOMS, TRUTH, load_samples, load_yaml
 from flows.scene_lists import of_scenes
 from flows.scoring import scored_row
 from flows.server import pages_of, prefect_server
+from flows.sugar_meshes import with_sugar
 from tasks.code import installed_version
 from tasks.mesh.stage import mesh_object_task, mesh_scene_task
 from tasks.run_context import RunContext, use_context
@@ -90,32 +92,47 @@ class Run:
         return sum(row.error != "" for row in self.rows)
 
 
+@dataclass(frozen=True, slots=True)
+class Selection:
+    """Which samples of a dataset are placed."""
+
+    limit: int | None = None
+    spread: bool = False
+    """Whether a limit takes samples that differ as much as they can, rather than the first ones."""
+    scenes: str = ""
+    only_failed: bool = False
+    sugar: Path | None = None
+    """Folder of SuGaR, which makes meshes of scenes that only have splats."""
+
+
 def run_benchmark(
     dataset: Path | None,
     config: PlaceConfig,
     language: LanguageOptions | None = None,
     *,
-    limit: int | None = None,
-    workers: int = 2,
-    only_failed: bool = False,
+    selection: Selection | None = None,
     methods: Sequence[str] = (DCAP,),
-    scenes: str = "",
+    workers: int = 2,
     runner: SampleRunner = LOCAL,
+    judge: LanguageOptions | None = None,
+    into: Path | None = None,
 ) -> Run:
-    """Place the samples of a dataset by each method and write the run's folder."""
+    """Place the samples of a dataset by each method and write the run's folder; `judge` is a model that judges it,
+    `into` the folder, which may hold an earlier run of the same samples; by default a new one."""
     begin = time.monotonic()
     config = measured_config(config, methods)
-    path, samples = dataset_samples(dataset, methods, limit, scenes)
-    if only_failed:
+    selection = selection or Selection()
+    path, samples = dataset_samples(dataset, methods, selection)
+    if selection.only_failed:
         samples = failed_before(path, samples, config)
     language = language or LanguageOptions()
     # a run begins once its server answers: what is refused before leaves none behind
     with prefect_server() as url:
-        from flows.watched import BenchmarkPage, SampleJob, benchmark, in_flow
+        from flows.watched import BenchmarkPage, SampleJob, benchmark, in_flow, run_step
 
         check_access()
         limits = set_limits(runner.limits)
-        folder = new_run_folder(path, samples, config, language)
+        folder = new_run_folder(path, samples, config, language, into)
         page, runs = BenchmarkPage(folder), list[Run]()
         session = language.session(folder)
         jobs = [SampleJob(one, config, session, folder.name, limits) for one in samples]
@@ -123,6 +140,9 @@ def run_benchmark(
         def work() -> tuple[str, str]:
             cached = run_all(jobs, folder, session, workers, page, runner)
             runs.append(finish(folder, scored_rows(folder, samples, path), time.monotonic() - begin))
+            if judge is not None:
+                judged = run_step("judge", lambda: judge_run(str(folder), judge, console_on_stderr().print))
+                runs[0] = finish(folder, judged.rows, time.monotonic() - begin)
             line = summary_line(runs[0].summary)
             page.show_results([shown_row(row) for row in runs[0].rows], line)
             print_table(runs[0].rows, runs[0].summary, folder, cached)
@@ -227,11 +247,9 @@ def scored_rows(folder: Path, samples: Sequence[Sample], dataset: Path) -> tuple
     return tuple(sorted(rows, key=lambda row: order.index(row.method)))
 
 
-def dataset_samples(
-    dataset: Path | None, methods: Sequence[str], limit: int | None, scenes: str = ""
-) -> tuple[Path, list[Sample]]:
-    """The dataset's file and its samples as each method places them, of all scenes or of those that a list names; the
-    embedded rooms are generated if they are missing."""
+def dataset_samples(dataset: Path | None, methods: Sequence[str], selection: Selection) -> tuple[Path, list[Sample]]:
+    """The dataset's file and those of its samples that are selected, as each method places them; the embedded rooms are
+    generated if they are missing."""
     path = dataset or EMBEDDED
     if path.resolve() == EMBEDDED:
         ensure_dataset(data_root(), DATASET_SEED)
@@ -239,8 +257,22 @@ def dataset_samples(
         rooms = [Path(sample.scene).name for sample in load_samples(path)]
         ensure_dataset(data_root(), DATASET_SEED, rooms=list(dict.fromkeys(rooms)), splats=SPLATS)
     every = load_samples(path)
-    chosen = of_scenes(every, scenes, path.parent)[:limit]
+    chosen = of_scenes(every, selection.scenes, path.parent)
+    if selection.spread:
+        chosen = spread_samples(chosen, truths_of(path, chosen), selection.limit)
+    chosen = chosen[: selection.limit]
+    if selection.sugar is not None:
+        every = sugar_samples(every, selection.sugar)
+        chosen = [one for one in every if one.id in {two.id for two in chosen}]
     return path, with_examples([by_method(sample, method) for sample in chosen for method in methods], every)
+
+
+def sugar_samples(samples: Sequence[Sample], sugar: Path) -> list[Sample]:
+    """Samples in the meshes that SuGaR makes of scenes which only have splats."""
+    meshed = with_sugar({one.scene: one for one in samples}, sugar, threads=0, quiet=False)
+    return [
+        replace(one, scene=meshed[one.scene].scene, scene_options=meshed[one.scene].scene_options) for one in samples
+    ]
 
 
 def ensure_dataset(folder: Path, seed: int, *, rooms: Sequence[str] = (), splats: int = 0, scenes: int = 0) -> Path:
@@ -251,15 +283,16 @@ def ensure_dataset(folder: Path, seed: int, *, rooms: Sequence[str] = (), splats
     return folder
 
 
-def new_run_folder(dataset: Path, samples: Sequence[Sample], config: PlaceConfig, language: LanguageOptions) -> Path:
-    """A new folder that says what was asked; `runs/last` points at it."""
-    name = f"{dataset.stem}-{datetime.now(UTC):%Y%m%d-%H%M%S}"
-    folder = runs_root() / name
-    suffix = 2
-    runs_root().mkdir(parents=True, exist_ok=True)
-    while not make_folder(folder):
-        folder = runs_root() / f"{name}-{suffix}"
-        suffix += 1
+def new_run_folder(
+    dataset: Path,
+    samples: Sequence[Sample],
+    config: PlaceConfig,
+    language: LanguageOptions,
+    into: Path | None = None,
+) -> Path:
+    """A folder that says what was asked, by default a new one; `runs/last` points at it."""
+    folder = into or free_folder(dataset.stem)
+    folder.mkdir(parents=True, exist_ok=True)
     asked = {
         "version": ASKED_VERSION,
         "dataset": str(dataset.resolve()),
@@ -273,11 +306,24 @@ def new_run_folder(dataset: Path, samples: Sequence[Sample], config: PlaceConfig
     try:
         write_whole(folder / RUN, readable_json(asked))
     except OSError:
-        folder.rmdir()  # nothing is in it
+        if into is None:
+            folder.rmdir()  # nothing is in it
         raise
     draft = runs_root() / f".last-{os.getpid()}"
-    draft.symlink_to(folder.name)
+    draft.symlink_to(os.path.relpath(folder, runs_root()))
     os.replace(draft, runs_root() / "last")
+    return folder
+
+
+def free_folder(stem: str) -> Path:
+    """Make a new folder among the runs."""
+    name = f"{stem}-{datetime.now(UTC):%Y%m%d-%H%M%S}"
+    folder = runs_root() / name
+    suffix = 2
+    runs_root().mkdir(parents=True, exist_ok=True)
+    while not make_folder(folder):
+        folder = runs_root() / f"{name}-{suffix}"
+        suffix += 1
     return folder
 
 

@@ -1,32 +1,101 @@
 """What the options of a benchmark come to: its stages' settings, who is asked, who places, and the run."""
 
+import hashlib
+import json
+from pathlib import Path
+
 from dcap.cores import available_cores
 from dcap.evaluation.methods import methods_of
-from flows.benchmark import Run, run_benchmark
-from flows.configure import configured
+from dcap.scene.errors import InputError
+from dcap.scene.settings import runs_root
+from flows.benchmark import Run, Selection, run_benchmark
+from flows.configure import configured, with_threads
+from flows.dataset_sample import SAMPLES_FILE, SampledDataset, SamplingOptions, sample_dataset
+from flows.display import print_lines
 from flows.language_options import LanguageOptions, language_options
-from flows.options import BenchmarkOptions
+from flows.options import BenchmarkOptions, PlaceOptions, StageOptions
 from flows.place import PlaceConfig
 from flows.runners import RunnerName, SampleRunner, check_runner
+from flows.sample_files import slug
 from tasks.arch import chosen_arch
 from tasks.cache import MODEL_CALLS, SIMULATIONS
+
+DIGITS = 8
+"""Hexadecimal digits that tell what was asked apart in the name of a folder [-]."""
 
 
 def place_dataset(options: BenchmarkOptions) -> Run:
     """Place the samples of a dataset and write the run's folder."""
     config, asking = benchmark_config(options)
-    methods, runner = methods_of(options.methods), runner_of(options)
+    judge, runner = judge_options(options), runner_of(options)
+    dataset, made = dataset_file(options)
     return run_benchmark(
-        options.dataset,
+        dataset,
         config,
         asking,
-        limit=options.limit,
+        selection=selection_of(options, sampled=made is not None),
+        methods=methods_of(options.methods),
         workers=options.workers,
-        only_failed=options.only_failed,
-        methods=methods,
-        scenes=options.scenes,
         runner=runner,
+        judge=judge,
     )
+
+
+def selection_of(options: BenchmarkOptions, *, sampled: bool, spread: bool = False) -> Selection:
+    """Return which samples are placed; those that were sampled lie in the named scenes already."""
+    scenes = "" if sampled else options.scenes
+    return Selection(options.limit, spread, scenes, options.only_failed, options.sugar)
+
+
+def dataset_file(options: BenchmarkOptions, out: Path | None = None) -> tuple[Path | None, SampledDataset | None]:
+    """Return the file of the samples: the one that is given, lies in the folder that is given, or is made of the scenes
+    there, by default below data/runs/samples; and what was made. InputError for a folder without objects to place."""
+    given = options.dataset
+    if given is None or not given.is_dir() or (given / SAMPLES_FILE).is_file():
+        if options.objects is not None:
+            what = "the embedded rooms have" if given is None else f"{given} has"
+            raise InputError(f"--objects {options.objects}: {what} samples with objects; leave it out")
+        return (given / SAMPLES_FILE if given is not None and given.is_dir() else given), None
+    if options.objects is None:
+        raise InputError(
+            f"--dataset {given}: a folder of scenes without {SAMPLES_FILE}; name the meshes to place: --objects FOLDER"
+        )
+    path = out or runs_root() / "samples" / f"{slug(given.resolve().name)}-{asked_digest(options)}" / SAMPLES_FILE
+    sampling = SamplingOptions(options.per_scene, scenes=options.scenes, sugar=options.sugar, skip=True)
+    shared = {name: getattr(options, name) for name in (*StageOptions.model_fields, "max_cost")}
+    made = sample_dataset(given, options.objects, path, sampling, PlaceOptions(**shared), quiet=False)
+    print_lines([f"left out: {name}: {why.removeprefix(f'{name}: ')}" for name, why in made.left_out.items()])
+    return path, made
+
+
+def asked_digest(options: BenchmarkOptions) -> str:
+    """Return a digest of all that decides which samples are placed, and how; neither of who judges, nor of workers."""
+    config, _ = benchmark_config(options)
+    asked: dict[str, object] = {
+        name: str(path.resolve()) if (path := getattr(options, name)) is not None else ""
+        for name in ("dataset", "objects", "sugar")
+    }
+    asked |= {name: getattr(options, name) for name in ("per_scene", "scenes", "limit")}
+    asked |= {"methods": methods_of(options.methods), "config": with_threads(config, 0).model_dump(mode="json")}
+    return hashlib.sha256(json.dumps(asked, sort_keys=True).encode()).hexdigest()[:DIGITS]
+
+
+def judge_options(options: BenchmarkOptions) -> LanguageOptions | None:
+    """Return how a model that judges is asked; None where none does. InputError where it cannot be asked."""
+    name = options.judge or ("replay" if options.judge_replay else "")
+    if name in ("", "offline"):
+        if options.judge_model or options.judge_record:
+            raise InputError("--judge-model and --judge-record are for a model: --judge anthropic or openai")
+        return None
+    judge = LanguageOptions(
+        language=name, model=options.judge_model, max_tokens=options.max_tokens, reply_timeout=options.reply_timeout,
+        record=options.judge_record, replay=options.judge_replay, max_cost=options.max_cost,
+        batch=options.batch and name == "anthropic",
+    )  # fmt: skip
+    if len(methods_of(options.methods)) < 2:
+        raise InputError(f"--judge {name}: a judge compares methods, and --methods {options.methods} is one")
+    judge.config()
+    return judge
 
 
 def benchmark_config(options: BenchmarkOptions) -> tuple[PlaceConfig, LanguageOptions]:

@@ -80,6 +80,8 @@ def joined_by_commas(value: object) -> object:
     return ",".join(str(one) for one in value)
 
 
+HomePath = Annotated[Path, AfterValidator(Path.expanduser)]
+"""A path that may begin with ~: not every shell expands it behind an equals sign."""
 Phrase = Annotated[str, AfterValidator(short_text)]
 """A label, a name or other short text."""
 TextOrPath = Annotated[
@@ -218,8 +220,8 @@ class PlaceOptions(StageOptions):
 class DatasetOptions(StageOptions):
     """What `benchmark` and `plan` have in common: which samples, by which methods."""
 
-    dataset: Path | None = None
-    """YAML list of samples; default: the embedded rooms."""
+    dataset: Annotated[HomePath | None, Setting("run.dataset", "PATH")] = None
+    """YAML list of samples, or a folder of scenes (needs --objects); default: the embedded rooms."""
     methods: Annotated[str, Setting("run.methods")] = "dcap"
     """Methods, between commas: dcap, fireplace, layoutgpt, holodeck, ablations by name, or all."""
     scenes: Annotated[str, Setting(metavar="LIST")] = ""
@@ -240,12 +242,26 @@ class PlanOptions(DatasetOptions):
 class BenchmarkOptions(DatasetOptions):
     """Options of `benchmark`."""
 
+    objects: Annotated[HomePath | None, Setting("run.objects", "FOLDER")] = None
+    """Meshes that are placed in a folder of scenes, named by what they are or by an assets.csv beside them."""
+    per_scene: Annotated[int, Field(ge=1, le=200), Setting("run.per_scene")] = 3
+    """Samples of each scene of a folder."""
+    sugar: Annotated[HomePath | None, Setting("run.sugar", "FOLDER")] = None
+    """SuGaR's repository: it makes the meshes of scenes that only have splats; default: their surface is our own."""
+    judge: Annotated[Language, Setting("run.judge")] = ""
+    """Model that judges the methods by pictures: anthropic, openai or replay; default: the offline rubric alone."""
+    judge_model: Annotated[Phrase, Setting("run.judge_model")] = ""
+    """Model that judges, by name."""
+    judge_record: Annotated[TextOrPath, Setting(metavar="DIR")] = ""
+    """Keep a copy of each of the judge's replies in this folder, for --judge-replay."""
+    judge_replay: Annotated[TextOrPath, Setting(metavar="DIR")] = ""
+    """Judge by replies recorded in this folder."""
     workers: Annotated[int, Field(ge=1, le=64), Setting("run.workers")] = 2
     """Samples to place in parallel."""
     only_failed: bool = False
     """Only samples that failed in the last run."""
     max_cost: MaxCost = None
-    """Spend at most this on a model [USD]."""
+    """Spend at most this on a model [USD]; as much again on one that judges."""
     batch: Annotated[bool, Setting("run.batch")] = False
     """Ask in batches: half the price, answers within minutes to a day."""
     runner: Annotated[Literal["local", "dask", "ray", "pool"], Setting("run.runner")] = "local"
@@ -256,6 +272,17 @@ class BenchmarkOptions(DatasetOptions):
     """Most drops and drifts at a time on all machines of a server; default: as many as there are samples at work."""
     model_calls: Annotated[PositiveInt | None, Setting("run.model_calls", is_flag=False)] = None
     """Most stages at a time that ask a model, on all machines of a server; default: as many as there are."""
+
+
+class PaperOptions(BenchmarkOptions):
+    """Options of `paper`."""
+
+    methods: Annotated[str, Setting("run.methods")] = "all"
+    """Methods, between commas: dcap, fireplace, layoutgpt, holodeck, ablations by name, or all."""
+    limit: Annotated[int | None, Field(ge=1)] = None
+    """Only N samples that differ as much as they can; default: all, of the embedded rooms 6."""
+    only_failed: Annotated[bool, Setting(is_flag=False)] = False
+    """Not of an evaluation, which is whole: what failed is placed again by the same command."""
 
 
 class RerunOptions(Options):

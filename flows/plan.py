@@ -9,7 +9,7 @@ from rich.table import Table
 
 from dcap.evaluation.methods import DCAP
 from dcap.scene.errors import MachineError
-from flows.benchmark import dataset_samples, measured_config
+from flows.benchmark import Selection, dataset_samples, measured_config
 from flows.display import console_on
 from flows.place import PlaceConfig
 from flows.sample_run import Plan, StagePlan, plan_sample
@@ -44,7 +44,7 @@ def plan_benchmark(
 ) -> list[PlanRow]:
     """Print what would run and why, with a line for each of the `stages` if they are wanted, on standard output or
     error."""
-    _, samples = dataset_samples(dataset, methods, limit, scenes)
+    _, samples = dataset_samples(dataset, methods, Selection(limit=limit, scenes=scenes))
     config = measured_config(config, methods)
     plans = [plan_sample(sample, config, bring=False) for sample in samples]
     failed = [plan.failed.error for plan in plans if plan.failed]

@@ -15,7 +15,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 from uuid import UUID
 
 from PIL import Image
@@ -65,6 +65,7 @@ STEERING = re.compile(r"[\\`*_\[\]()#+!|~]")
 FAILED = "Failed"
 LOST = "the Prefect server was lost: its page of this run is incomplete; no result depends on it"
 Say = Callable[[str], object]
+Value = TypeVar("Value")
 _work: ContextVar[Callable[[], object]] = ContextVar("work of the flow")
 """What the flow that is called next does: a flow itself is sent to clusters, and its work cannot."""
 
@@ -153,6 +154,33 @@ def place(scene: str, object: str, prompt: str) -> object:  # noqa: A002
 def benchmark(dataset: str, methods: list[str], workers: int, runner: str) -> object:
     """Run the work of `in_flow`; the parameters are for those who watch."""
     return do_work()
+
+
+@flow(name="paper", persist_result=False, validate_parameters=False)
+def paper(dataset: str, methods: list[str], judge: str) -> object:
+    """Run the work of `in_flow`; the parameters are for those who watch."""
+    return do_work()
+
+
+def run_step(name: str, work: Callable[[], Value]) -> Value:
+    """Run a step of the flow at hand as a task of its own, on whose page one sees when it began and how it ended; where
+    the server is lost, without one."""
+    if own_server_has_ended():
+        give_up_server()
+    if was_given_up():
+        return work()
+    found: list[Value] = []  # not the task's result: Prefect would keep it
+
+    @task(name=name, cache_policy=NO_CACHE, persist_result=False)
+    def shown() -> None:
+        found.append(work())
+
+    try:
+        shown()
+    except Exception as error:
+        if not found or not is_server_error(error):
+            raise
+    return found[0]
 
 
 def in_flow(shown: Callable[..., Any], tags: Sequence[str], work: Callable[[], tuple[str, str]], say: Say) -> None:

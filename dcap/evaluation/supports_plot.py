@@ -15,6 +15,8 @@ from matplotlib.typing import RcKeyType
 from dcap.scene.errors import InputError
 from dcap.scene.whole_files import whole_file
 
+SUPPORTS, MATERIALS = "deformable supports", "deformable materials"
+"""What may be counted: the words of the plot."""
 RUG = "rug"
 """The kind of what lies on the floor."""
 SUFFIXES = (".png", ".svg")
@@ -45,27 +47,27 @@ def plot_suffix(path: Path) -> str:
     return suffix
 
 
-def save_supports_plot(scenes: Sequence[Counter[str]], path: Path) -> None:
-    """Write the plot of the kinds of deformable supports that each scene has, as PNG or SVG by the path's suffix;
-    InputError for another suffix or where nothing can be written."""
+def save_supports_plot(scenes: Sequence[Counter[str]], path: Path, what: str = SUPPORTS) -> None:
+    """Write the plot of the kinds of deformable supports, or of `what` else, that each scene has, as PNG or SVG by the
+    path's suffix; InputError for another suffix or where nothing can be written."""
     suffix = plot_suffix(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with rc_context(STYLE), whole_file(path) as draft:
             # the date would make every file another one
-            supports_plot(scenes).savefig(draft, dpi=DPI, metadata={"Date": None} if suffix == ".svg" else None)
+            supports_plot(scenes, what).savefig(draft, dpi=DPI, metadata={"Date": None} if suffix == ".svg" else None)
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {error.strerror}") from None
 
 
-def supports_plot(scenes: Sequence[Counter[str]]) -> Figure:
-    """The plot: a histogram of the number of supports, and how often each kind occurs."""
+def supports_plot(scenes: Sequence[Counter[str]], what: str = SUPPORTS) -> Figure:
+    """The plot: a histogram of their number in a scene, and how often each kind occurs."""
     with rc_context(STYLE):
         figure = Figure(SIZE, layout="constrained")
-        figure.suptitle("Deformable supports per scene", x=0.02, ha="left", fontsize=15)
+        figure.suptitle(f"{what.capitalize()} per scene", x=0.02, ha="left", fontsize=15)
         counts_axes, kinds_axes = figure.subplots(1, 2, width_ratios=(3, 2))
         counts_axes.set_title(summary(scenes).replace("; ", "\n"), loc="left", color=GREY, fontsize=9)
-        _histogram(counts_axes, [one.total() for one in scenes])
+        _histogram(counts_axes, [one.total() for one in scenes], f"{what} in a scene")
         _kinds(kinds_axes, scenes)
     return figure
 
@@ -93,7 +95,7 @@ def bins(counts: Sequence[int]) -> list[tuple[str, int, bool]]:
     return bars
 
 
-def _histogram(axes: Axes, counts: Sequence[int]) -> None:
+def _histogram(axes: Axes, counts: Sequence[int], words: str) -> None:
     bars = bins(counts)
     drawn = axes.bar(
         range(len(bars)), [scenes for _, scenes, _ in bars], 0.78, color=[BLUE if soft else SAND for *_, soft in bars]
@@ -110,7 +112,7 @@ def _histogram(axes: Axes, counts: Sequence[int]) -> None:
     axes.set_axisbelow(True)
     axes.spines[["top", "right", "left"]].set_visible(False)
     axes.tick_params(length=0)
-    axes.set_xlabel("deformable supports in a scene")
+    axes.set_xlabel(words)
     axes.set_ylabel("scenes")
 
 

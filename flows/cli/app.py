@@ -1,5 +1,5 @@
-"""The command line: `dcap place|benchmark|plan|rerun|drop|report|diff|provenance|judge|maps|view|export|study|dataset|
-cache|config|language|ui|worker`.
+"""The command line: `dcap place|benchmark|paper|plan|rerun|drop|report|diff|provenance|judge|maps|view|export|study|
+dataset|cache|config|language|ui|worker`.
 
 Results go to standard output, everything else to standard error. Exit codes: 0 at rest or done, 2 bad input, 3
 understood but infeasible, 4 some samples of a benchmark failed. An error that a user can mend is one line.
@@ -27,6 +27,7 @@ from flows.interrupts import INTERRUPTED, say_interrupted
 from flows.options import (
     BenchmarkOptions,
     DropOptions,
+    PaperOptions,
     PlaceOptions,
     PlanOptions,
     RerunOptions,
@@ -41,7 +42,7 @@ from flows.settings.effective import exported_paths
 __all__ = ["INTERRUPTED", "app", "main"]
 INFEASIBLE = 3
 SOME_FAILED = 4
-COMPUTING = frozenset({"place", "benchmark", "plan", "rerun", "drop"})
+COMPUTING = frozenset({"place", "benchmark", "paper", "plan", "rerun", "drop"})
 """Commands that look results up or make them."""
 
 app = typer.Typer(
@@ -145,6 +146,22 @@ def benchmark(options: BenchmarkOptions, as_json: Json = False) -> int:
     if as_json:
         print(json.dumps(object_to_json(run.summary), indent=2, ensure_ascii=False))
     return SOME_FAILED if run.failed else 0
+
+
+@app.command()
+@with_options(PaperOptions)
+def paper(options: PaperOptions, as_json: Json = False) -> int:
+    """Evaluate a data set as the paper does: all methods, a judge, a study to serve, tables, figures, one page."""
+    from dcap.scene.json_tree import object_to_json
+    from flows.paper import run_paper
+
+    made = run_paper(options)
+    if as_json:
+        tree = {**object_to_json(made.run.summary), "page": str(made.page), "study": made.study}
+        print(json.dumps(tree, indent=2, ensure_ascii=False))
+    else:
+        print(f"{made.study}\n{made.page}")
+    return SOME_FAILED if made.run.failed else 0
 
 
 @app.command()

@@ -69,6 +69,8 @@ def serve_study(
     found = read_study_run(place, rows)
     folder = found.folder / STUDY_FOLDER
     known = read_design(folder)
+    if known is not None and not known.raters and (options.seed is not None or options.pairs is not None):
+        known = None  # nobody was asked: it was only prepared
     check_kept(found, known, options)
     with listening(options.host, options.port) as ear:
         folder.mkdir(exist_ok=True)
@@ -86,6 +88,21 @@ def serve_study(
                 server_of(session, own).run(sockets=[ear])
             finally:
                 export_votes(folder, journal.votes)
+
+
+def prepare_study(run: str, say: Callable[[str], None]) -> StudyDesign:
+    """Design the study of a run that nobody was asked in yet, with its attention checks, so that `serve` begins at
+    once; a study that has raters, or is designed of the same placements, is left as it is."""
+    place = find_run(run)
+    found = read_study_run(place, read_rows(place))
+    folder = found.folder / STUDY_FOLDER
+    known = read_design(folder)
+    if known is not None and (known.raters or not changed_since(found.folder, known.states)):
+        return known
+    folder.mkdir(exist_ok=True)
+    design = new_design(found, folder, StudyOptions(), say)
+    write_design(folder, design)
+    return design
 
 
 def new_design(run: StudyRun, folder: Path, options: StudyOptions, say: Callable[[str], None]) -> StudyDesign:

@@ -20,7 +20,7 @@ from dcap.scene.types.sample import Sample
 from dcap.scene.types.segmentation import Segmentation
 from dcap.scene.types.settled import Settled
 from dcap.scene.writers.glb import Node, glb_bytes
-from flows.benchmark import dataset_samples, keep_result
+from flows.benchmark import Selection, dataset_samples, keep_result
 from flows.judge_views import VIEWS
 from flows.measures_file import read_measures
 from flows.methods import examples_of
@@ -235,9 +235,9 @@ def test_a_sample_has_the_same_examples_in_every_run(tmp_path: Path):
     dataset = tmp_path / "set.yaml"
     dataset.write_text("\n".join(rows))
     methods = ("dcap", "layoutgpt")
-    _, whole = dataset_samples(dataset, methods, None)
-    _, one = dataset_samples(dataset, methods, 1)
-    _, named = dataset_samples(dataset, methods, None, "room_000")
+    _, whole = dataset_samples(dataset, methods, Selection())
+    _, one = dataset_samples(dataset, methods, Selection(limit=1))
+    _, named = dataset_samples(dataset, methods, Selection(scenes="room_000"))
     assert [sample.id for sample in whole] == ["s0", "layoutgpt/s0", "s1", "layoutgpt/s1", "s2", "layoutgpt/s2"]
     assert one == named == whole[:2]
     assert [Path(path).stem for path in one[1].examples] == ["room_001", "room_002"]

@@ -6,7 +6,7 @@ that carries is soft: its Young's modulus does not exceed 1 GPa. Nothing is meas
 """
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import cache
 
 from dcap.language.material_table import load_materials
@@ -53,12 +53,24 @@ def deformable_kind(label: str) -> str:
     return (kind or OTHER) if _is_soft(label, first_part(thing.id) or "body") else ""
 
 
+def deformable_materials(things: Iterable[tuple[str, Sequence[str]]]) -> Counter[str]:
+    """How many parts are made of each deformable material of the library, for things given by label and names of parts;
+    the material is the one that is usual for such a part of such a thing."""
+    moduli = _moduli()
+    tags = (_material(label, part) for label, parts in things for part in parts)
+    return Counter(material for material in tags if moduli[material] <= RIGID_ABOVE)
+
+
 def _is_soft(label: str, part: str) -> bool:
     """Whether the library's material for a part of a thing is not rigid."""
-    library = _moduli()
+    return _moduli()[_material(label, part)] <= RIGID_ABOVE
+
+
+@cache
+def _material(label: str, part: str) -> str:
+    """The id of the library's material for a part of a thing."""
     view = PartView(0, part, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-    material, _ = material_of(MaterialQuestion("", label, view), set(library))
-    return library[material] <= RIGID_ABOVE
+    return material_of(MaterialQuestion("", label, view), set(_moduli()))[0]
 
 
 @cache

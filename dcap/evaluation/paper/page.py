@@ -1,0 +1,126 @@
+"""The page of a whole evaluation: every table, figure and file of a run, beside the sections of the paper they answer.
+
+In: a finished run with its rows, facts of its scenes, and what there is to say of the study. Out: `index.html`, and
+what `write_scene_facts` writes. The pictures and tables of single placements stay in `report.html`.
+"""
+
+import json
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from jinja2 import FileSystemLoader, StrictUndefined
+from jinja2.sandbox import SandboxedEnvironment
+
+from dcap.evaluation.judging.judging_folder import read_record
+from dcap.evaluation.judging.rubric import RUBRIC
+from dcap.evaluation.outcome_table import SampleOutcome
+from dcap.evaluation.paper.scene_facts import DATASET, FIGURE3, SceneFacts, write_scene_facts
+from dcap.evaluation.paper.sentences import paper_sentences
+from dcap.evaluation.report import TEMPLATES, asked_of, card_of, names_of, strips_of, tiles_of
+from dcap.evaluation.run_page.costs import costs_table
+from dcap.evaluation.run_page.csv_tables import YES_OR_NO, table_from_csv
+from dcap.evaluation.run_page.failures import KINDS, failures_of
+from dcap.evaluation.run_page.provenance import read_run
+from dcap.evaluation.run_page.tables import ShownTable
+from dcap.evaluation.run_summary import RunSummary
+from dcap.evaluation.table_files import TABLES
+from dcap.scene.whole_files import write_whole
+
+INDEX = "index.html"
+TABLE1, TABLE2 = "table1", "table2"
+KNOWN = {
+    "metrics": "Metrics",
+    "comparisons_by_method": "Comparisons by the judge",
+    "placeit3d": "PlaceIt3D's rules by method",
+}
+"""Titles of tables that every run may have."""
+MOST_STRIPS = 60
+"""Samples in the gallery [-]; report.html has all."""
+
+
+@dataclass(frozen=True, slots=True)
+class PaperNotes:
+    """What no file of the run says."""
+
+    study: str
+    """How to serve the study, or why there is none."""
+    left_out: Mapping[str, str]
+    """Scenes and objects that were not used, and why."""
+    choice: str
+    """How the samples were chosen."""
+
+
+def write_paper_page(
+    run: Path, rows: Sequence[SampleOutcome], summary: RunSummary, scenes: Sequence[SceneFacts], notes: PaperNotes
+) -> Path:
+    """Write index.html into the folder of a run, with the tables and figures of its scenes."""
+    names = names_of(run, rows)
+    cards = [card_of(run, row, names[row.method]) for row in rows]
+    strips = strips_of(cards, {})
+    facts, figures = write_scene_facts(run, scenes)
+    failures = failures_of(rows)
+    times = {name: [card.timings for card in cards if card.row.method == name] for name in names}
+    values = {
+        "title": run.name, "summary": summary, "tiles": tiles_of(summary, rows), "notes": notes,
+        "table1": table_from_csv(run, TABLE1, "Table 1: scores by a model") if judged_by_model(run) else None,
+        "table2": table_from_csv(run, TABLE2, "Table 2: human study"), "tables": other_tables(run),
+        "figures": figures, "facts": facts, "strips": strips[:MOST_STRIPS], "all_strips": len(strips),
+        "failures": {kind: sum(one.kinds[0] == kind for one in failures) for kind in KINDS}, "all": len(rows),
+        "failed_by_method": Counter(names[one.row.method] for one in failures), "names": names,
+        "costs": costs_table(times, names), "asked": asked_of(summary), "settings": settings_of(run, names),
+        "config": json.dumps(read_run(run).get("config", {}), indent=2, ensure_ascii=False),
+        "sentences": paper_sentences(run),
+    }  # fmt: skip
+    environment = SandboxedEnvironment(
+        loader=FileSystemLoader(TEMPLATES), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
+        lstrip_blocks=True,
+    )  # fmt: skip
+    path = run / INDEX
+    write_whole(path, environment.get_template("paper.html.j2").render(values).encode())
+    return path
+
+
+def judged_by_model(run: Path) -> bool:
+    """Whether a model has judged the run."""
+    record = read_record(run)
+    return record is not None and record.judge != RUBRIC
+
+
+def other_tables(run: Path) -> list[ShownTable]:
+    """The tables that lie in the run beside Tables 1 and 2 and those of its scenes."""
+    there = {path.stem for path in (run / TABLES).glob("*.csv")} - {TABLE1, TABLE2, DATASET, FIGURE3}
+    order = [*(name for name in KNOWN if name in there), *sorted(there - set(KNOWN))]
+    found = [table_from_csv(run, name, KNOWN.get(name, name.replace("_", " "))) for name in order]
+    return [one for one in found if one]
+
+
+def settings_of(run: Path, names: Mapping[str, str]) -> list[tuple[str, str]]:
+    """What was asked, for people; what run.json does not tell is left out."""
+    tree = read_run(run)
+    record = read_record(run)
+    versions = tree.get("versions")
+    told = [
+        ("dataset", told_at(tree, "dataset")),
+        ("methods", ", ".join(names.values())),
+        ("language", " ".join(told_at(tree, f"config.intent.language.{one}") for one in ("client", "model"))),
+        ("judge", record.judge if record else ""),
+        ("solver", told_at(tree, "config.drop.solver.method")),
+        ("clearance at the start [m]", told_at(tree, "config.anchor.clearance")),
+        ("rigid above [Pa]", told_at(tree, "config.materials.rigid_above")),
+        ("limits of the paper", told_at(tree, "config.materials.paper_limits")),
+        (
+            "versions",
+            ", ".join(f"{name} {one}" for name, one in versions.items()) if isinstance(versions, dict) else "",
+        ),
+    ]
+    return [(name, value) for name, value in told if value.strip()]
+
+
+def told_at(tree: Mapping[str, object], key: str) -> str:
+    """What stands under a dotted key; empty where nothing does."""
+    value: object = tree
+    for word in key.split("."):
+        value = value.get(word) if isinstance(value, Mapping) else None
+    return "" if value is None else YES_OR_NO.get(str(value), str(value))
