@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import re
 from pathlib import Path
 
 from dcap.cores import available_cores
@@ -94,7 +95,11 @@ def judge_options(options: BenchmarkOptions) -> LanguageOptions | None:
     )  # fmt: skip
     if len(methods_of(options.methods)) < 2:
         raise InputError(f"--judge {name}: a judge compares methods, and --methods {options.methods} is one")
-    judge.config()
+    try:
+        judge.config()
+    except InputError as refused:  # it names the options of whoever reads the sentences
+        words = re.sub(r"--(model|replay|record)\b", r"--judge-\1", str(refused)).replace("--language", "--judge")
+        raise InputError(words) from None
     return judge
 
 

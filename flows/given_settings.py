@@ -27,7 +27,7 @@ VARIABLES = {"paths.data": "DCAP_DATA", "paths.store": "DCAP_STORE", "server.api
 """Keys whose environment variables are called otherwise."""
 EXPORTED: dict[str, str] = {}
 """What this process has put into such variables from the file, for all that it starts."""
-PATHS = ("run.record", "run.replay", "paths.data", "paths.store")
+PATHS = ("run.record", "run.replay", "run.dataset", "run.objects", "run.sugar", "paths.data", "paths.store")
 """Keys whose values in the file are relative to the file's folder."""
 DEEPEST = 4
 """Keys above each other; no section is that deep."""

@@ -111,9 +111,9 @@ def choice_words(options: PaperOptions, sampled: SampledDataset | None, run: Run
     """How the samples were chosen, in a sentence."""
     count = len({row.sample for row in run.rows})
     if sampled is not None:
-        source = f"{options.per_scene} samples of each scene were made by dcap dataset sample"
+        source = f"samples made by dcap dataset sample, {options.per_scene} of each scene"
     else:
-        source = f"samples of {'the embedded rooms' if options.dataset is None else options.dataset.name}"
+        source = f"given samples of {'the embedded rooms' if options.dataset is None else options.dataset.name}"
     spread = (
         f"; {count} of them that differ as much as they can in scene, object, support and intended outcome"
         if options.limit is not None
@@ -150,8 +150,7 @@ def contents_of(sample: Sample, config: PlaceConfig) -> Segmentation | None:
     if not refs:
         return None
     value = Store.default().load(refs[0])
-    assert isinstance(value, Segmentation)
-    return value
+    return value if isinstance(value, Segmentation) else None
 
 
 def scene_names(paths: Sequence[str]) -> Mapping[str, str]:

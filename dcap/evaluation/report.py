@@ -40,7 +40,7 @@ from dcap.evaluation.run_page.placement_files import (
 )
 from dcap.evaluation.run_page.provenance import HASHES, provenance_of, read_run
 from dcap.evaluation.run_page.supports import supports_figure
-from dcap.evaluation.run_page.tables import metrics_table
+from dcap.evaluation.run_page.tables import ShownTable, metrics_table
 from dcap.evaluation.run_summary import RunSummary
 from dcap.language.model.ledger import in_words
 from dcap.scene.types.judged_views import BEFORE
@@ -116,21 +116,13 @@ def write_report(folder: Path, rows: Sequence[SampleOutcome], summary: RunSummar
     by_method = {name: [card for card in cards if card.row.method == name] for name in names}
     failures, ahead = failures_of(rows), baselines_ahead(rows)
     several = len(names) > 1
-    rows_by_method = {name: [card.row for card in own] for name, own in by_method.items()}
-    tables = [
-        *(table_from_csv(folder, name, title) for name, title in TITLES.items() if several),
-        table_from_csv(folder, "comparisons_by_method", "Comparisons by the judge") if several else None,
-        table_from_csv(folder, "table2", "Table 2: human study"),
-        metrics_table(folder, rows_by_method, names),
-        placeit3d_table(folder, rows_by_method, names),
-    ]
     values = {
         "title": folder.name, "summary": summary, "tiles": tiles_of(summary, rows), "asked": asked_of(summary),
         "offline": is_offline(folder),
         "names": names, "cards": cards, "strips": strips, "several": several,
         "supports": sorted({row.base for row in rows if row.base}), "kinds": KINDS,
         "verdicts": sorted({kind_of(row) for row in rows}), "views": ordered(strips),
-        "tables": [one for one in tables if one], "figure": supports_figure(folder, rows),
+        "tables": shown_tables(folder, rows, names), "figure": supports_figure(folder, rows),
         "failures": failures[:MOST_TILES], "all_failures": len(failures),
         "card_of": {(one.row.sample, one.row.method): one for one in cards},
         "is_ahead": {(one.row.sample, one.row.method) for one in ahead},
@@ -150,6 +142,20 @@ def write_report(folder: Path, rows: Sequence[SampleOutcome], summary: RunSummar
     path = folder / "report.html"
     write_whole(path, page.encode())
     return path
+
+
+def shown_tables(folder: Path, rows: Sequence[SampleOutcome], names: Mapping[str, str]) -> list[ShownTable]:
+    """The tables of a run, those of its metrics written into it."""
+    several = len(names) > 1
+    rows_by_method = {name: [row for row in rows if row.method == name] for name in names}
+    tables = [
+        *(table_from_csv(folder, name, title) for name, title in TITLES.items() if several),
+        table_from_csv(folder, "comparisons_by_method", "Comparisons by the judge") if several else None,
+        table_from_csv(folder, "table2", "Table 2: human study"),
+        metrics_table(folder, rows_by_method, names),
+        placeit3d_table(folder, rows_by_method, names),
+    ]
+    return [one for one in tables if one]
 
 
 def names_of(folder: Path, rows: Sequence[SampleOutcome]) -> dict[str, str]:

@@ -16,26 +16,20 @@ from jinja2.sandbox import SandboxedEnvironment
 from dcap.evaluation.judging.judging_folder import read_record
 from dcap.evaluation.judging.rubric import RUBRIC
 from dcap.evaluation.outcome_table import SampleOutcome
-from dcap.evaluation.paper.scene_facts import DATASET, FIGURE3, SceneFacts, write_scene_facts
+from dcap.evaluation.paper.scene_facts import SceneFacts, write_scene_facts
 from dcap.evaluation.paper.sentences import paper_sentences
-from dcap.evaluation.report import TEMPLATES, asked_of, card_of, names_of, strips_of, tiles_of
+from dcap.evaluation.report import TEMPLATES, asked_of, card_of, names_of, shown_tables, strips_of, tiles_of
 from dcap.evaluation.run_page.costs import costs_table
-from dcap.evaluation.run_page.csv_tables import YES_OR_NO, table_from_csv
+from dcap.evaluation.run_page.csv_tables import YES_OR_NO
 from dcap.evaluation.run_page.failures import KINDS, failures_of
 from dcap.evaluation.run_page.provenance import read_run
-from dcap.evaluation.run_page.tables import ShownTable
 from dcap.evaluation.run_summary import RunSummary
-from dcap.evaluation.table_files import TABLES
+from dcap.evaluation.table_files import table_links
+from dcap.language.protocol.client import ClientName
 from dcap.scene.whole_files import write_whole
 
 INDEX = "index.html"
-TABLE1, TABLE2 = "table1", "table2"
-KNOWN = {
-    "metrics": "Metrics",
-    "comparisons_by_method": "Comparisons by the judge",
-    "placeit3d": "PlaceIt3D's rules by method",
-}
-"""Titles of tables that every run may have."""
+TABLE1, TABLE2 = (table_links(name)[0] for name in ("table1", "table2"))
 MOST_STRIPS = 60
 """Samples in the gallery [-]; report.html has all."""
 
@@ -60,12 +54,13 @@ def write_paper_page(
     cards = [card_of(run, row, names[row.method]) for row in rows]
     strips = strips_of(cards, {})
     facts, figures = write_scene_facts(run, scenes)
+    tables = {one.files[0]: one for one in shown_tables(run, rows, names)}
     failures = failures_of(rows)
     times = {name: [card.timings for card in cards if card.row.method == name] for name in names}
     values = {
         "title": run.name, "summary": summary, "tiles": tiles_of(summary, rows), "notes": notes,
-        "table1": table_from_csv(run, TABLE1, "Table 1: scores by a model") if judged_by_model(run) else None,
-        "table2": table_from_csv(run, TABLE2, "Table 2: human study"), "tables": other_tables(run),
+        "table1": tables.pop(TABLE1, None) if judged_by_model(run) else None, "table2": tables.pop(TABLE2, None),
+        "tables": [one for path, one in tables.items() if path != TABLE1],
         "figures": figures, "facts": facts, "strips": strips[:MOST_STRIPS], "all_strips": len(strips),
         "failures": {kind: sum(one.kinds[0] == kind for one in failures) for kind in KINDS}, "all": len(rows),
         "failed_by_method": Counter(names[one.row.method] for one in failures), "names": names,
@@ -88,23 +83,16 @@ def judged_by_model(run: Path) -> bool:
     return record is not None and record.judge != RUBRIC
 
 
-def other_tables(run: Path) -> list[ShownTable]:
-    """The tables that lie in the run beside Tables 1 and 2 and those of its scenes."""
-    there = {path.stem for path in (run / TABLES).glob("*.csv")} - {TABLE1, TABLE2, DATASET, FIGURE3}
-    order = [*(name for name in KNOWN if name in there), *sorted(there - set(KNOWN))]
-    found = [table_from_csv(run, name, KNOWN.get(name, name.replace("_", " "))) for name in order]
-    return [one for one in found if one]
-
-
 def settings_of(run: Path, names: Mapping[str, str]) -> list[tuple[str, str]]:
     """What was asked, for people; what run.json does not tell is left out."""
     tree = read_run(run)
     record = read_record(run)
     versions = tree.get("versions")
+    asked = [told_at(tree, f"config.intent.language.{one}") for one in ("client", "model")]
     told = [
         ("dataset", told_at(tree, "dataset")),
         ("methods", ", ".join(names.values())),
-        ("language", " ".join(told_at(tree, f"config.intent.language.{one}") for one in ("client", "model"))),
+        ("language", asked[0] if asked[0] == ClientName.OFFLINE else " ".join(asked)),
         ("judge", record.judge if record else ""),
         ("solver", told_at(tree, "config.drop.solver.method")),
         ("clearance at the start [m]", told_at(tree, "config.anchor.clearance")),

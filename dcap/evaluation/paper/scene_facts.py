@@ -64,7 +64,9 @@ class ShownFigure:
 
 
 def write_scene_facts(run: Path, scenes: Sequence[SceneFacts]) -> tuple[list[ShownTable], list[ShownFigure]]:
-    """Write tables and figures into a run; the same for its page."""
+    """Write tables and figures into a run; the same for its page. Nothing where no scene could be read."""
+    if not scenes:
+        return [], []
     tables = [
         written(run, DATASET, "Data set", [dataset_row(one) for one in scenes], dataset_words(scenes)),
         written(run, FIGURE3, "The numbers of figure 3", [figure_row(one) for one in scenes], FIGURE_NOTE),
