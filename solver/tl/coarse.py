@@ -47,6 +47,8 @@ class CoarseSpace:
     """P for all unknowns (displacements and frames) by number of frames."""
     inertia: sparse.csr_matrix
     """P^T M P, shape (m, m)."""
+    ghost: sparse.csr_matrix
+    """P^T G P, shape (m, m)."""
     cell_node: NDArray[np.int64]
     """Lattice nodes of each coarse cell, shape (C, 8)."""
     start: NDArray[np.int32]
@@ -103,7 +105,7 @@ class CoarseSpace:
         self.stiffness[at, at] = turned.reshape(3 * count, 3 * count)
 
 
-def build_coarse(soft: SoftSystem) -> CoarseSpace:
+def build_coarse(soft: SoftSystem, ghost: sparse.csr_matrix) -> CoarseSpace:
     """Lay a lattice over every soft body."""
     node_rows, node_columns, node_values = [], [], []
     cell_node, members, weights = [], [], np.zeros((len(soft.cell_node), 8, 8))
@@ -158,6 +160,7 @@ def build_coarse(soft: SoftSystem) -> CoarseSpace:
         (restrict.indptr.astype(np.int32), restrict.indices.astype(np.int32), restrict.data),
         {},
         inertia,
+        (prolong.T @ ghost @ prolong).tocsr(),
         coarse_cells,
         np.concatenate([[0], np.cumsum(counts)]).astype(np.int32),
         np.concatenate(members).astype(np.int32),
@@ -242,7 +245,7 @@ class CoarseSolve:
         m, frames = space.count, len(frame_blocks)
         matrix = np.zeros((3 * m + 6 * frames, 3 * m + 6 * frames))
         matrix[: 3 * m, : 3 * m] = stiffness_scale * space.stiffness
-        inertia = space.inertia.toarray() / dt**2
+        inertia = (space.inertia / dt**2 + space.ghost).toarray()
         for axis in range(3):
             matrix[axis : 3 * m : 3, axis : 3 * m : 3] += inertia
         for f in range(frames):

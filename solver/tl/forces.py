@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 
 from solver.kernels import damping, elastic, layers
 from solver.model.soft import SoftSystem
@@ -27,8 +28,10 @@ class StepStrain:
 class ElasticForces:
     """Forces at a state; holds the particles' deformation at the last one."""
 
-    def __init__(self, soft: SoftSystem, material_damping: float) -> None:
+    def __init__(self, soft: SoftSystem, ghost: sparse.csr_matrix, material_damping: float) -> None:
         self.soft = soft
+        self.ghost = ghost
+        """Ghost penalty [N/m], ghost.py; it is not damped, as its drag would brake turns, shape (n, n)."""
         self.damping = material_damping
         """Stiffness-proportional damping beta [s]."""
         cells, particles = len(soft.cell_node), len(soft.volume)
@@ -69,6 +72,7 @@ class ElasticForces:
                     self.deformation, since.layers, self.cell_force,
                 )  # fmt: skip
             elastic.gather_forces(s.node_cell, self.cell_force, f)
+            f -= self.ghost @ state.x
         return f
 
     def evaluate(self, state: State) -> None:

@@ -4,11 +4,11 @@ Unknowns in one array: node displacements (n, 3), then frame motions (b, 6: tran
 frame's centre). Held nodes and motions do not move; core nodes move with their frame. The matrix is symmetric positive
 semi-definite:
 
-    (1 + beta / dt) K + M / dt^2 + J^T T J + W^T T_r W
+    (1 + beta / dt) K + G + M / dt^2 + J^T T J + W^T T_r W
 
-with J the relative displacement of the contact points, W the relative rotation of pairs that resist rolling. What T
-lacks is that the limits of friction and of rolling resistance follow the normal force, which is not symmetric: without
-it Newton's iterations gain a factor of three to ten each (docs/physics.md).
+with G the ghost penalty (ghost.py), J the relative displacement of the contact points, W the relative rotation of pairs
+that resist rolling. What T lacks is that the limits of friction and of rolling resistance follow the normal force,
+which is not symmetric: without it Newton's iterations gain a factor of three to ten each (docs/physics.md).
 
 [N06] Nocedal, Wright: Numerical Optimization. 2nd ed., Springer 2006.
 [S94] Shewchuk: An introduction to the conjugate gradient method without the agonizing pain. 1994.
@@ -162,6 +162,7 @@ class TangentSystem:
                 self.soft.neighbour, self.elastic.stencil, self.stiffness_scale, self.node_inertia, self.split(p)[0],
                 nodes,
             )  # fmt: skip
+            nodes += self.elastic.ghost @ self.split(p)[0]
         frames[:] = np.einsum("bij,bj->bi", self.frame_inertia, self.split(p)[1])
         return out
 
@@ -169,6 +170,7 @@ class TangentSystem:
         """Inverses of the 3x3 node blocks (n, 3, 3), zero where nodes are not free, and of the 6x6 frame blocks."""
         frames = self.frame_inertia.copy()
         more = np.zeros((len(self.soft.rest), 9))
+        more[:, ::4] += self.elastic.ghost.diagonal()[:, None]
         if len(self.contacts.a):
             more += self.contact.node_blocks()
             own = self.contact.of_frames()[1]

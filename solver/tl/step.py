@@ -25,6 +25,7 @@ from solver.model.bodies import Model, RigidBody, free_motions
 from solver.model.soft import SoftSystem
 from solver.model.state import State, rotate, turn_between
 from solver.tl.forces import ElasticForces, StepStrain
+from solver.tl.ghost import ghost_penalty
 from solver.tl.linear import Flat, Frames, TangentSystem, Vector, conjugate_gradient
 from solver.tl.tangent import ElasticTangent
 
@@ -117,8 +118,9 @@ class Stepper:
         """Weight of each body [N], of fixed ones that of all free ones, shape (b,)."""
         self.theta = config.inertia_theta if config.inertia else 1.0
         """Where in a step forces and contacts are taken [-]."""
-        self.elastic = ElasticForces(soft, material_damping)
-        self.tangent = ElasticTangent(soft, config.tangent_refresh)
+        ghost = ghost_penalty(soft)
+        self.elastic = ElasticForces(soft, ghost, material_damping)
+        self.tangent = ElasticTangent(soft, ghost, config.tangent_refresh)
         self.frame_bodies = [
             i
             for i, b in enumerate(model.bodies)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse as sparse_matrices
 
 from solver.kernels import layers, sparse, tangents
 from solver.model.soft import BodyGrid, SoftSystem
@@ -62,8 +63,10 @@ class BodyTangent:
 class ElasticTangent:
     """Work arrays of the tangent; `refresh` brings them up to a state."""
 
-    def __init__(self, soft: SoftSystem, strain_refresh: float) -> None:
+    def __init__(self, soft: SoftSystem, ghost: sparse_matrices.csr_matrix, strain_refresh: float) -> None:
         self.soft = soft
+        self.ghost = ghost
+        """Ghost penalty [N/m], ghost.py, shape (n, n)."""
         self.bodies = [BodyTangent.of(soft, grid, strain_refresh) for grid in soft.bodies]
         cells = len(soft.cell_node)
         self.cells = np.zeros((cells, 8, 8, 3, 3), dtype=np.float32)
@@ -80,7 +83,7 @@ class ElasticTangent:
         """The same in half precision over a power of two for each row, near its own block, that keeps it in range."""
         self.sweep = np.zeros((len(soft.rest), 3), dtype=np.float32)
         """Room for the preconditioner's sweeps."""
-        self.coarse = build_coarse(soft) if len(soft.bodies) else None
+        self.coarse = build_coarse(soft, ghost) if len(soft.bodies) else None
         self.built = np.zeros((len(soft.volume), 9))
         """Deformation gradients that the bodies' tangents were last rebuilt for."""
         self.coarse_built = np.zeros((len(soft.volume), 9))

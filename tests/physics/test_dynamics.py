@@ -39,8 +39,10 @@ def shaking(lab, **config):
 
 def energy(one, state):
     """Kinetic and elastic energy [J]."""
-    one.stepper.elastic.forces(state)
-    return 0.5 * (one.soft.mass[:, None] * state.v**2).sum() + one.stepper.elastic.energy.sum()
+    elastic = one.stepper.elastic
+    elastic.forces(state)
+    ties = 0.5 * (state.x * (elastic.ghost @ state.x)).sum()
+    return 0.5 * (one.soft.mass[:, None] * state.v**2).sum() + elastic.energy.sum() + ties
 
 
 def swinging(lab, per_period, steps, tolerance, **config):

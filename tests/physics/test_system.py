@@ -14,13 +14,15 @@ from solver.runtime import start
 from solver.settle import ImplicitDrop
 
 
-@pytest.fixture
-def pressed(lab):
+@pytest.fixture(params=["face in a plane of the grid", "cells with slivers"])
+def pressed(request, lab):
     """A rigid ball pressed into a slab: stepper, a step's problem and a prepared trial."""
     start(2)
-    slab = lab.soft(
-        "slab", lab.Box(np.array([0.2, 0.2, 0.05])), [0, 0, -0.025], E=2e4, cell=0.02, held=np.s_[:, :, 0], fixed=True
-    )
+    across, up = np.linspace(-0.1, 0.1, 11), np.linspace(-0.05, 0.0, 4)
+    if request.param == "cells with slivers":
+        up = np.append(np.linspace(-0.05, -1e-4, 4), 0.0166)
+    slab = lab.soft("slab", lab.Box(np.array([0.2, 0.2, 0.05])), [0, 0, -0.025], E=2e4, cell=0.02,
+                    planes=(across, across, up), held=np.s_[:, :, 0], fixed=True)  # fmt: skip
     ball = lab.rigid("ball", lab.Capsule(0.04, 0.0), [0.011, 0.003, 0.038])
     one = ImplicitDrop(Model((ball, slab), np.array([0.0, 0.0, -lab.gravity])), SolverConfig(threads=2))
     before = one.start_state()
