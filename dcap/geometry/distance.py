@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import label, map_coordinates
 
 from dcap.geometry.boundary import is_closed
-from dcap.geometry.raycast import rays, tensor
+from dcap.geometry.pieces import INSIDE, outward, signed_volume
+from dcap.geometry.raycast import tensor
 from dcap.scene.errors import GeometryError
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.particles import DistanceGrid
@@ -29,15 +30,11 @@ Distance: TypeAlias = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 ScalarT = TypeVar("ScalarT", bound=np.generic)
 
-INSIDE = 0.5  # winding number above which a point is inside: halfway between the 0 and 1 of a closed surface
 # samples on each side of the surface that are exact: trilinear interpolation and its gradient look one sample far
 BAND = 3
 CORNERS = tuple(np.ndindex(2, 2, 2))
 COARSE = 4  # spacing of the coarse grid over that of the fine one
 DISAGREEMENT = 0.002  # share of a region's samples on the other side that is put down to rounding at the surface
-DIRECTIONS = np.array([[0.31, 0.42, 0.85], [-0.74, 0.21, 0.64], [0.20, -0.83, 0.52]])
-DIRECTIONS /= np.linalg.norm(DIRECTIONS, axis=1, keepdims=True)  # generic: along no axis, diagonal or one another
-BLOCK = 200_000  # rays counted at once: bounds the memory
 CLEAR = 0.6  # over one half: distances in single precision are off by up to about 0.01 mm at sliver triangles
 MOST_SAMPLES = 40_000_000  # 160 MB; far more than any body here needs
 
@@ -45,8 +42,9 @@ MOST_SAMPLES = 40_000_000  # 160 MB; far more than any body here needs
 class MeshDistance:
     """Signed distance to a mesh, prepared for many points.
 
-    `sides` decides inside and outside where it differs from the surface that distances are measured to (a surface
-    without its closing faces, for example).
+    Each closed piece is taken as wound outwards, except for hollows (`outward`). `sides` decides inside and outside
+    where it differs from the surface that distances are measured to (a surface without its closing faces, for example);
+    its pieces are taken as they are, all turned together if they enclose a negative volume.
     """
 
     def __init__(self, mesh: Mesh, sides: Mesh | None = None) -> None:
@@ -54,7 +52,7 @@ class MeshDistance:
 
         if len(mesh.faces) == 0:
             raise GeometryError("signed distance to a mesh without faces; give a part that has a surface")
-        inner = sides if sides is not None else mesh
+        inner = outward(mesh) if sides is None else sides
         self.mesh = mesh
         # single precision counts from the middle of the mesh, not from the corner of the room
         self.shift = mesh.bounds.mean(axis=0)
@@ -66,7 +64,6 @@ class MeshDistance:
         self.volume = abs(volume)  # [m^3], if it is closed and nothing overlaps
         self._turned = volume < 0.0
         self.closed = is_closed(inner)
-        self._crossings = Crossings(self._vertices, inner.faces) if self.closed else None
 
     def __call__(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Signed distance [m] at points (n, 3), shape (n,)."""
@@ -92,57 +89,12 @@ class MeshDistance:
         if len(points) == 0:
             return np.zeros(0)
         local = np.ascontiguousarray(points - self.shift)
-        if self._crossings is not None:
-            number = self._crossings.winding(local)
-        else:
-            number = np.asarray(igl.fast_winding_number(self._vertices, self._faces, local)).reshape(-1)
+        number = np.asarray(igl.fast_winding_number(self._vertices, self._faces, local)).reshape(-1)
         return -number if self._turned else number
 
     def inside(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Whether points (n, 3) are inside, shape (n,)."""
         return np.asarray(self.winding(points) > INSIDE)
-
-
-class Crossings:
-    """Winding numbers of a closed mesh by counting how often rays leave and enter it: exact and much faster than
-    summing.
-    """
-
-    def __init__(self, vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> None:
-        import open3d
-
-        self._scene = open3d.t.geometry.RaycastingScene()
-        self._scene.add_triangles(tensor(vertices, np.float32), tensor(faces, np.uint32))
-        a, b, c = vertices[faces].transpose(1, 0, 2)
-        self._normal = np.cross(b - a, c - a)
-
-    def winding(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Winding numbers at points (n, 3), shape (n,): two rays, a third where they disagree (one grazed an edge)."""
-        one, two = self._count(points, DIRECTIONS[0]), self._count(points, DIRECTIONS[1])
-        unsure = np.flatnonzero(one != two)
-        if len(unsure):
-            third = self._count(points[unsure], DIRECTIONS[2])
-            one[unsure] = np.median([one[unsure], two[unsure], third], axis=0)
-        return one
-
-    def _count(self, points: NDArray[np.float64], direction: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Faces left minus faces entered by rays to infinity, shape (n,)."""
-        sign = np.sign(self._normal @ direction)
-        result = np.zeros(len(points))
-        for start in range(0, len(points), BLOCK):
-            some = points[start : start + BLOCK]
-            hits = self._scene.list_intersections(rays(some, np.broadcast_to(direction, some.shape)))
-            ray = hits["ray_ids"].numpy().astype(np.int64)
-            face = hits["primitive_ids"].numpy().astype(np.int64)
-            result[start : start + BLOCK] = np.bincount(ray, sign[face], minlength=len(some))
-        return result
-
-
-def signed_volume(vertices: NDArray[np.float64], faces: NDArray[np.integer]) -> float:
-    """Volume enclosed by consistently wound faces [m^3], negative if they are wound inside out."""
-    center = vertices[np.unique(faces)].mean(axis=0)
-    a, b, c = (vertices[faces] - center).transpose(1, 0, 2)
-    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
 
 
 def distance_grid(mesh: Mesh, low: NDArray[np.float64], high: NDArray[np.float64], spacing: float) -> DistanceGrid:

@@ -55,7 +55,7 @@ def case_particles(case: Case, folder: Path, resolution: float | None, ended: Ca
     finest = min([g.size for g in grids if g is not None] or [min(s.smallest for s in solids) / RIGID_CELLS])
     bodies = tuple(case_body(s, g, finest, contacts + later) for s, g in zip(solids, grids, strict=True))
     pairs = tuple((p.a, p.b, p.static_friction, p.dynamic_friction) for p in case.friction_pairs)
-    return Particles(bodies, pairs, finest, ())
+    return Particles(bodies, pairs, finest, tuple(repair for solid in solids for repair in solid.repairs))
 
 
 def foreseen(case: Case, folder: Path) -> tuple[list[CaseSolid], list[PredictedContact]]:

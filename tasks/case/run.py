@@ -60,6 +60,7 @@ def run_case(
         if load_aware:
             case, notes = stiffened(case, path.parent, SolverConfig().penetration_target)
         particles = case_particles(case, path.parent, chosen)
+        notes += particles.notes
         model = solver_model(particles, case.gravity, [(a, b) for a, b in case.bonds])
     except (ModelError, GeometryError) as error:
         raise InputError(f"{path}: {error}") from error

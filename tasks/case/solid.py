@@ -7,9 +7,12 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from dcap.geometry.distance import Distance, MeshDistance
+from dcap.geometry.pieces import pieces_of
 from dcap.geometry.primitives import Box, Capsule
+from dcap.geometry.solid.closed import simulation_ready
 from dcap.geometry.solid.repair import mass_properties
-from dcap.scene.errors import InputError
+from dcap.geometry.solid.soundness import well_formed
+from dcap.scene.errors import GeometryError, InputError
 from dcap.scene.readers.frame.frame import Role
 from dcap.scene.readers.source import read_scan
 from dcap.scene.types.mesh import Mesh
@@ -37,7 +40,8 @@ class CaseSolid:
         self.rotation = Rotation.from_quat(np.roll(body.quaternion, -1)).as_matrix()
         self.position = np.asarray(body.position)
         self.primitive = primitive_of(body.shape)
-        self.given = None if self.primitive else given_mesh(folder / str(body.shape.mesh), body.name)
+        self.given, self.repairs = (None, ()) if self.primitive else given_solid(folder, body)
+        """Its mesh, and a sentence for each thing that had to be mended to make it the border of a solid."""
         if isinstance(self.primitive, Capsule):
             reach = 0.5 * self.primitive.length * np.abs(self.rotation[:, 2]) + self.primitive.radius
             ends = np.stack([self.position - reach, self.position + reach])
@@ -151,9 +155,18 @@ class CaseSolid:
         ]
 
 
-def given_mesh(path: Path, name: str) -> Mesh:
-    """The mesh of body `name`, in metres as it is: no axis or unit is changed; InputError names the key."""
+def given_solid(folder: Path, body: CaseBody) -> tuple[Mesh, tuple[str, ...]]:
+    """The mesh of a body as the border of one solid, in metres, and what was mended to make it one.
+
+    No axis or unit is changed. InputError names the key where the file cannot be read or is not the border of a solid.
+    """
     try:
-        return read_scan(path, SourceOptions(up="z", unit="m"), Role.SCENE).mesh
-    except InputError as error:
-        raise type(error)(f"bodies.{name}.shape.mesh: {error}") from error
+        mesh = read_scan(folder / str(body.shape.mesh), SourceOptions(up="z", unit="m"), Role.SCENE).mesh
+        if len(pieces_of(mesh)) == 1 and well_formed(mesh):
+            return mesh, ()
+        solid, report = simulation_ready(mesh)
+    except (InputError, GeometryError) as error:
+        raise InputError(f"bodies.{body.name}.shape.mesh: {error}") from error
+    if report.problem:
+        raise InputError(f"bodies.{body.name}.shape.mesh: it is not the border of a solid, and mended {report.problem}")
+    return solid, tuple(f"{body.name}: {sentence}" for sentence in report.repairs)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from dcap.geometry.boundary import is_closed
-from dcap.geometry.distance import signed_volume
+from dcap.geometry.pieces import signed_volume
 from dcap.geometry.solid.repair import subdivide_near
 from dcap.geometry.solid.support import COVERED, TOUCHING, over, plan_samples
 from dcap.language.covers import cover_thickness

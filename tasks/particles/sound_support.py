@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.geometry.distance import MeshDistance
+from dcap.geometry.pieces import is_soup
 from dcap.geometry.solid.closed import RepairLimits
 from dcap.geometry.solid.columns import ColumnSolid, column_solid
-from dcap.geometry.solid.pieces import is_soup
 from dcap.geometry.solid.repair_log import RepairLog
 from dcap.geometry.solid.support import ready_support
 from dcap.scene.types.mesh import Mesh

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from dcap.geometry.pieces import components
 from dcap.geometry.placement.named_regions import ViewerFrame, regions, viewer_frame
-from dcap.geometry.solid.pieces import components
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.segmentation import Instance, Segmentation

@@ -19,7 +19,7 @@ from furnished import Parts
 from layered_dent import Layer, dent, disc_sink
 from numpy.typing import NDArray
 
-from dcap.geometry.distance import signed_volume
+from dcap.geometry.pieces import signed_volume
 from dcap.language.material_table import load_materials
 from dcap.scene.types.gravity import GRAVITY
 from dcap.scene.types.materials import Material

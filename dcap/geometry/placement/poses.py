@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, cKDTree
 
 from dcap.geometry.boundary import is_closed
-from dcap.geometry.distance import signed_volume
+from dcap.geometry.pieces import signed_volume
 from dcap.scene.errors import GeometryError
 from dcap.scene.types.mesh import Mesh
 

@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 from skimage.measure import marching_cubes
 
 from dcap.geometry.boundary import hole_loops, is_closed
-from dcap.geometry.distance import INSIDE, MeshDistance, sampled, signed_volume
+from dcap.geometry.distance import INSIDE, MeshDistance, sampled
+from dcap.geometry.pieces import inside_out_shells, own_shells, pieces_of, signed_volume
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.solid.cleaning import cleaned, without_scraps
 from dcap.geometry.solid.closing import area_vector, borders, capped, room_behind, slab, walled
 from dcap.geometry.solid.openings import filled_opening
-from dcap.geometry.solid.pieces import own_shells, pieces_of
 from dcap.geometry.solid.repair import outer_faces, solid_under
 from dcap.geometry.solid.repair_log import RepairKind, RepairLog
 from dcap.geometry.solid.soundness import NEAR, agreement, moved, probes, well_formed
@@ -123,7 +123,12 @@ def simulation_ready(
     found = with_faces_kept(given, inside, allowed, log)
     if found is not None and (not found[1].problem or given.filled(inside, allowed)):
         return found  # where what the winding number says is inside is too full, a remesh would be as well
-    sampled_anew = remeshed(given, inside, allowed, log)
+    try:
+        sampled_anew = remeshed(given, inside, allowed, log)
+    except GeometryError:  # the given faces enclose nothing
+        if found is None:
+            raise
+        return found
     # what is sound but hides a little too much is still better than what moves more
     if found is not None and (sampled_anew[1].agreement < SOUND or found[1].hausdorff < sampled_anew[1].hausdorff):
         return found
@@ -144,7 +149,9 @@ def used_as_given(field: MeshDistance, given: CleanedPart, allowed: RepairLimits
     box = float(np.prod(1.1 * np.ptp(field.mesh.bounds, axis=0)))
     volume = field.volume if single else box * float((winding > INSIDE).mean())
     problem = ""
-    if agree < SOUND:
+    if not (winding > INSIDE).any():
+        problem = "its faces enclose nothing"
+    elif agree < SOUND:
         problem = f"{100.0 * (1.0 - agree):.2g} % of the points tested are neither inside nor outside"
     elif most > allowed.tolerance:
         problem = f"what can be seen lies up to {1e3 * most:.2g} mm off its surface > {1e3 * allowed.tolerance:.2g} mm"
@@ -164,6 +171,10 @@ def tidied(mesh: Mesh, floor: FloatArray | None, log: RepairLog, within: FloatAr
         found = [p for apart in own_shells(group) for p in pieces_of(cleaned(apart, log))]
         pieces += found
         floors += [level] * len(found)
+    closed = [i for i, piece in enumerate(pieces) if is_closed(piece)]
+    for i, wrong in zip(closed, inside_out_shells([pieces[i] for i in closed]), strict=True):
+        log.add(RepairKind.INVERTED, times=int(wrong))
+        pieces[i] = inside_out(pieces[i]) if wrong else pieces[i]
     kept = without_scraps(pieces, log)
     if len(kept) == 0:
         raise GeometryError(f"none of {len(mesh.faces)} faces has an area: there is nothing to make a solid of")

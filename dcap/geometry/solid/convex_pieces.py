@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from dcap.geometry.boundary import is_closed
-from dcap.geometry.distance import signed_volume
+from dcap.geometry.pieces import signed_volume
 from dcap.geometry.solid.repair import simplified, subdivide_near
 from dcap.scene.types.mesh import Mesh
 

@@ -15,10 +15,10 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from dcap.geometry.boundary import welded
+from dcap.geometry.pieces import components
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.solid.cleaning import cyclic_sense
 from dcap.geometry.solid.height_map import MARGIN, HeightMap, TornHole, holes_closed, seen_from_above, spacing_within
-from dcap.geometry.solid.pieces import components
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.segmentation import Segmentation
 

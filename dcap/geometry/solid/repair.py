@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.geometry.boundary import WELD, boundary_edges, hole_loops, is_closed, welded
-from dcap.geometry.distance import MeshDistance, lattice, signed_volume
+from dcap.geometry.distance import MeshDistance, lattice
+from dcap.geometry.pieces import signed_volume
 from dcap.scene.errors import GeometryError
 from dcap.scene.types.mesh import Mesh
 
@@ -75,7 +76,7 @@ def outer_faces(mesh: Mesh, *, step: float = 2e-4) -> IntArray:
     normal = mesh.face_normals
     length = np.linalg.norm(normal, axis=1)
     normal /= np.maximum(length, np.finfo(float).tiny)[:, None]
-    field = MeshDistance(mesh)
+    field = MeshDistance(mesh, sides=mesh)
     corner = mesh.triangles
     outer = np.zeros(len(mesh.faces), dtype=bool)
     # the middle, and points near the corners: a face may be covered in part

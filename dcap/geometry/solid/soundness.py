@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.geometry.boundary import is_closed
-from dcap.geometry.distance import MeshDistance, signed_volume
+from dcap.geometry.distance import MeshDistance
+from dcap.geometry.pieces import pieces_of, signed_volume
 from dcap.geometry.raycast import Raycaster, tensor
 from dcap.geometry.solid.cleaning import face_stacks, heights
-from dcap.geometry.solid.pieces import pieces_of
 from dcap.scene.types.mesh import Mesh
 
 FloatArray = NDArray[np.float64]

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.geometry.distance import MeshDistance
+from dcap.geometry.pieces import components
 from dcap.geometry.solid.closed import RepairLimits, enclosed, tidied, used_as_given, with_faces_kept
-from dcap.geometry.solid.pieces import components
 from dcap.geometry.solid.repair import outer_faces, small_holes_capped, solid_under, subdivide_near, without_empty_faces
 from dcap.geometry.solid.repair_log import RepairLog
 from dcap.scene.types.box import OrientedBox

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from dcap.geometry.distance import MeshDistance, signed_volume
+from dcap.geometry.pieces import inside_out_shells, signed_volume
 from dcap.geometry.solid.repair_log import RepairKind, RepairLog
 from dcap.geometry.solid.soundness import well_formed
 from dcap.scene.types.mesh import Mesh
@@ -22,33 +22,23 @@ def united(pieces: list[Mesh], log: RepairLog) -> Mesh | None:
 
     A piece that is wound inside out is a hollow if it lies in another, else it is turned.
     """
+    turned = inside_out_shells(pieces)
+    log.add(RepairKind.INVERTED, times=int(turned.sum()))
+    pieces = [inside_out(p) if wrong else p for p, wrong in zip(pieces, turned, strict=True)]
     volume = [signed_volume(p.vertices, p.faces) for p in pieces]
     order = sorted(range(len(pieces)), key=lambda i: -abs(volume[i]))
-    hollow = hollows(pieces, volume)
-    lone = [i for i in order if volume[i] < 0.0 and i not in hollow]
-    log.add(RepairKind.INVERTED, times=len(lone))
-    pieces = [inside_out(p) if i in lone else p for i, p in enumerate(pieces)]
     joined = Mesh.concatenate(pieces)
     if not any_meet(pieces) and well_formed(joined):
         return joined
     result = manifold3d.Manifold()
     for index in order:
-        one = manifold_of(inside_out(pieces[index]) if index in hollow else pieces[index])
+        hollow = volume[index] < 0.0
+        one = manifold_of(inside_out(pieces[index]) if hollow else pieces[index])
         if one.status() != manifold3d.Error.NoError:
             return None
-        result = result - one if index in hollow else result + one
+        result = result - one if hollow else result + one
     log.add(RepairKind.UNITED, times=len(pieces) if len(pieces) > 1 else 0)
     return mesh_of(result.simplify(FINE), pieces)
-
-
-def hollows(pieces: list[Mesh], volume: list[float]) -> set[int]:
-    """Which pieces are wound inside out and lie in one that is not."""
-    solid = [p for p, v in zip(pieces, volume, strict=True) if v > 0.0]
-    inverted = [i for i, v in enumerate(volume) if v < 0.0]
-    if not solid or not inverted:
-        return set()
-    around = MeshDistance(Mesh.concatenate(solid))
-    return {i for i in inverted if around.inside(pieces[i].vertices[:1])[0]}
 
 
 def inside_out(mesh: Mesh) -> Mesh:

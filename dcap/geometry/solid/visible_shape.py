@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.geometry.boundary import hole_loops, is_closed
-from dcap.geometry.distance import MeshDistance, signed_volume
+from dcap.geometry.distance import MeshDistance
+from dcap.geometry.pieces import is_soup, pieces_of, signed_volume
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.solid.cleaning import cleaned
 from dcap.geometry.solid.closed import SOUND, CleanedPart, RepairLimits, remeshed
 from dcap.geometry.solid.closing import area_vector, capped, perimeter, slab
 from dcap.geometry.solid.mending import without_floating, wound_outwards
-from dcap.geometry.solid.pieces import is_soup, pieces_of
 from dcap.geometry.solid.repair_log import RepairLog
 from dcap.geometry.solid.soundness import agreement, moved, well_formed
 from dcap.geometry.solid.union import united

@@ -88,6 +88,39 @@ def test_a_mesh_wound_inside_out_gives_the_same_distance() -> None:
     assert np.allclose(MeshDistance(mesh)(points), MeshDistance(turned)(points), rtol=0.0, atol=1e-7)
 
 
+def crossing_bars() -> list[trimesh.Trimesh]:
+    """Two crossing bars of 10 x 2 x 2 cm with flush tops and bottoms, and a cube of 1 cm in the middle of both."""
+    return [trimesh.creation.box(size) for size in ((0.1, 0.02, 0.02), (0.02, 0.1, 0.02), (0.01, 0.01, 0.01))]
+
+
+def turned(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+    """The mesh inside out."""
+    return trimesh.Trimesh(mesh.vertices, mesh.faces[:, ::-1], process=False)
+
+
+@pytest.mark.parametrize("inside_out", [(), (0,), (1,), (0, 1), (0, 1, 2)])
+def test_overlapping_pieces_are_one_solid_however_each_is_wound(inside_out: tuple[int, ...]) -> None:
+    """Flush faces, overlaps and nested pieces: points are inside where any bar is."""
+    pieces = [turned(one) if i in inside_out else one for i, one in enumerate(crossing_bars())]
+    mesh = of(trimesh.util.concatenate(pieces))
+    points = np.random.default_rng(2).uniform(-0.06, 0.06, (4000, 3))
+    half = np.array([[0.05, 0.01, 0.01], [0.01, 0.05, 0.01]])
+    expected = (np.abs(points)[:, None] < half).all(axis=2).any(axis=1)
+    assert (MeshDistance(mesh).inside(SHIFT + points) == expected).all()
+
+
+@pytest.mark.parametrize("all_turned", [False, True])
+def test_a_shell_within_another_wound_the_other_way_is_a_hollow(all_turned: bool) -> None:
+    """A box with a hollow and a core in it, as modelled and with everything inside out."""
+    boxes = [trimesh.creation.box((size, size, size)) for size in (0.1, 0.06, 0.02)]
+    pieces = [boxes[0], turned(boxes[1]), boxes[2]]
+    mesh = of(trimesh.util.concatenate([turned(one) for one in pieces] if all_turned else pieces))
+    distance = MeshDistance(mesh)
+    inside = distance.inside(SHIFT + np.array([[0.04, 0, 0], [0.02, 0, 0], [0, 0, 0], [0.06, 0, 0]]))
+    assert inside.tolist() == [True, False, True, False]
+    assert distance.volume == pytest.approx(0.1**3 - 0.06**3 + 0.02**3)
+
+
 def test_far_samples_are_interpolated_within_a_coarse_diagonal() -> None:
     """A distance changes by at most the way travelled, so no sample is off by more than a coarse diagonal, sides
     included.

@@ -6,7 +6,7 @@ import shapely
 import trimesh
 
 from dcap.geometry.boundary import hole_loops, is_closed
-from dcap.geometry.distance import signed_volume
+from dcap.geometry.pieces import signed_volume
 from dcap.geometry.placement.polygons import smallest_rectangle
 from dcap.geometry.placement.poses import LEAST_SHARE, stable_poses
 from dcap.geometry.solid.closing import capped

@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dcap.geometry.boundary import is_closed
-from dcap.geometry.distance import MeshDistance, signed_volume
+from dcap.geometry.distance import MeshDistance
+from dcap.geometry.pieces import signed_volume
 from dcap.geometry.solid.cleaning import cleaned, face_stacks, heights
 from dcap.geometry.solid.closed import RepairLimits, simulation_ready, tidied
 from dcap.geometry.solid.repair_log import RepairLog
@@ -345,14 +346,14 @@ def test_a_support_that_keeps_what_the_object_can_reach_is_kept() -> None:
 
 @pytest.mark.parametrize("inwards", [False, True])
 def test_an_open_tub_is_not_filled_to_the_brim(inwards: bool) -> None:
-    """However its walls of one layer are wound: the middle is outside, and what is lost is told."""
+    """However its walls of one layer are wound: the middle is outside, and the report says what is wrong."""
     open_tub = tub()
     mesh = with_faces(open_tub, open_tub.faces[:, ::-1]) if inwards else open_tub
     floor, region = np.full(len(mesh.faces), -0.25), np.array([[-1.0, -1.0, -0.4], [1.0, 1.0, 0.6]])
     distance, report = ready_support(mesh, floor, region, 0.25)
     assert distance(np.array([[0.0, 0.0, 0.0], [0.5, 0.2, -0.1]])).min() > 0.1
     assert report.method is Method.WINDING
-    assert "can be seen" in report.problem
+    assert report.problem == "its faces enclose nothing"
     _, whole = simulation_ready(mesh, floor=floor, allowed=RepairLimits(opening=0.5))
     assert "opening of 4.6 m around, seen from above, is filled" in whole.problem
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from torn import ball, fine_box, middles, normals, scrap, turned, where
 
-from dcap.geometry.distance import signed_volume
+from dcap.geometry.pieces import signed_volume
 from dcap.geometry.solid.soundness import agreement, moved, well_formed
 from dcap.geometry.solid.visible_shape import VisibleShape, visible_shape
 from dcap.scene.types.mesh import Mesh

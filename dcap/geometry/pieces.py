@@ -1,0 +1,143 @@
+"""The connected pieces of a mesh, and which way round the faces of closed ones are wound."""
+
+import igl
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from dcap.geometry.boundary import boundary_edges, welded
+from dcap.scene.types.mesh import Mesh
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+INSIDE = 0.5  # winding number above which a point is inside: halfway between the 0 and 1 of a closed surface
+BITS, BIT = 50, 0.2  # more pieces than that, none with more than this share of the area, are a soup [-]
+
+
+def components(mesh: Mesh) -> NDArray[np.int64]:
+    """Number of the connected piece of each face, shape (m,); faces that share a vertex position are connected."""
+    return _connected(welded(mesh.vertices)[mesh.faces])
+
+
+def index_components(mesh: Mesh) -> NDArray[np.int64]:
+    """The same, connected by vertex index alone, numbered 0, 1, 2 ..."""
+    own = _connected(mesh.faces)
+    return np.asarray(np.unique(own, return_inverse=True)[1], dtype=np.int64).reshape(-1)
+
+
+def _connected(corner: NDArray[np.integer]) -> NDArray[np.int64]:
+    """Number of the piece of each triangle (m, 3) of numbered corners, shape (m,)."""
+    count = int(corner.max(initial=0)) + 1
+    start, end = corner[:, [0, 1]].ravel(), corner[:, [1, 2]].ravel()
+    graph = coo_matrix((np.ones(len(start), dtype=np.int8), (start, end)), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1][corner[:, 0]], dtype=np.int64)
+
+
+def pieces_of(mesh: Mesh) -> list[Mesh]:
+    """The pieces connected by edges, in the order of their first faces; vertices must be shared already."""
+    if len(mesh.faces) == 0:
+        return []
+    piece = np.asarray(igl.facet_components(mesh.faces.astype(np.int64))[1]).reshape(-1)
+    order = np.argsort(piece, kind="stable")
+    ends = np.flatnonzero(np.diff(piece[order])) + 1
+    groups = sorted(np.split(order, ends), key=lambda group: int(group[0]))
+    return [mesh.submesh(group) for group in groups]
+
+
+def own_shells(mesh: Mesh) -> list[Mesh]:
+    """Pieces that share no vertex with others, have no border and no face in common with another one, and the rest.
+
+    Sewn together by position, two such shells that touch along edges could not be told apart again.
+    """
+    piece = index_components(mesh)
+    place = welded(mesh.vertices)[mesh.faces]
+    _, stack, size = np.unique(np.sort(place, axis=1), axis=0, return_inverse=True, return_counts=True)
+    mixed = np.bincount(piece, weights=(size[stack.reshape(-1)] > 1) | uneven(mesh.faces)) > 0.0
+    rest = np.flatnonzero(mixed[piece])
+    apart = [mesh.submesh(np.flatnonzero(piece == one)) for one in np.flatnonzero(~mixed)]
+    return [*apart, mesh.submesh(rest)] if len(rest) or not apart else apart
+
+
+def uneven(faces: NDArray[np.int32]) -> NDArray[np.bool_]:
+    """Faces with an edge that is not passed once in each direction, shape (m,)."""
+    start, end = faces.astype(np.int64), np.roll(faces, -1, axis=1).astype(np.int64)
+    key = np.minimum(start, end) * (1 << 31) + np.maximum(start, end)
+    _, number, count = np.unique(key, return_inverse=True, return_counts=True)
+    number = number.reshape(-1)
+    balance = np.bincount(number, weights=np.sign(end - start).reshape(-1))
+    return np.asarray(((count != 2) | (balance != 0.0))[number].reshape(-1, 3).any(axis=1))
+
+
+def is_soup(mesh: Mesh) -> bool:
+    """Whether a surface is in so many bits that none of them shows its shape."""
+    area = np.bincount(components(mesh), weights=mesh.face_areas)
+    return int((area > 0.0).sum()) > BITS and float(area.max()) < BIT * float(area.sum())
+
+
+def outward(mesh: Mesh) -> Mesh:
+    """The mesh with each closed piece wound outwards.
+
+    A piece inside another one that is wound the other way round is a hollow of it, and stays the other way round. The
+    open pieces are turned together if they enclose a negative volume.
+    """
+    piece, is_open = numbered_pieces(mesh)
+    volume = np.bincount(piece, weights=cone_volumes(mesh.vertices, mesh.faces), minlength=len(is_open))
+    turned = is_open & (volume[is_open].sum() < 0.0)
+    if (volume[~is_open] < 0.0).any():
+        closed = np.flatnonzero(~is_open)
+        turned[closed] = inside_out_shells([mesh.submesh(np.flatnonzero(piece == one)) for one in closed])
+    if not turned.any():
+        return mesh
+    faces = np.where(turned[piece][:, None], mesh.faces[:, ::-1], mesh.faces)
+    return Mesh(mesh.vertices, faces, mesh.colors)
+
+
+def inside_out_shells(shells: list[Mesh]) -> NDArray[np.bool_]:
+    """Which closed pieces have to be turned, shape (n,): those that lie in no other one and are wound inwards, and with
+    each of them all that lies in it."""
+    volume = np.array([signed_volume(shell.vertices, shell.faces) for shell in shells])
+    turned = np.zeros(len(shells), dtype=bool)
+    larger: list[int] = []
+    for one in np.argsort(-np.abs(volume), kind="stable").tolist():
+        around = next((outer for outer in reversed(larger) if _contains(shells[outer], shells[one])), None)
+        turned[one] = volume[one] < 0.0 if around is None else turned[around]
+        larger.append(one)
+    return turned
+
+
+def _contains(outer: Mesh, inner: Mesh) -> bool:
+    """Whether all vertices of one closed piece lie inside another one."""
+    low, high = outer.bounds
+    if not ((inner.bounds[0] >= low).all() and (inner.bounds[1] <= high).all()):
+        return False
+    faces = np.ascontiguousarray(outer.faces, dtype=np.int64)
+    number = igl.fast_winding_number(outer.vertices, faces, np.ascontiguousarray(inner.vertices))
+    return bool((np.abs(number) > INSIDE).all())
+
+
+def numbered_pieces(mesh: Mesh) -> tuple[IntArray, NDArray[np.bool_]]:
+    """Number of the connected piece of each face, 0, 1, 2 ..., shape (m,), and which pieces are open, shape (pieces,).
+
+    Connected by vertex index where all pieces are closed that way, as this tells touching shells apart; else by place.
+    """
+    own = components(mesh) if uneven(mesh.faces).any() else index_components(mesh)
+    piece = np.unique(own, return_inverse=True)[1].reshape(-1).astype(np.int64)
+    is_open = np.zeros(int(piece.max(initial=-1)) + 1, dtype=bool)
+    is_open[piece[boundary_edges(mesh)[1]]] = True
+    return piece, is_open
+
+
+def cone_volumes(vertices: FloatArray, faces: NDArray[np.integer]) -> FloatArray:
+    """Signed volume between each face and the middle of all vertices [m^3], shape (m,)."""
+    if len(faces) == 0:
+        return np.zeros(0)
+    center = vertices[np.unique(faces)].mean(axis=0)
+    a, b, c = (vertices[faces] - center).transpose(1, 0, 2)
+    return np.asarray(np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0)
+
+
+def signed_volume(vertices: FloatArray, faces: NDArray[np.integer]) -> float:
+    """Volume enclosed by consistently wound faces [m^3], negative if they are wound inside out."""
+    return float(cone_volumes(vertices, faces).sum())
