@@ -79,9 +79,9 @@ def read(prompt: str, scene: SceneWords = NO_SCENE) -> Reading:
         if token.has("choice") or forbids:
             raise LanguageError(f"prompt {prompt!r}: {token.text!r} is not understood; name one place to put it")
     check(prompt, clauses)
-    mended = words_of(prompt, scene).mended
-    notes = tuple(f"{typed!r} is read as {meant!r}" for typed, meant in mended.items())
-    return replace(reading_of(clauses, reader.lost()), notes=notes)
+    words = words_of(prompt, scene)
+    mended = tuple(f"{typed!r} is read as {meant!r}" for typed, meant in words.mended.items())
+    return replace(reading_of(clauses, reader.lost()), notes=(*words.notes, *mended))
 
 
 class Reader(KeptWords):

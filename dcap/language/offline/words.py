@@ -12,6 +12,7 @@ from functools import cache
 
 from dcap.language.material_table import material_words
 from dcap.language.offline.lexicon import Meaning, label_words, longest_phrase, rows, split_words, vocabulary
+from dcap.language.offline.measures import plain_measures
 from dcap.language.offline.typos import LONG, meant_by
 
 UNKNOWN = frozenset({Meaning("unknown", "")})
@@ -24,8 +25,6 @@ OTHER_WORDS = ("lexicon/families.csv", "lexicon/opposites.csv")
 """Words that are known although the grammar has no use for them."""
 NOT_BY_MISTAKE = frozenset({"negation", "exclude", "choice", "numeral"})
 """Kinds of words that are not read into a slip: they turn a sentence round."""
-MEASURE = re.compile(r"(?<=\d)(?=(?:m|cm|cms|mm|inch|inches|deg)\b)", re.IGNORECASE)
-"""Between a number and the unit that is written on to it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,6 +107,8 @@ class Words:
     """The words of a prompt, mistyped ones mended."""
 
     words: list[str]
+    notes: tuple[str, ...] = ()
+    """How measures were read that leave something open."""
     mended: dict[str, str] = field(default_factory=dict)
     """What was typed, and what it is read as."""
 
@@ -119,9 +120,10 @@ def tokens_of(text: str, scene: SceneWords = NO_SCENE) -> list[Token]:
 
 def words_of(text: str, scene: SceneWords = NO_SCENE) -> Words:
     """The prompt's words; each that is unknown is compared with the known ones and with the scene's labels."""
-    words = split_words(MEASURE.sub(" ", text))
+    plain, notes = plain_measures(text)
+    words = split_words(plain)
     said = {word for one in ids_in(text, scene) for word in one}
-    found = Words(words)
+    found = Words(words, notes)
     for index, word in enumerate(words):
         if word in known_words() or word in scene.labels or word in said:
             continue
@@ -213,7 +215,9 @@ def longest_at(words: list[str], begin: int) -> tuple[Token, int]:
 def measure_length(words: list[str], begin: int) -> int:
     """How many words from there on are an angle or a length, "forty five degrees" or "20 cm"; 0 if none is."""
     end = begin
-    while end < len(words) and (is_digits(words[end]) or of_kind(words[end], "numeral")):
+    if begin < len(words) and is_digits(words[begin]):
+        end += 1
+    while end < len(words) and (end == begin or not is_digits(words[begin])) and of_kind(words[end], "numeral"):
         end += 1
     unit = end > begin and end < len(words) and (of_kind(words[end], "unit") or of_kind(words[end], "length"))
     return end + 1 - begin if unit else 0

@@ -1,0 +1,68 @@
+"""Lengths and angles as people write them."""
+
+import pytest
+
+from dcap.language.offline.measures import plain_measures
+from dcap.language.offline.sentence import read
+
+LENGTHS = {
+    "2 1/2 inches": 0.0635,
+    "2-1/2 inches": 0.0635,
+    "2½ inches": 0.0635,
+    "½ inch": 0.0127,
+    '1/2"': 0.0127,
+    "two and a half inches": 0.0635,
+    "three quarters of an inch": 0.01905,
+    "a quarter of an inch": 0.00635,
+    "an inch": 0.0254,
+    "6 in": 0.1524,
+    "6in.": 0.1524,
+    "1 foot": 0.3048,
+    "a foot": 0.3048,
+    "a foot and a half": 0.4572,
+    "two feet": 0.6096,
+    "3 ft.": 0.9144,
+    "half a yard": 0.4572,
+    "5' 6\"": 1.6764,
+    "5 ft 6 in": 1.6764,
+    "1 m and 20 cm": 1.2,
+    "half a metre": 0.5,
+    "1,5 cm": 0.015,
+    "0,125 m": 0.125,
+    "1,500 mm": 1.5,
+    "5-cm": 0.05,
+    ".5 m": 0.5,
+    "twenty-five centimetres": 0.25,
+    "one hundred and twenty mm": 0.12,
+    "10-15 cm": 0.125,
+    "ten to fifteen cm": 0.125,
+}
+
+
+@pytest.mark.parametrize("said", LENGTHS)
+def test_a_length_is_read_as_people_write_it(said: str) -> None:
+    """The distance of a place, in metres."""
+    (place,) = [p for p in read(f"put the mug on the table, {said} from the left edge").places if p.measure]
+    assert place.measure is not None
+    assert place.measure.metres == pytest.approx(LENGTHS[said], rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "put a meter on the table",
+        "stand it on its two feet",
+        "put 2 in the bowl",
+        'put it on "chair 2"',
+        "a few inches off",
+    ],
+)
+def test_what_is_no_measure_stays(text: str) -> None:
+    """A thing called a meter, feet that one stands on, a number before "in", and an unknown number."""
+    assert plain_measures(text) == (text, ())
+
+
+def test_a_range_is_told() -> None:
+    """Its middle is taken, and the reading says so."""
+    reading = read("put the mug on the table, 10-15 cm from the left edge")
+    assert reading.notes == ("'10-15 cm' is taken as its middle, 12.5 cm",)
