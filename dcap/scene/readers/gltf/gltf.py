@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from dcap.scene.errors import FormatError, InputError
 from dcap.scene.given_text import short_name
@@ -18,6 +17,7 @@ from dcap.scene.readers.files.content import read_bytes
 from dcap.scene.readers.gltf.accessor import INCONSISTENT, Accessors
 from dcap.scene.readers.gltf.document import Entry, Json, binary_chunk, entries, read_document, require
 from dcap.scene.readers.gltf.materials import GltfMaterials
+from dcap.scene.readers.gltf.pose import DEEPEST_NODE, Skins, copies, is_hidden, local_matrix, morphed
 from dcap.scene.readers.gltf.uri import uri_bytes
 from dcap.scene.readers.mesh.raw import RawMesh, check_face_count, check_vertex_count
 from dcap.scene.types.paint import Paint
@@ -34,12 +34,10 @@ UNDERSTOOD = {
     "KHR_materials_specular", "KHR_materials_ior", "KHR_materials_clearcoat", "KHR_materials_transmission",
     "KHR_materials_volume", "KHR_lights_punctual", "KHR_materials_sheen", "KHR_materials_emissive_strength",
     "KHR_materials_variants", "KHR_materials_pbrSpecularGlossiness", "KHR_materials_iridescence",
-    "KHR_materials_anisotropy", "KHR_xmp_json_ld",
+    "KHR_materials_anisotropy", "KHR_xmp_json_ld", "KHR_materials_dispersion", "KHR_materials_diffuse_transmission",
+    "EXT_mesh_gpu_instancing", "KHR_node_visibility", "KHR_texture_basisu", "EXT_texture_avif", "MSFT_texture_dds",
 }  # fmt: skip
-"""Required extensions that do not change shape, or that we read."""
-
-DEEPEST_NODE = 256
-"""Levels of the node tree: far above any scene that people make, far below Python's limit of recursion."""
+"""Extensions that we read, that change neither shape nor base colour, or whose loss is told where they are used."""
 
 
 def read_gltf(path: Path, report: Report | None = None, *, all_maps: bool = False) -> RawMesh:
@@ -50,13 +48,14 @@ def read_gltf(path: Path, report: Report | None = None, *, all_maps: bool = Fals
     report = report or refusing(path)
     data = read_bytes(path)
     document, end = read_document(path, data)
-    _refuse_extensions(path, document)
+    notes = _unread_extensions(path, document)
     accessors = Accessors(path, document, _buffers(path, document, binary_chunk(path, data, end)), report)
-    return _GltfBuilder(path, document, accessors, report, all_maps=all_maps).build()
+    return _GltfBuilder(path, document, accessors, report, notes, all_maps=all_maps).build()
 
 
-def _refuse_extensions(path: Path, document: Json) -> None:
-    """Refuse compression, named with its remedy, and required extensions that we do not know."""
+def _unread_extensions(path: Path, document: Json) -> list[str]:
+    """Refuse compression, named with its remedy, and required extensions that we do not know; a note for each other
+    one that we do not know."""
     used = {str(e) for key in ("extensionsUsed", "extensionsRequired") for e in require(path, document, key, list, [])}
     used |= _at_work(path, document)
     for name, remedy in COMPRESSED.items():
@@ -65,6 +64,7 @@ def _refuse_extensions(path: Path, document: Json) -> None:
     unknown = sorted(str(e) for e in require(path, document, "extensionsRequired", list, []) if e not in UNDERSTOOD)
     if unknown:
         raise FormatError(f"{path}: requires the extension {', '.join(unknown)}, which is not read")
+    return [f"{path.name} uses the glTF extension {one}, which is not read" for one in sorted(used - UNDERSTOOD)]
 
 
 def _at_work(path: Path, document: Json) -> set[str]:
@@ -93,14 +93,17 @@ def _buffers(path: Path, document: Json, binary: bytes | None) -> list[bytes]:
 class _GltfBuilder:
     """Collects the primitives of the node tree into one mesh."""
 
-    def __init__(self, path: Path, document: Json, accessors: Accessors, report: Report, *, all_maps: bool) -> None:
+    def __init__(
+        self, path: Path, document: Json, accessors: Accessors, report: Report, notes: list[str], *, all_maps: bool
+    ) -> None:
         self.path, self.document, self.accessors, self.report = path, document, accessors, report
         self.nodes, self.meshes = (entries(path, document, key) for key in ("nodes", "meshes"))
         self.visited: set[int] = set()
-        self.notes: list[str] = []
+        self.notes = notes
         self.names: list[str] = []
         self.labels: list[str | None] = []
         self.taken: dict[tuple[str, ...], int] = {}
+        self.skins = Skins(path, document, accessors)
         self.looks = GltfMaterials(path, document, accessors, self.notes, all_maps=all_maps)
         self.vertices: list[NDArray[np.float64]] = []
         self.colors: list[NDArray[np.uint8] | None] = []
@@ -167,6 +170,9 @@ class _GltfBuilder:
         if depth == DEEPEST_NODE:
             raise FormatError(f"{self.path}: node {index} lies more than {DEEPEST_NODE} nodes deep; flatten the tree")
         self.visited.add(index)
+        if is_hidden(self.nodes[index]):
+            self.notes.append("nodes that the file hides are left out")
+            return
         try:
             world_from_node, trail, label = self._take(index, world_from_parent, trail, label)
             children = [int(child) for child in self.nodes[index].get("children", [])]
@@ -182,17 +188,19 @@ class _GltfBuilder:
     ) -> tuple[NDArray[np.float64], tuple[str, ...], str | None]:
         """Collect what one node draws; its own frame, trail and label."""
         node = self.nodes[index]
-        world_from_node = world_from_parent @ _local_matrix(node)
+        world_from_node = world_from_parent @ local_matrix(node)
         mesh = self.meshes[require(self.path, node, "mesh", int, 0)] if "mesh" in node else None
         own = _annotated_label(node)
         if own is not None:
             trail, label = (), own
-        trail = self._unique((*trail, _name(node, mesh, index)))
+        own_trail = (*trail, _name(node, mesh, index))
+        trail = self._unique(own_trail)
         if mesh is not None:
-            self.names.append("/".join(trail))
-            self.labels.append(label)
-            for primitive in mesh["primitives"]:
-                self._add(primitive, world_from_node, len(self.names) - 1)
+            for number, node_from_copy in enumerate(copies(node, self.accessors)):
+                self.names.append("/".join(self._unique(own_trail) if number else trail))
+                self.labels.append(label)
+                for primitive in mesh["primitives"]:
+                    self._add(primitive, mesh, node, world_from_node @ node_from_copy)
         return world_from_node, trail, label
 
     def _unique(self, trail: tuple[str, ...]) -> tuple[str, ...]:
@@ -204,33 +212,37 @@ class _GltfBuilder:
         self.taken[free] = 1
         return free
 
-    def _add(self, primitive: Entry, world_from_node: NDArray[np.float64], node: int) -> None:
-        """Append one primitive; points and lines are left out."""
+    def _add(self, primitive: Entry, mesh: Entry, node: Entry, world_from_node: NDArray[np.float64]) -> None:
+        """Append one primitive of a node's mesh; points and lines are left out."""
         mode = int(primitive.get("mode", 4))
         if mode not in (4, 5, 6):
             self.notes.append("points and lines are ignored")
             return
         attributes: dict[str, int] = primitive["attributes"]
         position = self.accessors.read(attributes["POSITION"]).astype(np.float64)
+        position = morphed(position, primitive, mesh, node, self.accessors)
         index = np.arange(len(position))
         if "indices" in primitive:
             index = self.accessors.read(int(primitive["indices"])).reshape(-1).astype(np.int64)
         faces = _triangles(index, mode)
         wrong = (faces < 0) | (faces >= len(position))
         if wrong.any():
-            what = f"a face uses vertex {faces[wrong][0]}, its primitive has {len(position)} ({self.names[node]})"
+            what = f"a face uses vertex {faces[wrong][0]}, its primitive has {len(position)} ({self.names[-1]})"
             self.report(error(what, ("accessors", int(primitive.get("indices", attributes["POSITION"])))))
             faces = faces[~wrong.any(axis=1)]
         self.face_count += len(faces)
         check_face_count(self.path, self.face_count)
         check_vertex_count(self.path, self.vertex_count + len(position))
-        if np.linalg.det(world_from_node[:3, :3]) < 0:
-            faces = faces[:, ::-1]
-        self.vertices.append(position @ world_from_node[:3, :3].T + world_from_node[:3, 3])
+        if "skin" in node and "JOINTS_0" in attributes:
+            self.vertices.append(self.skins.world_positions(int(node["skin"]), position, attributes))
+        else:
+            self.vertices.append(position @ world_from_node[:3, :3].T + world_from_node[:3, 3])
+            if np.linalg.det(world_from_node[:3, :3]) < 0:
+                faces = faces[:, ::-1]
         self.faces.append(faces + self.vertex_count)
         self.vertex_count += len(position)
         self.colors.append(self._vertex_colors(attributes, len(position)))
-        self.face_node.append(np.full(len(faces), node, dtype=np.int32))
+        self.face_node.append(np.full(len(faces), len(self.names) - 1, dtype=np.int32))
         self._add_paint(primitive, attributes, faces)
 
     def _vertex_colors(self, attributes: dict[str, int], count: int) -> NDArray[np.uint8] | None:
@@ -261,17 +273,6 @@ def _annotated_label(node: Entry) -> str | None:
     extras = node.get("extras")
     label = extras.get("label") if isinstance(extras, dict) else None
     return " ".join(label.lower().split()) if isinstance(label, str) else None
-
-
-def _local_matrix(node: Entry) -> NDArray[np.float64]:
-    """parent_from_node of a node, from its matrix or its translation, rotation and scale."""
-    if "matrix" in node:
-        return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
-    rotation = Rotation.from_quat(np.array(node.get("rotation", [0, 0, 0, 1]), dtype=np.float64)).as_matrix()
-    matrix = np.eye(4)
-    matrix[:3, :3] = rotation * np.array(node.get("scale", [1, 1, 1]), dtype=np.float64)
-    matrix[:3, 3] = np.array(node.get("translation", [0, 0, 0]), dtype=np.float64)
-    return matrix
 
 
 def _triangles(index: NDArray[np.int64], mode: int) -> NDArray[np.int64]:

@@ -131,8 +131,11 @@ class GltfMaterials:
     def _slot(self, index: int, *, transparent: bool, lost: str = "the material's colour is used") -> int:
         """Slot of a texture's decoded image; -1 where its image is missing, which a note says with what is `lost`."""
         entry = entries(self.path, self.document, "textures")[index]
-        source = entry.get("extensions", {}).get("EXT_texture_webp", {}).get("source", entry.get("source"))
+        extensions = entry.get("extensions", {})
+        source = extensions.get("EXT_texture_webp", {}).get("source", entry.get("source"))
         if source is None:
+            why = f" ({', '.join(sorted(extensions))})" if extensions else ""
+            self.notes.append(f"texture {index} has no image that is read{why}: {lost}")
             return -1
         key = int(source), transparent, self._wrap(entry)
         if key not in self._slots:

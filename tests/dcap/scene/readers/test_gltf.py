@@ -14,6 +14,8 @@ from dcap.scene.checks.findings import Findings
 from dcap.scene.checks.scene_folder import check_scene
 from dcap.scene.errors import InputError
 from dcap.scene.readers.frame.frame import Role
+from dcap.scene.readers.gltf.gltf import read_gltf
+from dcap.scene.readers.mesh.raw import RawMesh
 from dcap.scene.readers.source import read_scan
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.sample import SourceOptions
@@ -172,3 +174,93 @@ def test_a_check_allocates_nothing_for_an_accessor_without_data(tmp_path: Path) 
     tracemalloc.stop()
     assert [one.what for one in findings.all()] == ["accessor 0 promises 10000000 values without data"]
     assert peak < 1e6
+
+
+POSITIONS = (POINTS.astype("<f4").tobytes(), accessor(0, "f4", 4, "VEC3"))
+
+
+def tetrahedra(path: Path, data: list[bytes], accessors: list[dict[str, Any]], **more: Any) -> RawMesh:
+    """The tetrahedron in floats, with further data, as the reader finds it."""
+    return read_gltf(write(path, [POSITIONS[0], INDICES[0], *data], [POSITIONS[1], INDICES[1], *accessors], **more))
+
+
+def node_with(**more: Any) -> Any:
+    """The one node with further keys."""
+    return lambda nodes: [nodes[0] | more]
+
+
+def test_each_copy_of_an_instanced_mesh_is_a_thing(tmp_path: Path) -> None:
+    """EXT_mesh_gpu_instancing, listed as used only: three tetrahedra, moved, turned about x and scaled."""
+    moved = np.array([[1, 0, 0], [0, 2, 0], [0, 0, 3]], dtype="<f4")
+    turned = np.array([[0, 0, 0, 127], [127, 0, 0, 0], [0, 0, 0, 127]], dtype="i1")
+    scaled = np.array([[1, 1, 1], [1, 1, 1], [2, 2, 2]], dtype="<f4")
+    attributes = {"TRANSLATION": 2, "ROTATION": 3, "SCALE": 4}
+    mesh = tetrahedra(
+        tmp_path / "i.glb", [one.tobytes() for one in (moved, turned, scaled)],
+        [accessor(2, "f4", 3, "VEC3"), accessor(3, "i1", 3, "VEC4", normalized=True), accessor(4, "f4", 3, "VEC3")],
+        extensionsUsed=["EXT_mesh_gpu_instancing"],
+        nodes=node_with(translation=[10, 0, 0], extensions={"EXT_mesh_gpu_instancing": {"attributes": attributes}}),
+    )  # fmt: skip
+    assert mesh.node_names == ("Crate", "Crate.2", "Crate.3")
+    expected = [POINTS + np.array([11, 0, 0]), POINTS * [1, -1, -1] + [10, 2, 0], 2 * POINTS + [10, 0, 3]]
+    np.testing.assert_allclose(mesh.vertices, np.concatenate(expected), atol=1e-6)
+    assert mesh.notes == ()
+
+
+def test_a_skin_is_read_in_the_pose_of_its_joints(tmp_path: Path) -> None:
+    """Each vertex goes with its joints; the node that has the skin, with a scale of 100, moves nothing."""
+    joints = np.array([[0, 0, 0, 0], [0, 0, 0, 0], [1, 0, 0, 0], [0, 1, 0, 0]], dtype="u1")
+    weights = np.array([[1, 0, 0, 0], [1, 0, 0, 0], [1, 0, 0, 0], [0.5, 0.5, 0, 0]], dtype="<f4")
+    bind = np.stack([np.eye(4), np.eye(4)])
+    bind[1, 3, :3] = [0, -3, 0]  # column-major: the second joint's rest place is (0, 3, 0)
+    nodes = [
+        {"name": "Doll", "mesh": 0, "skin": 0, "scale": [100, 100, 100]},
+        {"name": "hip", "children": [2], "translation": [5, 0, 0]},
+        {"name": "arm", "translation": [0, 4, 0]},
+    ]
+    mesh = tetrahedra(
+        tmp_path / "s.glb", [joints.tobytes(), weights.tobytes(), bind.astype("<f4").tobytes()],
+        [accessor(2, "u1", 4, "VEC4"), accessor(3, "f4", 4, "VEC4"), accessor(4, "f4", 2, "MAT4")],
+        nodes=nodes, scenes=[{"nodes": [0, 1]}], skins=[{"joints": [1, 2], "inverseBindMatrices": 4}],
+        meshes=[{"primitives": [{"attributes": {"POSITION": 0, "JOINTS_0": 2, "WEIGHTS_0": 3}, "indices": 1}]}],
+    )  # fmt: skip
+    np.testing.assert_allclose(mesh.vertices, POINTS + np.array([[5, 0, 0], [5, 0, 0], [5, 1, 0], [5, 0.5, 0]]))
+
+
+def test_morph_targets_move_vertices_by_their_weights(tmp_path: Path) -> None:
+    """The weights of a node go before those of its mesh."""
+    shift = np.tile(np.array([0, 0, 1], dtype="<f4"), (4, 1))
+    primitive = {"attributes": {"POSITION": 0}, "indices": 1, "targets": [{"POSITION": 2}]}
+    for own, expected in (({}, 0.5), ({"weights": [2.0]}, 2.0)):
+        mesh = tetrahedra(
+            tmp_path / "m.glb", [shift.tobytes()], [accessor(2, "f4", 4, "VEC3")], nodes=node_with(**own),
+            meshes=[{"primitives": [primitive], "weights": [0.5]}],
+        )  # fmt: skip
+        np.testing.assert_allclose(mesh.vertices, POINTS + np.array([0, 0, expected]))
+
+
+def test_nodes_that_a_file_hides_are_left_out(tmp_path: Path) -> None:
+    """KHR_node_visibility, with a note."""
+    hidden = {"name": "ghost", "mesh": 0, "extensions": {"KHR_node_visibility": {"visible": False}}}
+    mesh = tetrahedra(
+        tmp_path / "v.glb", [], [], nodes=lambda nodes: [*nodes, hidden], scenes=[{"nodes": [0, 1]}],
+        extensionsUsed=["KHR_node_visibility"],
+    )  # fmt: skip
+    assert mesh.node_names == ("Crate",)
+    assert mesh.notes == ("nodes that the file hides are left out",)
+
+
+def test_what_is_not_read_is_told(tmp_path: Path) -> None:
+    """A texture in a format that is not read, and an extension that is listed as used only."""
+    coordinates = np.zeros((4, 2), dtype="<f4")
+    mesh = tetrahedra(
+        tmp_path / "t.glb", [coordinates.tobytes()], [accessor(2, "f4", 4, "VEC2")],
+        meshes=[{"primitives": [{"attributes": {"POSITION": 0, "TEXCOORD_0": 2}, "indices": 1, "material": 0}]}],
+        materials=[{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
+        textures=[{"extensions": {"KHR_texture_basisu": {"source": 0}}}],
+        extensionsUsed=["KHR_texture_basisu", "VENDOR_wobble"],
+    )  # fmt: skip
+    assert mesh.notes == (
+        "t.glb uses the glTF extension VENDOR_wobble, which is not read",
+        "texture 0 has no image that is read (KHR_texture_basisu): the material's colour is used",
+    )
