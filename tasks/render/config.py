@@ -20,6 +20,8 @@ class RenderConfig(BaseModel, frozen=True, extra="forbid"):
     """Camera distance of the close-up over the object's diagonal [-]."""
     elevations_deg: tuple[float, ...] = (27.0, 14.0, 45.0)
     """Heights of the camera over the horizon that are tried [degrees], the preferred one first."""
+    from_above_deg: tuple[float, ...] = (65.0, 85.0)
+    """Heights that are tried where these show little of the object, as in a deep vessel [degrees]."""
     azimuths_deg: tuple[float, ...] = (20.0, -20.0, 45.0, -45.0, 70.0, -70.0, 100.0, -100.0, 180.0)
     """Directions off the base's front that are tried [degrees]."""
     samples: PositiveInt = 2

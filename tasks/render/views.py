@@ -18,6 +18,7 @@ from tasks.render.config import RenderConfig
 Array = NDArray[np.float64]
 
 SEEN_POINTS = 400  # surface points of the object whose visibility ranks the views
+POORLY_SEEN = 0.2  # visible share below which an object is looked at from above, too
 FRONT_BONUS = 0.25  # preference for the front over the side, in units of visible share
 
 
@@ -59,10 +60,30 @@ def front(scene: Segmentation, anchor: Anchor) -> Array:
 def best_view(
     things: Raycaster, thing: Mesh, target: Array, distance: float, toward: Array, config: RenderConfig
 ) -> ChosenView:
-    """The candidate from which most of the object is seen, the front and the first elevation being preferred."""
+    """The candidate from which most of the object is seen, the front and the first elevation being preferred.
+
+    What is poorly seen from all of these, as in a deep vessel, is looked at from above if that shows more.
+    """
+    chosen = best_of(things, thing, target, distance, toward, config.elevations_deg, config)
+    if chosen.visible >= POORLY_SEEN:
+        return chosen
+    above = best_of(things, thing, target, distance, toward, config.from_above_deg, config)
+    return above if above.visible > chosen.visible else chosen
+
+
+def best_of(
+    things: Raycaster,
+    thing: Mesh,
+    target: Array,
+    distance: float,
+    toward: Array,
+    elevations_deg: tuple[float, ...],
+    config: RenderConfig,
+) -> ChosenView:
+    """The best candidate at some elevations."""
     points, normals = surface_points(thing)
     best, best_score = None, -np.inf
-    for rank, elevation in enumerate(config.elevations_deg):
+    for rank, elevation in enumerate(elevations_deg):
         for azimuth in config.azimuths_deg:
             position = target + distance * direction(toward, azimuth, elevation)
             seen = visible_share(things, points, normals, position)

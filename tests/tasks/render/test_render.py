@@ -114,6 +114,24 @@ def test_a_ball_in_a_box_is_buried() -> None:
     assert found.evidence.visible_fraction == 0.0
 
 
+def test_a_ball_in_a_deep_vessel_is_looked_at_from_above() -> None:
+    """Four walls around it, higher than they are apart, hide it from every usual height, not from above."""
+    walls = [
+        ((-0.2, -0.2), (-0.17, 0.2)),
+        ((0.17, -0.2), (0.2, 0.2)),
+        ((-0.2, -0.2), (0.2, -0.17)),
+        ((-0.2, 0.17), (0.2, 0.2)),
+    ]
+    vessel = Mesh.concatenate([box_mesh((*low, TOP), (*high, TOP + 0.8)) for low, high in walls])
+    found = render(
+        SegmentedScene(scene_of(vessel=vessel)), SegmentedObject(ball()), anchor(), settled(), PLAIN, PLAIN, SMALL
+    )
+    assert isinstance(found, Renders)
+    assert found.visible_fraction > 0.5
+    way = found.camera_position - found.camera_target
+    assert np.degrees(np.arcsin(way[2] / np.linalg.norm(way))) > 60.0
+
+
 def test_the_dent_is_in_the_scene_and_the_ball_in_the_dent() -> None:
     """The two triangles of the bed's top follow the dent; the ball's lowest point meets its bottom."""
     after = settled_scene(scene_of(), settled(), "bed").scene
