@@ -62,6 +62,13 @@ BY_HEIGHT = "--height-of THING=METRES, for example --height-of table=0.75"
 """How a person may say the scale of a scene without measuring units."""
 
 
+FAR_M = 100.0
+"""A mesh whose middle is farther from the origin is moved there: single precision, as in GLB files and ray tracing, has
+steps of 0.01 mm at this distance, and of half a metre at the coordinates of a national grid."""
+COARSEST_M = 1e-3
+"""Steps between coordinates that a file may have [m]; beyond, its shapes are lost."""
+
+
 @dataclass(frozen=True)
 class FileFrame:
     """How a file's coordinates map to ours."""
@@ -81,7 +88,25 @@ def find_frame(raw: RawMesh, options: SourceOptions, role: Role) -> FileFrame:
     up = _up(raw, options, role, unit, notes)
     world_from_file = np.eye(4)
     world_from_file[:3, :3] = unit * np.array(WORLD_FROM_FILE[up])
+    world_from_file[:3, 3] = _shift(raw, world_from_file[:3, :3], notes)
     return FileFrame(world_from_file, up, unit, source, tuple(notes))
+
+
+def _shift(raw: RawMesh, linear: NDArray[np.float64], notes: list[str]) -> NDArray[np.float64]:
+    """What brings a mesh far from the origin to it, in whole metres, shape (3,) [m]; zero for one that is near."""
+    middle = linear @ (0.5 * (raw.vertices.min(axis=0) + raw.vertices.max(axis=0)))
+    if np.linalg.norm(middle) <= FAR_M:
+        return np.zeros(3)
+    unit = float(np.linalg.norm(linear[0]))
+    step = unit * float(np.spacing(np.float32(np.abs(raw.vertices).max())))
+    if step > COARSEST_M and (raw.vertices.astype(np.float32) == raw.vertices).all():
+        raise InputError(
+            f"{raw.path}: its coordinates, up to {np.abs(raw.vertices).max():.6g}, are in single precision, exact to "
+            f"{1e3 * step:.3g} mm only; export it with an offset, or in double precision"
+        )
+    shift: NDArray[np.float64] = -np.round(middle)
+    notes.append(f"moved by ({', '.join(f'{one:.0f}' for one in shift)}) m to the origin (world_from_file)")
+    return shift
 
 
 def option_name(role: Role, name: str) -> str:

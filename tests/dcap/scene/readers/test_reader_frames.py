@@ -105,3 +105,23 @@ def test_world_from_file_is_what_was_done(tmp_path: Path) -> None:
     scan = scan_of(write_obj(tmp_path / "cube.obj", CUBE, QUADS), up="y", unit="cm")
     mapped = np.c_[CUBE, np.ones(8)] @ scan.world_from_file.T
     np.testing.assert_allclose(scan.mesh.vertices, mapped[:, :3], atol=1e-15)
+
+
+GRID = np.array([451234.87, 5411876.52, 113.1])
+"""A place in the coordinates of a national grid [m]."""
+
+
+def test_a_scan_in_grid_coordinates_is_moved_to_the_origin(tmp_path: Path) -> None:
+    """In whole metres, said in a note and in world_from_file, to a hundredth of a millimetre."""
+    scan = scan_of(write_obj(tmp_path / "scan.obj", GRID + 2.0 * CUBE, QUADS), up="z", unit="m")
+    shift = scan.world_from_file[:3, 3]
+    assert (shift == np.round(shift)).all()
+    np.testing.assert_allclose(np.ptp(scan.mesh.vertices, axis=0), 2.0 * np.ptp(CUBE, axis=0), atol=1e-9)
+    np.testing.assert_allclose(scan.mesh.bounds - shift, (GRID + 2.0 * CUBE)[[0, 7]], atol=1e-5)
+    assert any("to the origin" in note for note in scan.notes)
+
+
+def test_coordinates_that_single_precision_has_spoilt_are_refused(tmp_path: Path) -> None:
+    """At five million metres they are multiples of half a metre."""
+    spoilt = (GRID + 2.0 * CUBE).astype(np.float32).astype(np.float64)
+    assert "exact to 500 mm only" in refusal(write_obj(tmp_path / "s.obj", spoilt, QUADS), up="z", unit="m")
