@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from dcap.evaluation.referee.prisms import within
 from dcap.geometry.boundary import is_closed
+from dcap.geometry.pieces import components
 from dcap.geometry.raycast import tensor
-from dcap.geometry.solid.pieces import components
 from dcap.geometry.solid.repair import subdivide_near
 from dcap.scene.types.mesh import Mesh
 
