@@ -90,7 +90,7 @@ def test_templates_are_sandboxed_and_from_files_and_pages_escape() -> None:
     """Every environment is a sandboxed one over our own folders; those of pages escape; no text becomes a template."""
     assert list(calls("Environment", "NativeEnvironment", "Template", "from_string")) == []
     made = list(calls("SandboxedEnvironment"))
-    assert len(made) == 4
+    assert len(made) == 5
     prompts = "dcap/language/model/payload.py"
     assert [where for where, call in made if (keyword(call, "autoescape") is True) == where.startswith(prompts)] == []
     assert [where for where, call in made if "FileSystemLoader" not in ast.unparse(call)] == []

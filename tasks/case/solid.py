@@ -40,8 +40,11 @@ class CaseSolid:
         self.rotation = Rotation.from_quat(np.roll(body.quaternion, -1)).as_matrix()
         self.position = np.asarray(body.position)
         self.primitive = primitive_of(body.shape)
-        self.given, self.repairs = (None, ()) if self.primitive else given_solid(folder, body)
-        """Its mesh, and a sentence for each thing that had to be mended to make it the border of a solid."""
+        self.given: Mesh | None = None
+        self.repairs: tuple[str, ...] = ()
+        """A sentence for each thing that had to be mended to make its mesh the border of a solid."""
+        if self.primitive is None:
+            self.given, self.repairs = given_solid(folder, body)
         if isinstance(self.primitive, Capsule):
             reach = 0.5 * self.primitive.length * np.abs(self.rotation[:, 2]) + self.primitive.radius
             ends = np.stack([self.position - reach, self.position + reach])

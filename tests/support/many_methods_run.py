@@ -114,8 +114,8 @@ def many_methods_run(
             cameras = sample_cameras([seen_at(HEIGHTS[one], 0.1 * number) for one in methods])
             contact = list(seen_at(height, 0.1 * number).contact[cameras.direction])
             states = {joined_id(one, sample): "" for one in methods}
-            tree = {"states": states, **asdict(cameras), "contact": contact}
-            (out / "views" / "cameras.json").write_text(json.dumps(tree))
+            seen: dict[str, object] = {"states": states, **asdict(cameras), "contact": contact}
+            (out / "views" / "cameras.json").write_text(json.dumps(seen))
             rows.append(row(method, sample, prompt))
     write_rows(folder, rows)
     samples = [{"id": sample, "prompt": prompt} for sample, prompt in prompts.items()]

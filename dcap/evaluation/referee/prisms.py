@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.geometry.boundary import is_closed, welded
-from dcap.geometry.distance import signed_volume
+from dcap.geometry.pieces import signed_volume
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.solid.height_map import seen_from_above
 from dcap.geometry.solid.mending import look_spacing, looks_at_backs, wound_outwards

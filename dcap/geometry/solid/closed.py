@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from skimage.measure import marching_cubes
 
 from dcap.geometry.boundary import hole_loops, is_closed
-from dcap.geometry.distance import INSIDE, MeshDistance, sampled
-from dcap.geometry.pieces import inside_out_shells, own_shells, pieces_of, signed_volume
+from dcap.geometry.distance import MeshDistance, sampled
+from dcap.geometry.pieces import INSIDE, inside_out_shells, own_shells, pieces_of, signed_volume
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.solid.cleaning import cleaned, without_scraps
 from dcap.geometry.solid.closing import area_vector, borders, capped, room_behind, slab, walled

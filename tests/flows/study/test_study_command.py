@@ -125,7 +125,7 @@ def test_a_study_of_which_a_placement_has_changed(study: ServedStudy, capsys: py
 
 
 def test_a_broken_design_is_named(study: ServedStudy, capsys: pytest.CaptureFixture[str]) -> None:
-    (study.folder / "study.json").write_text('{"version": 1}')
+    (study.folder / "study.json").write_text('{"version": 2}')
     assert "study.json: not a study's design" in complaint(capsys, "serve", study.run)
 
 

@@ -34,7 +34,7 @@ def test_an_empty_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Non
     """A run without samples has nothing to be shown."""
     run = tmp_path / "data" / "runs" / "empty"
     run.mkdir(parents=True)
-    (run / "run.json").write_text('{"version": 1, "samples": [], "config": {}, "language": {}}')
+    (run / "run.json").write_text('{"version": 2, "samples": [], "config": {}, "language": {}}')
     assert main(["view", "empty", "--no-open"]) == 2
     assert "empty has no samples" in one_line(capsys)
 

@@ -62,7 +62,7 @@ def copies(node: Entry, accessors: Accessors) -> list[FloatArray]:
 def morphed(position: FloatArray, primitive: Entry, mesh: Entry, node: Entry, accessors: Accessors) -> FloatArray:
     """The vertices of a primitive (n, 3) moved by its morph targets with the weights of its node or mesh."""
     targets = primitive.get("targets", [])
-    weights = node.get("weights", mesh.get("weights", [])) if targets else []
+    weights = node.get("weights") or mesh.get("weights") or []
     for target, weight in zip(targets, weights, strict=False):
         if weight and "POSITION" in target:
             position = position + float(weight) * accessors.read(int(target["POSITION"])).astype(np.float64)

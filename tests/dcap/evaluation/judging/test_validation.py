@@ -31,7 +31,7 @@ class LeftClient:
     """Prefers what is on the left."""
 
     def ask(self, question, request):
-        return PairReply(analysis="", right_place="A", physics_naturalness="A", overall="A")
+        return PairReply(analysis="", right_place="A", physics_naturalness="A", overall="A")  # type: ignore[arg-type]
 
     def ask_all(self, question, requests):
         return [self.ask(question, one) for one in requests]

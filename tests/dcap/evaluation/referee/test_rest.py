@@ -2,6 +2,7 @@
 its support tips, what is steep slides."""
 
 import sys
+from typing import Any
 
 import numpy as np
 import pytest
@@ -31,7 +32,7 @@ def block(size: tuple[float, float, float], at: tuple[float, float, float]) -> M
 FLOOR, TABLE = block((6.0, 6.0, 0.1), (0.0, 0.0, -0.05)), block((1.0, 0.6, 0.04), (0.0, 0.0, TOP - 0.02))
 
 
-def on_table(height: float, x: float = 0.0, **options: float) -> RestVerdict:
+def on_table(height: float, x: float = 0.0, **options: Any) -> RestVerdict:
     """A box so high over the table [m]."""
     thing = block(BOX, (x, 0.0, TOP + 0.5 * BOX[2] + height))
     return judge_rest(thing, Surroundings.of([FLOOR, TABLE], 0.5), 1.2, **options)
