@@ -118,7 +118,18 @@ def many_methods_run(
             (out / "views" / "cameras.json").write_text(json.dumps(seen))
             rows.append(row(method, sample, prompt))
     write_rows(folder, rows)
-    samples = [{"id": sample, "prompt": prompt} for sample, prompt in prompts.items()]
+    samples = [
+        {
+            "id": one,
+            "prompt": prompt,
+            "scene": "room",
+            "object": "ball.glb",
+            "seed": 0,
+            "scene_options": {},
+            "object_options": {},
+        }
+        for one, prompt in prompts.items()
+    ]
     asked: dict[str, object] = {"version": ASKED_VERSION, "methods": list(methods), "samples": samples}
     if chooser:
         asked["config"] = {"intent": {"language": {"client": "anthropic", "model": chooser}}}
