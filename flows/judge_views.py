@@ -46,25 +46,30 @@ def take_views(run: Path, rows: Sequence[SampleOutcome], say: Callable[[str], No
     for row in rows:
         if standing_of(row) is Standing.JUDGED:
             samples.setdefault(row.sample, []).append(joined_id(row.method, row.sample))
-    missing = {sample: names for sample, names in samples.items() if not there(run, names)}
+    missing = {sample: names for sample, names in samples.items() if outdated(run, names)}
     if not missing:
         return
-    asked = asked_of_run(run)
-    for number, (sample, names) in enumerate(missing.items(), 1):
-        say(f"pictures of {sample} ({number} of {len(missing)})")
-        take(run, asked, names)
+    try:
+        asked = asked_of_run(run)
+        for number, (sample, names) in enumerate(missing.items(), 1):
+            say(f"pictures of {sample} ({number} of {len(missing)})")
+            take(run, asked, names)
+    except InputError as error:
+        wanted = next(filter(None, (outdated(run, names) for names in missing.values())), run)
+        raise InputError(f"{wanted} is missing or outdated, and cannot be taken again: {error}") from error
 
 
-def there(run: Path, names: Sequence[str]) -> bool:
-    """Whether the pictures of a sample's placements are there and show their final states."""
+def outdated(run: Path, names: Sequence[str]) -> Path | None:
+    """The first file of a sample's pictures that is not there, or not of the final states; None where all are."""
     states = states_of(run, names)
     for name in names:
         folder = sample_folder(run, name) / VIEWS
-        if not all((folder / f"{one}.png").is_file() for one in (*BEFORE, *PLACED)):
-            return False
-        if not (folder / CAMERAS).is_file() or read_keys(folder / CAMERAS).get("states") != states:
-            return False
-    return True
+        for path in (*(folder / f"{one}.png" for one in (*BEFORE, *PLACED)), folder / CAMERAS):
+            if not path.is_file():
+                return path
+        if read_keys(folder / CAMERAS).get("states") != states:
+            return folder / CAMERAS
+    return None
 
 
 def take(run: Path, asked: Asked, names: Sequence[str]) -> None:

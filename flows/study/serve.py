@@ -65,10 +65,12 @@ def serve_study(
     """Serve the study of a run; `say` is told what a person should know, `announce` the link of each rater."""
     place = find_run(run)
     rows = read_rows(place)
+    folder = place / STUDY_FOLDER
+    known = read_design(folder)
+    if known is not None and known.raters:
+        check_states(place, known)
     take_views(place, rows, say)
     found = read_study_run(place, rows)
-    folder = found.folder / STUDY_FOLDER
-    known = read_design(folder)
     if known is not None and not known.raters and (options.seed is not None or options.pairs is not None):
         known = None  # nobody was asked: it was only prepared
     check_kept(found, known, options)
@@ -139,6 +141,15 @@ def check_kept(run: StudyRun, known: StudyDesign | None, options: StudyOptions) 
         raise InputError(f"--pairs {options.pairs}: the study in {kept} has {total}; leave it out or move {kept}")
 
 
+def check_states(run: Path, design: StudyDesign) -> None:
+    """InputError where placements have changed since people voted on them."""
+    if changed := changed_since(run, design.states):
+        raise InputError(
+            f"{run.name}: {len(changed)} placements have changed since its study began ({changed[0]}); move "
+            f"{run / STUDY_FOLDER} away and begin a new one"
+        )
+
+
 def check_shown(run: StudyRun, design: StudyDesign) -> None:
     """InputError where the run no longer has what its study shows: votes on two placements must not count as one's."""
     for item in {one for items in design.raters.values() for one in items}:
@@ -146,11 +157,6 @@ def check_shown(run: StudyRun, design: StudyDesign) -> None:
         if gone:
             which = " and ".join(gone)
             raise InputError(f"{run.folder.name}: its study shows {which} {item.sample}, which the run no longer has")
-    if changed := changed_since(run.folder, design.states):
-        raise InputError(
-            f"{run.folder.name}: {len(changed)} placements have changed since its study began ({changed[0]}); move "
-            f"{run.folder / STUDY_FOLDER} away and begin a new one"
-        )
     for number in range(1, len(design.checks) + 1):
         for name in (SETTLED, LIFTED):
             folder = check_folder(run.folder / STUDY_FOLDER, number, name)

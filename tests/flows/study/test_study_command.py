@@ -94,7 +94,7 @@ def test_what_was_designed_stays(
 
 def test_a_study_of_which_a_placement_is_gone(study: ServedStudy, capsys: pytest.CaptureFixture[str]) -> None:
     shutil.rmtree(study.run / "methods" / "layoutgpt")
-    assert "its study shows layoutgpt" in complaint(capsys, "serve", study.run, "--port", free_port())
+    assert "methods/layoutgpt/samples" in complaint(capsys, "serve", study.run, "--port", free_port())
 
 
 def test_a_study_of_which_a_check_is_gone(study: ServedStudy, capsys: pytest.CaptureFixture[str]) -> None:
