@@ -12,10 +12,11 @@ from scipy.ndimage import binary_erosion
 
 from dcap.geometry.camera import looking_at
 from dcap.geometry.raycast import Raycaster, packed_rays
+from dcap.geometry.rendering.visibility import spread_points
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.renders import Visibility
 from tasks.render.config import RenderConfig
-from tasks.render.views import direction, surface_points, visible_share
+from tasks.render.views import SEEN_POINTS, direction, visible_share
 
 Array = NDArray[np.float64]
 
@@ -67,7 +68,7 @@ def share_of(seen: NDArray[np.bool_], asked: NDArray[np.bool_]) -> float:
 def from_the_room(scene: Mesh, around: Raycaster, thing: Mesh, target: Array) -> float:
     """Mean visible share of the object from standing height around it, inside of the scene's bounds; 0 where nobody can
     stand."""
-    points, normals = surface_points(thing)
+    points, normals = spread_points(thing, SEEN_POINTS)
     low, high = scene.bounds
     shares = []
     for radius in RINGS:

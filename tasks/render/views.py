@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from dcap.geometry.camera import Camera, looking_at
 from dcap.geometry.raycast import Raycaster, packed_rays
 from dcap.geometry.rendering.see_through import caster_of
+from dcap.geometry.rendering.visibility import spread_points
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.paint import PaintedMesh
@@ -81,7 +82,7 @@ def best_of(
     config: RenderConfig,
 ) -> ChosenView:
     """The best candidate at some elevations."""
-    points, normals = surface_points(thing)
+    points, normals = spread_points(thing, SEEN_POINTS)
     best, best_score = None, -np.inf
     for rank, elevation in enumerate(elevations_deg):
         for azimuth in config.azimuths_deg:
@@ -100,14 +101,6 @@ def direction(toward: Array, azimuth_deg: float, elevation_deg: float) -> Array:
     a, e = np.radians(azimuth_deg), np.radians(elevation_deg)
     side = np.array([-toward[1], toward[0], 0.0])
     return np.asarray(np.cos(e) * (np.cos(a) * toward + np.sin(a) * side) + np.sin(e) * np.array([0.0, 0.0, 1.0]))
-
-
-def surface_points(mesh: Mesh) -> tuple[Array, Array]:
-    """Points spread over a surface by area, and unit normals there, each of shape (n, 3)."""
-    area = np.cumsum(mesh.face_areas)
-    face = np.searchsorted(area, (np.arange(SEEN_POINTS) + 0.5) / SEEN_POINTS * area[-1])
-    normal = mesh.face_normals[face]
-    return mesh.triangles[face].mean(axis=1), normal / np.linalg.norm(normal, axis=1, keepdims=True)
 
 
 def visible_share(caster: Raycaster, points: Array, normals: Array, camera: Array) -> float:

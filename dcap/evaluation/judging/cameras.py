@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from dcap.geometry.camera import Camera, looking_at
 from dcap.geometry.raycast import Raycaster, packed_rays
 from dcap.geometry.rendering.cutaway import LEVEL_COS
+from dcap.geometry.rendering.visibility import spread_points
 from dcap.scene.types.judged_views import Sights, Viewpoint
 from dcap.scene.types.mesh import Mesh
 
@@ -42,8 +43,8 @@ STEEPER, TURNED = 0.1, 0.3
 CLOSEUP_FOV, OVERVIEW_FOV = 30.0, 40.0
 """Fields of view [degrees]."""
 SHARE, NARROWEST, WIDEST = 0.9, 0.1, 0.4
-"""Width that a close-up shows at the contact: of the object's diagonal [-], at least and at most [m]. 2 mm are four
-pixels and more."""
+"""Width that a close-up shows at the contact: of the object's diagonal [-], at least and at most [m]. 2 mm are
+about four pixels."""
 BELOW_MIDDLE = 0.12
 """How far the contact lies under the middle of the close-up, over its width [-]."""
 MARGIN = 1.15
@@ -87,7 +88,7 @@ class PlacedThing:
 
     def visible_share(self, toward: Direction) -> float:
         """Share of the object's surface that the scene does not hide from a direction."""
-        points, normals = surface_points(self.thing)
+        points, normals = spread_points(self.thing, SEEN_POINTS)
         way = along(toward)
         facing = normals @ way > 0.0
         start = points[facing] + 1e-3 * normals[facing]
@@ -236,13 +237,6 @@ def rounded(point: Array) -> tuple[float, float, float]:
 def box_corners(low: Array, high: Array) -> Array:
     """Corners of an upright box [m], shape (8, 3)."""
     return np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
-
-
-def surface_points(mesh: Mesh) -> tuple[Array, Array]:
-    """Points spread over a surface by area, and unit normals there, each of shape (n, 3)."""
-    area = np.cumsum(mesh.face_areas)
-    face = np.searchsorted(area, (np.arange(SEEN_POINTS) + 0.5) / SEEN_POINTS * area[-1])
-    return mesh.triangles[face].mean(axis=1), unit(mesh.face_normals[face])
 
 
 def unit(vectors: Array) -> Array:

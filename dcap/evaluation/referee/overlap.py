@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.evaluation.referee.prisms import within
-from dcap.geometry.boundary import is_closed
-from dcap.geometry.pieces import components
+from dcap.geometry.pieces import numbered_pieces
 from dcap.geometry.raycast import tensor
 from dcap.geometry.solid.repair import subdivide_near
 from dcap.scene.types.mesh import Mesh
@@ -28,14 +27,12 @@ def overlap_depth(thing: Mesh, scene: Mesh, owner: NDArray[np.int64]) -> float:
     box = thing.bounds
     edge = max(FINE * float(np.ptp(box, axis=0).max()), LEAST_EDGE)
     met = within(scene.triangles, box[0], box[1])
-    if not met.any():
-        return 0.0
-    depth = depth_in(thing, samples(scene.submesh(np.flatnonzero(met)), box, edge))
+    depth = depth_in(thing, samples(scene.submesh(np.flatnonzero(met)), box, edge)) if met.any() else 0.0
     points = samples(thing, box, edge)
-    for index in np.unique(owner[met]):
+    for index in np.unique(owner):  # a solid may hold all of the object without a face near it
         whole = scene.submesh(np.flatnonzero(owner == index))
-        for piece in closed_pieces(whole):
-            depth = max(depth, depth_in(piece, points))
+        if within(whole.bounds[None], box[0], box[1]).any():
+            depth = max([depth, *(depth_in(piece, points) for piece in closed_pieces(whole))])
     return depth
 
 
@@ -62,6 +59,5 @@ def depth_in(solid: Mesh, points: Array) -> float:
 
 def closed_pieces(mesh: Mesh) -> list[Mesh]:
     """The connected pieces of a surface that are closed."""
-    label = components(mesh)
-    found = [mesh.submesh(np.flatnonzero(label == one)) for one in np.unique(label)]
-    return [one for one in found if is_closed(one)]
+    piece, is_open = numbered_pieces(mesh)
+    return [mesh.submesh(np.flatnonzero(piece == one)) for one in np.flatnonzero(~is_open)]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.geometry.boundary import is_closed, welded
-from dcap.geometry.pieces import signed_volume
+from dcap.geometry.pieces import outward
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.solid.height_map import seen_from_above
 from dcap.geometry.solid.mending import look_spacing, looks_at_backs, wound_outwards
@@ -66,7 +66,7 @@ def scene_prisms(scene: Mesh, owner: NDArray[np.int64], thing: Mesh) -> Prisms:
     found, owners, deviation = [np.zeros((0, 6, 3))], [np.zeros(0, dtype=np.int64)], 0.0
     for index in np.unique(owner[reached]):
         mine = np.flatnonzero(owner == index)
-        whole = outward(scene.submesh(mine))
+        whole = wound(scene.submesh(mine))
         seen = reached[mine] & ~(doubled(whole) & looks_away(whole, center))
         near = close_to(whole, thing)
         for few in (kept(whole, near & seen), coarse(whole, ~near & seen, thing)):
@@ -82,7 +82,7 @@ def scene_prisms(scene: Mesh, owner: NDArray[np.int64], thing: Mesh) -> Prisms:
 
 def object_prisms(thing: Mesh, scene: Mesh) -> Prisms:
     """An object; its sides may be as thin as sheets, because what they touch is not."""
-    whole = outward(thing)
+    whole = wound(thing)
     beside = around(scene, thing.bounds, NEAR)
     near, sheet = close_to(whole, beside), doubled(whole)
     found, deviation = [], 0.0
@@ -166,16 +166,14 @@ def close_to(mesh: Mesh, other: Mesh) -> Bools:
     return found
 
 
-def outward(mesh: Mesh) -> Mesh:
-    """A thing wound outwards: a closed one by its volume, an open one, a scan, by how it looks from above, as the drop
-    takes it."""
-    faces = mesh.faces
+def wound(mesh: Mesh) -> Mesh:
+    """A thing wound outwards: a closed one by its pieces' volumes, an open one, a scan, by how it looks from above, as
+    the drop takes it."""
     if is_closed(mesh):
-        faces = faces[:, ::-1] if signed_volume(mesh.vertices, faces) < 0.0 else faces
-    else:
-        caster = Raycaster(mesh)
-        seen = seen_from_above(caster, mesh.bounds, look_spacing(mesh.bounds))
-        faces = wound_outwards(mesh, caster, seen)[0] if looks_at_backs(mesh, seen) else faces
+        return outward(mesh)
+    caster = Raycaster(mesh)
+    seen = seen_from_above(caster, mesh.bounds, look_spacing(mesh.bounds))
+    faces = wound_outwards(mesh, caster, seen)[0] if looks_at_backs(mesh, seen) else mesh.faces
     return Mesh(mesh.vertices, faces, mesh.colors)
 
 

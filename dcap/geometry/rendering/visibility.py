@@ -16,6 +16,7 @@ from dcap.geometry.raycast import RayTracer
 from dcap.geometry.rendering.bands import BAND, in_bands
 from dcap.geometry.rendering.surface import SurfaceHits, dot
 from dcap.geometry.rendering.view_volume import KEY_REACH, LIGHT_RADIUS, SKY_REACH
+from dcap.scene.types.mesh import Mesh
 
 Array = NDArray[np.float32]
 Mask = NDArray[np.bool_]
@@ -257,3 +258,12 @@ def shifted(offset: int, axis: int, band: slice, shape: tuple[int, int]) -> tupl
         (everything, slice(first, last), everything),
         (everything, slice(first + offset, last + offset), everything),
     )
+
+
+def spread_points(mesh: Mesh, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Middles of faces, spread over a surface by area, and unit normals there, each of shape (count, 3)."""
+    area = np.cumsum(mesh.face_areas)
+    face = np.searchsorted(area, (np.arange(count) + 0.5) / count * area[-1])
+    normal = mesh.face_normals[face]
+    length = np.linalg.norm(normal, axis=1, keepdims=True)
+    return mesh.triangles[face].mean(axis=1), normal / np.maximum(length, np.finfo(float).tiny)

@@ -24,6 +24,7 @@ DIRECTION = re.compile(
 PARTS_OF_ONE = {"half": 0.5, "quarter": 0.25, "third": 1.0 / 3.0}
 MULTIPLES_OF = {"halves": 0.5, "quarters": 0.25, "thirds": 1.0 / 3.0}
 MULTIPLIER = 100.0
+"""The number word that multiplies the one before it."""
 THOUSANDS = re.compile(r"[1-9]\d{0,2}(?:,\d{3})+")
 
 

@@ -17,8 +17,6 @@ from dcap.language.offline.typos import LONG, meant_by
 
 UNKNOWN = frozenset({Meaning("unknown", "")})
 PAUSE = frozenset({Meaning("pause", "")})
-HUNDRED = 100.0
-"""The number word that multiplies what stands before it."""
 GRAMMAR = frozenset({"relation", "verb", "det", "side", "region", "restrict", "count", "face", "pose", "of"})
 """Kinds of words that a mistyped word is before it is the name of a thing."""
 OTHER_WORDS = ("lexicon/families.csv", "lexicon/opposites.csv")
@@ -200,11 +198,8 @@ def longest_at(words: list[str], begin: int) -> tuple[Token, int]:
     """The longest known phrase that starts here, and its length in words."""
     if words[begin] == ",":
         return Token(",", PAUSE), 1
-    if length := measure_length(words, begin):
-        unit = "unit" if of_kind(words[begin + length - 1], "unit") else "length"
-        value = number(words[begin : begin + length - 1]) * float(of_kind(words[begin + length - 1], unit))
-        meaning = Meaning("angle" if unit == "unit" else "distance", f"{value:g}")
-        return Token(" ".join(words[begin : begin + length]), frozenset({meaning})), length
+    if (measured := measure_at(words, begin)) is not None:
+        return measured, 2
     for length in range(min(longest_phrase(), len(words) - begin), 0, -1):
         phrase = tuple(words[begin : begin + length])
         if phrase in vocabulary():
@@ -212,24 +207,13 @@ def longest_at(words: list[str], begin: int) -> tuple[Token, int]:
     return Token(words[begin], UNKNOWN), 1
 
 
-def measure_length(words: list[str], begin: int) -> int:
-    """How many words from there on are an angle or a length, "forty five degrees" or "20 cm"; 0 if none is."""
-    end = begin
-    if begin < len(words) and is_digits(words[begin]):
-        end += 1
-    while end < len(words) and (end == begin or not is_digits(words[begin])) and of_kind(words[end], "numeral"):
-        end += 1
-    unit = end > begin and end < len(words) and (of_kind(words[end], "unit") or of_kind(words[end], "length"))
-    return end + 1 - begin if unit else 0
-
-
-def number(words: list[str]) -> float:
-    """What digits or number words amount to: "forty five" is 45, "two hundred seventy" 270."""
-    total = 0.0
-    for word in words:
-        value = float(word) if is_digits(word) else float(of_kind(word, "numeral"))
-        total = total * value if value == HUNDRED and total > 0 else total + value
-    return total
+def measure_at(words: list[str], begin: int) -> Token | None:
+    """The angle or length of a number in digits and a unit, as `plain_measures` writes them; None if there is none."""
+    value, *rest = words[begin : begin + 2]
+    for kind, unit in (("angle", "unit"), ("distance", "length")):
+        if rest and is_digits(value) and (size := of_kind(rest[0], unit)):
+            return Token(f"{value} {rest[0]}", frozenset({Meaning(kind, f"{float(value) * float(size):g}")}))
+    return None
 
 
 def is_digits(word: str) -> bool:

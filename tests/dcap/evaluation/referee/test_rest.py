@@ -9,6 +9,7 @@ import pytest
 import trimesh
 
 from dcap.evaluation.referee.onward import STEP
+from dcap.evaluation.referee.overlap import overlap_depth
 from dcap.evaluation.referee.rest import RestVerdict, Surroundings, judge_rest
 from dcap.scene.errors import GeometryError, InputError
 from dcap.scene.types.gravity import GRAVITY
@@ -178,3 +179,11 @@ def test_without_mujoco_a_line_says_what_to_install(monkeypatch: pytest.MonkeyPa
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(InputError, match=r"pip install dcap\[referee\]"):
         on_table(0.0)
+
+
+def test_an_object_wholly_inside_a_solid_is_as_deep_as_it_lies() -> None:
+    """A box of 10 cm in the middle of one of 1 m: each place on its surface is at most 45 cm from a face."""
+    thing = block((0.1, 0.1, 0.1), (0.0, 0.0, 0.0))
+    scene = block((1.0, 1.0, 1.0), (0.0, 0.0, 0.0))
+    depth = overlap_depth(thing, scene, np.zeros(len(scene.faces), dtype=np.int64))
+    assert depth == pytest.approx(0.45, abs=1e-6)
