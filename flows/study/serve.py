@@ -96,7 +96,9 @@ def prepare_study(run: str, say: Callable[[str], None]) -> StudyDesign:
     """Design the study of a run that nobody was asked in yet, with its attention checks, so that `serve` begins at
     once; a study that has raters, or is designed of the same placements, is left as it is."""
     place = find_run(run)
-    found = read_study_run(place, read_rows(place))
+    rows = read_rows(place)
+    take_views(place, rows, say)
+    found = read_study_run(place, rows)
     folder = found.folder / STUDY_FOLDER
     known = read_design(folder)
     if known is not None and (known.raters or not changed_since(found.folder, known.states)):
