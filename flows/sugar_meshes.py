@@ -25,6 +25,8 @@ from tasks.artifact import Store
 
 LOG = "sugar.log"
 """What SuGaR said, beside what it was given."""
+VIEWS = PathConfig()
+"""The pictures that SuGaR is given of each scene."""
 GIVEN, SUGAR, OWN = "given", "SuGaR", "reconstructed from the splats"
 
 
@@ -55,7 +57,7 @@ def sugar_meshed(name: str, scene: Sample, sugar: Path, threads: int, *, quiet: 
     target = path if path.is_dir() else folder / "mesh"
     if has_only_splats(target) or not target.is_dir():
         if not (folder / RECORD).is_file():
-            prepare_sugar(path, folder, scene.scene_options, PathConfig(), threads=threads, quiet=quiet)
+            prepare_sugar(path, folder, scene.scene_options, VIEWS, threads=threads, quiet=quiet)
         run_sugar(folder, sugar, quiet=quiet)
     if not target.is_dir() or mesh_source(target).kind != SUGAR:
         raise InputError(f"{path}: SuGaR ended without a mesh; see {folder / LOG}")
