@@ -11,11 +11,13 @@ from dcap.evaluation.outcome_table import row_of
 from dcap.scene.types.sample import Sample
 from flows.benchmark import new_run_folder
 from flows.cli.app import main
+from flows.find_run import ASKED_VERSION
 from flows.judge_run import write_rows
 from flows.language_options import LanguageOptions
 from flows.place import PlaceConfig
 from flows.run_files import write_asked
 
+VERSION = f'{{"version": {ASKED_VERSION}'
 ONE = Sample("one", "room.glb", "ball.obj", "put it there")
 TWO = replace(ONE, id="two")
 
@@ -110,10 +112,10 @@ def test_two_placements_are_compared_whatever_their_files_are_called(
     ("name", "text", "words"),
     [
         ("run.json", "{", "run.json: broken JSON"),
-        ("run.json", '{"version": 2}', "run.json: the file is damaged"),
-        ("run.json", '{"version": 2, "samples": [{"id": "one"}]}', "run.json: the file is damaged"),
-        ("run.json", '{"version": 2, "samples": [], "config": [1]}', "run.json: config: "),
-        ("run.json", '{"version": 2, "samples": [], "methods": [[1]]}', "run.json: methods.0: "),
+        ("run.json", VERSION + "}", "run.json: the file is damaged"),
+        ("run.json", VERSION + ', "samples": [{"id": "one"}]}', "run.json: the file is damaged"),
+        ("run.json", VERSION + ', "samples": [], "config": [1]}', "run.json: config: "),
+        ("run.json", VERSION + ', "samples": [], "methods": [[1]]}', "run.json: methods.0: "),
         ("results.parquet", "no table", "results.parquet: cannot be read"),
         ("samples/one/placement.json", "[1]", "placement.json: the file is damaged"),
         ("samples/one/placement.json", '{"pose": {}}', "placement.json: the file is damaged"),

@@ -5,12 +5,14 @@ from pathlib import Path
 import pytest
 
 from flows.cli.app import main
+from flows.find_run import ASKED_VERSION
 
+VERSION = f'{{"version": {ASKED_VERSION}, '
 TREES = {
     "cut short": '{"a": ', "a list": "[]", "nested": "[" * 100_000, "bytes": "\0\1",
-    "no number": '{"version": 1, "samples": NaN, "language": {}}',
-    "without keys": '{"version": 1, "language": {}, "samples": []}',
-    "other keys": '{"version": 1, "language": {"x": 1}, "samples": [{"id": 1}]}',
+    "no number": VERSION + '"samples": NaN, "language": {}}',
+    "without keys": VERSION + '"language": {}, "samples": []}',
+    "other keys": VERSION + '"language": {"x": 1}, "samples": [{"id": 1}]}',
 }  # fmt: skip
 COMMANDS = (
     ("report", "bad"), ("maps", "bad", "x"), ("export", "bad", "x", "--format", "mjcf"), ("dataset", "pack", "bad"),
@@ -44,7 +46,10 @@ def test_a_run_of_another_version_is_told(
     placement.mkdir()
     (placement / "placement.json").write_text("{}")
     of_one = (("diff", "one", "one"), ("maps", "one"), ("dataset", "pack", str(placement)))
-    for text in ('{"dataset": "rooms.yaml", "config": {}, "language": {}, "samples": []}', '{"version": 2}'):
+    for text in (
+        '{"dataset": "rooms.yaml", "config": {}, "language": {}, "samples": []}',
+        f'{{"version": {ASKED_VERSION + 1}}}',
+    ):
         (run / "run.json").write_text(text)
         (placement / "sample.json").write_text(text)
         for command in (*COMMANDS, ("diff", "bad", "bad"), ("judge", "bad"), ("study", "report", "bad"), *of_one):

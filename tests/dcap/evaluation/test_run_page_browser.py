@@ -70,9 +70,9 @@ def test_filters_and_views(run: Path, page: Page) -> None:
     page.select_option("[name=fault]", "")
     page.fill("[name=words]", "SOFA")
     expect(cards).to_have_count(1)
-    page.select_option("[name=view]", "views/top.png")
+    page.select_option("[name=view]", f"views/{PLACED[-1]}.png")
     sources = page.locator("article.card:visible img[data-views]").evaluate_all("all => all.map(one => one.src)")
-    assert [one.rsplit("/", 2)[1:] for one in sources] == [["views", "top.png"]] * len(METHODS)
+    assert [one.rsplit("/", 2)[1:] for one in sources] == [["views", f"{PLACED[-1]}.png"]] * len(METHODS)
     folded = page.locator("article.card:visible details.spread")
     for _ in range(3):
         folded.locator("summary").click()
