@@ -19,8 +19,11 @@ from dcap.evaluation.sampling.requests import PlacedAsset
 from dcap.evaluation.sampling.splits import shares_of, split_scenes
 from dcap.evaluation.supports_plot import save_supports_plot
 from dcap.evaluation.supports_table import supports_table
+from dcap.geometry.placement.poses import front_of
+from dcap.geometry.placement.upright import stands_as_read
 from dcap.language.connect import Client, connect
 from dcap.language.offline.deformable import deformable_supports
+from dcap.language.offline.fronts import front_side
 from dcap.language.offline.lexicon import label_words, thing_of
 from dcap.language.offline.priors import prior_of
 from dcap.language.protocol.requests import IntentRequest, ObjectView, vector
@@ -97,6 +100,8 @@ class SampledScene:
     source: Sample
     """Where it lies and how it is read."""
     contents: Segmentation
+    request: SamplesRequest
+    """What was asked for it."""
     drafts: tuple[SampleDraft, ...]
 
 
@@ -141,13 +146,14 @@ def sample_dataset(
         contents = store.load(scene_ref)
         assert isinstance(contents, Segmentation)
         try:
-            drafts = drafts_for(name, contents, assets, sampling, client)
+            request = samples_request(name, contents, assets, sampling)
+            drafts = drafts_for(request, client)
         except BudgetError:
             raise
         except (InputError, LanguageError) as poor:
             short[name] = " ".join(str(poor).split())
             continue
-        made.append(SampledScene(name, sources[name], contents, drafts))
+        made.append(SampledScene(name, sources[name], contents, request, drafts))
     told_or_refused(short, sampling.skip, len(found))
     left_out.update(short)
     if not made:
@@ -237,15 +243,19 @@ def asset_of(name: str, item: Segmentation) -> PlacedAsset | None:
     fit = rescale(np.array(prior.sizes), extents, prior.spread, (1e-3, 1e3), item.unit_source)
     words = label_words(label)
     noun = " ".join(words) if len(words) <= LONGEST_NOUN else thing.id
-    return PlacedAsset(name, noun, thing.id, vector(extents * fit.scale))
+    front, told = front_of(item.mesh, front_side(label))
+    told = told and stands_as_read(item.mesh)
+    return PlacedAsset(
+        name, noun, thing.id, vector(extents * fit.scale), (float(front[0]), float(front[1])) if told else None
+    )
 
 
-def drafts_for(
-    name: str, contents: Segmentation, assets: Sequence[PlacedAsset], sampling: SamplingOptions, client: Client
-) -> tuple[SampleDraft, ...]:
-    """The samples of one scene; the share of those to be refused holds on average, each scene rounds by chance."""
+def samples_request(
+    name: str, contents: Segmentation, assets: Sequence[PlacedAsset], sampling: SamplingOptions
+) -> SamplesRequest:
+    """What is asked for one scene; the share of those to be refused holds on average, each scene rounds by chance."""
     refused = int(sampling.per_scene * sampling.infeasible + chance(sampling.seed, name, "infeasible"))
-    request = SamplesRequest(
+    return SamplesRequest(
         scene=name,
         instances=instance_views(contents),
         room_center=vector(room_center(contents)),
@@ -254,10 +264,14 @@ def drafts_for(
         infeasible=min(refused, sampling.per_scene),
         seed=sampling.seed,
     )
+
+
+def drafts_for(request: SamplesRequest, client: Client) -> tuple[SampleDraft, ...]:
+    """The samples of one scene; InputError where they cannot be made."""
     try:
         return client.ask(SAMPLES, request).samples
     except ValueError as error:
-        raise InputError(f"{name}: {error}") from error
+        raise InputError(f"{request.scene}: {error}") from error
 
 
 def write_dataset(
@@ -274,10 +288,8 @@ def write_dataset(
     rows: list[SampledRow] = []
     misses: dict[str, str] = {}
     for scene in made:
-        labels = {one.id: one.label for one in scene.contents.instances}
-        instances, center = instance_views(scene.contents), vector(room_center(scene.contents))
         for draft in scene.drafts:
-            truth = draft.truth(labels)
+            truth = draft.truth(scene.request)
             name = id_of(scene.name, draft, truth, {row.id for row in rows})
             seed = int(chance(sampling.seed, name, "seed") * LARGEST_SEED)
             thing, source = items[draft.object], scene.source
@@ -287,7 +299,8 @@ def write_dataset(
                     thing.object_options,
                 )
             )  # fmt: skip
-            missed = misread(IntentRequest(draft.prompt, views[draft.object], instances, center), truth)
+            asked = IntentRequest(draft.prompt, views[draft.object], scene.request.instances, scene.request.room_center)
+            missed = misread(asked, truth, draft.facing_id)
             if missed:
                 misses[name] = f"{draft.prompt} {missed}"
     contents = {one.name: [instance.label for instance in one.contents.instances] for one in made}
@@ -314,7 +327,8 @@ def write_dataset(
 
 def id_of(scene: str, draft: SampleDraft, truth: ExpectedOutcome, taken: set[str]) -> str:
     """A readable id that no other sample has."""
-    words = [scene, draft.object, truth.base or "absent", *draft.regions, truth.top]
+    facing = "facing" if draft.facing_id else ""
+    words = [scene, draft.object, truth.base or "absent", *draft.regions, truth.top, facing]
     name = slug("-".join(word for word in words if word))
     number = 2
     while (one := name if number == 2 and name not in taken else f"{name}-{number}") in taken:

@@ -96,6 +96,7 @@ def truth_text(rows: Sequence[SampledRow]) -> str:
         lines += [f"  base_id: {quoted(truth.base_id)}"] if truth.base_id else []
         lines += [f"  part: {scalar(truth.part)}", f"  region: {scalar(truth.region)}"]
         lines += [f"  top: {truth.top}"] if truth.top else []
+        lines += [f"  front: [{truth.front[0]:.4g}, {truth.front[1]:.4g}]"] if truth.front is not None else []
         lines += [f"  feasible: {str(truth.feasible).lower()}", f"  reason: {scalar(truth.reason)}"]
     return "\n".join(lines) + "\n"
 

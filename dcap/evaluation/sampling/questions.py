@@ -11,7 +11,7 @@ from typing import Literal
 from pydantic import BaseModel, Field
 
 from dcap.evaluation.outcome_table import ExpectedOutcome
-from dcap.evaluation.sampling.requests import PlacedAsset
+from dcap.evaluation.sampling.requests import PlacedAsset, asked_front
 from dcap.evaluation.sampling.supports import thing_name
 from dcap.evaluation.sampling.templates import TemplateSample, template_samples
 from dcap.language.offline.lexicon import Meaning, in_line, label_words, longest_phrase, split_words, vocabulary
@@ -58,16 +58,23 @@ class SampleDraft(BaseModel, frozen=True, extra="forbid"):
     part: str = Field(default="", description="name of the listed part of the base, only if no other will do")
     regions: tuple[Region, ...] = Field(default=(), description="only what the sentence says of the place on the base")
     top: Top = Field(default="", description="where the object's own top points, only if the sentence says so")
+    facing_id: str = Field(
+        default="", description="id of the listed instance that its front shall look at, only if the sentence says so"
+    )
     reason: RefusalReason = Field(default="", description="why it ought to be refused; empty if it ought to rest there")
 
-    def truth(self, labels: dict[str, str]) -> ExpectedOutcome:
-        """The intended outcome; `labels` by instance id."""
+    def truth(self, request: SamplesRequest) -> ExpectedOutcome:
+        """The intended outcome."""
+        there = {one.id: one for one in request.instances}
+        base, faced = there.get(self.base_id), there.get(self.facing_id)
+        asset = next(one for one in request.assets if one.name == self.object)
         return ExpectedOutcome(
-            base=labels.get(self.base_id, ""),
+            base=base.label if base is not None else "",
             base_id="" if self.any_such else self.base_id,
             part=self.part,
             region=" ".join(self.regions),
             top=self.top,
+            front=asked_front(asset, base, faced) if base is not None and faced is not None else None,
             feasible=not self.reason,
             reason=self.reason,
         )
@@ -128,6 +135,12 @@ def check_sample(one: SampleDraft, request: SamplesRequest) -> None:
         raise ValueError(
             f"{said}: there are several of label {base.label!r}, and nothing in it says that {base.id} is meant; "
             "say which, or that any_such will do"
+        )
+    faced = next((i for i in request.instances if i.id == one.facing_id), None)
+    if one.facing_id and (faced is None or one.any_such or asset.front is None or not speaks_of(one.prompt, faced)):
+        raise ValueError(
+            f"{said}: facing_id {one.facing_id!r} is for an asset with a front on one base, and for a listed instance "
+            "that the sentence names"
         )
     large = min(asset.size) > max(base.size[:2])
     if one.reason != "too_large_for_target" and large:
@@ -206,6 +219,7 @@ def draft_of(one: TemplateSample) -> SampleDraft:
             "part": surface.part if surface is not None else "",
             "regions": ask.regions,
             "top": tops.get(ask.pose, ""),
+            "facing_id": ask.faced.id if ask.faced is not None else "",
             "reason": reasons.get(ask.place, ""),
         }
     )

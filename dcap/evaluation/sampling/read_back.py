@@ -1,4 +1,4 @@
-"""What the embedded reader makes of sentences whose truth is known: support, part, region and pose.
+"""What the embedded reader makes of sentences whose truth is known: support, part, region, pose and facing.
 
 A measure of both. Nothing is left out because the reader misses it: a benchmark that is cut to its reader flatters it.
 """
@@ -16,8 +16,9 @@ POSES_OF_TOP = {
 }
 
 
-def misread(request: IntentRequest, truth: ExpectedOutcome) -> str:
-    """What the reader understands otherwise, in words; empty where it agrees."""
+def misread(request: IntentRequest, truth: ExpectedOutcome, faced: str = "") -> str:
+    """What the reader understands otherwise, in words; empty where it agrees. `faced` is the id of what the sentence
+    says that the object shall look at."""
     try:
         reply = OfflineClient().ask(INTENT, request)
     except LanguageError as refused:
@@ -37,4 +38,6 @@ def misread(request: IntentRequest, truth: ExpectedOutcome) -> str:
         return f"region {' '.join(reply.regions)} where none is asked for"
     if truth.top and reply.pose not in POSES_OF_TOP[truth.top]:
         return f"pose {reply.pose}"
+    if reply.facing != faced:
+        return f"facing {reply.facing or 'nothing'}"
     return f"not understood: {', '.join(reply.not_understood)}" if reply.not_understood else ""

@@ -7,11 +7,13 @@ object plausibly fits where its footprint leaves room; whether it comes to rest 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from dcap.evaluation.sampling.supports import FLAT_TOPS, WALKED_ON, CarryingSurface, is_sure, thing_name
+import numpy as np
+
+from dcap.evaluation.sampling.supports import FLAT_TOPS, WALKED_ON, CarryingSurface, is_sure, naming, thing_name
 from dcap.language.offline.lexicon import in_line, is_a, label_words, lineage, things
 from dcap.language.offline.likelihood import NO_KIND, coarse
 from dcap.language.offline.vessels import faced_by_opening
-from dcap.language.protocol.requests import InstanceView, Vector
+from dcap.language.protocol.requests import InstanceView, Vector, vector
 
 FITS, FITS_PART = 0.8, 0.45
 """Largest share of a surface's side that an object may take on the whole of it, and on a half or at an edge [-]."""
@@ -25,6 +27,11 @@ ROUND = 1.15
 """A thing that is less longer than thick has neither a top nor a side [-]."""
 TOO_LARGE = 1.5
 """An object whose shorter side exceeds the longer one of a surface by this factor does not fit [-]."""
+FACED_FROM = 1.0 / 3.0
+"""Least distance of what is faced from the middle of a surface, over its longer side: wherever in its middle third an
+object lies, it looks there in about the same direction [-]."""
+FACED_WIDTH = 1.0
+"""Largest width of what is faced, over its distance [-]."""
 ON_THE_FLOOR = ("furniture", "ball", "toy", "shoe", "bag", "basket", "box", "dumbbell", "cushion", "bucket", "plant")
 """Kinds of things that one puts on the floor."""
 ABSENT = ("bed", "sofa", "armchair", "bench", "stool", "desk", "dining table", "coffee table", "nightstand", "shelf",
@@ -44,6 +51,8 @@ class PlacedAsset:
     """What it is, a thing of the lexicon."""
     size: Vector
     """Extents along x, y, z as it stands in its file, in its placed size [m]."""
+    front: tuple[float, float] | None = None
+    """Horizontal unit vector out of its front, in its file; None if neither shape nor category tells it."""
 
     def is_kind(self, *kinds: str) -> bool:
         """Whether it is one of some kinds."""
@@ -76,6 +85,8 @@ class PlacementAsk:
     """What is not there."""
     pose: str = ""
     """upright, upside_down, on_side, or empty."""
+    faced: InstanceView | None = None
+    """What its front is to look at."""
 
     @property
     def base(self) -> str:
@@ -86,10 +97,13 @@ class PlacementAsk:
     def key(self) -> str:
         """What tells it from every other."""
         base = self.surface.base.id if self.surface is not None else self.absent
-        return " ".join((self.asset.name, base, self.place, *self.regions, self.landmark, self.pose))
+        words = (self.asset.name, base, self.place, *self.regions, self.landmark, self.pose)
+        return " ".join(words if self.faced is None else (*words, "facing", self.faced.id))
 
 
-def feasible_asks(surfaces: Sequence[CarryingSurface], assets: Sequence[PlacedAsset]) -> Iterator[PlacementAsk]:
+def feasible_asks(
+    surfaces: Sequence[CarryingSurface], assets: Sequence[PlacedAsset], instances: Sequence[InstanceView]
+) -> Iterator[PlacementAsk]:
     """Everything that ought to come to rest."""
     for surface in surfaces:
         for asset in assets:
@@ -100,6 +114,44 @@ def feasible_asks(surfaces: Sequence[CarryingSurface], assets: Sequence[PlacedAs
                 if ask.place in ("whole", "center") and not ask.landmark:
                     for pose in poses_of(asset, surface):
                         yield PlacementAsk(asset, surface, ask.place, ask.regions, pose=pose)
+                if ask.place == "center" and asset.front is not None:
+                    for faced in faced_from(surface, asset, instances):
+                        yield PlacementAsk(asset, surface, ask.place, ask.regions, faced=faced)
+
+
+def faced_from(
+    surface: CarryingSurface, asset: PlacedAsset, instances: Sequence[InstanceView]
+) -> Iterator[InstanceView]:
+    """What can be named and lies in one direction from the middle of a surface that stands once."""
+    if surface.several:
+        return
+    for one in instances:
+        distance = float(np.linalg.norm(towards(surface.base, one)))
+        width = float(np.hypot(one.high[0] - one.low[0], one.high[1] - one.low[1]))
+        if distance < FACED_FROM * surface.sides[0] or width > FACED_WIDTH * distance:
+            continue
+        thing, (several, names) = thing_name(one), naming(one, instances)
+        if one.id == surface.base.id or not is_sure(one) or several or not names or asset.is_kind(thing):
+            continue
+        if thing and not any(in_line(kind, thing) for kind in ("floor", "wall", "ceiling")):
+            yield one
+
+
+def towards(base: InstanceView, other: InstanceView) -> Vector:
+    """The horizontal way from the middle of one thing to that of another [m]."""
+    return vector(np.array([other.center[0] - base.center[0], other.center[1] - base.center[1], 0.0]))
+
+
+def asked_front(asset: PlacedAsset, base: InstanceView, faced: InstanceView) -> tuple[float, float]:
+    """Where the +y axis of an object's file points in the scene when its front looks from a base to what is faced: a
+    horizontal unit vector; ValueError for an object without a front."""
+    if asset.front is None:
+        raise ValueError(f"object {asset.name!r} has no front that its shape tells")
+    x, y, _ = towards(base, faced)
+    # a turn about the vertical is a product of complex numbers: faced = turn * front, and then turn * i
+    turned = 1j * complex(x, y) / complex(*asset.front)
+    turned /= abs(turned)
+    return turned.real, turned.imag
 
 
 def goes_with(asset: PlacedAsset, surface: CarryingSurface) -> bool:

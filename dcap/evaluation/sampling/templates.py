@@ -40,7 +40,7 @@ def template_samples(
         before = len(draw.made)
         draw.take(kinds[first], 1)
         draw.take(kinds[1 - first], before + 1 - len(draw.made))
-    draw.take(feasible_asks(surfaces, assets), count - len(draw.made))
+    draw.take(feasible_asks(surfaces, assets, instances), count - len(draw.made))
     if len(draw.made) < count:
         what = "nothing that can be named carries anything" if not surfaces else f"has {len(draw.made)} samples"
         raise InputError(f"{scene}: {what}, fewer than {count}; lower --per-scene or add objects")
@@ -87,4 +87,8 @@ class AskDraw:
 def spoken_of(ask: PlacementAsk) -> tuple[tuple[str, str], ...]:
     """Support, object, and place with the pose."""
     support = ask.surface.base.id if ask.surface is not None else ask.absent
-    return ("support", support), ("object", ask.asset.name), ("place", f"{ask.place} {ask.pose}")
+    return (
+        ("support", support),
+        ("object", ask.asset.name),
+        ("place", f"{ask.place} {ask.pose}{' facing' if ask.faced is not None else ''}"),
+    )

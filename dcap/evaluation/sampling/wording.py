@@ -5,6 +5,7 @@ In: a `PlacementAsk`. Out: a sentence. Which of several wordings is taken is dra
 
 from dcap.evaluation.sampling.chance import chance, picked
 from dcap.evaluation.sampling.requests import PlacementAsk
+from dcap.language.offline.lexicon import label_words
 
 VERBS = ("Put", "Place", "Set", "Leave", "Please put", "Please place", "I want to put", "Could you place")
 VERBS_OF_POSE = {
@@ -27,6 +28,7 @@ PLACES = {
     "absent": ("on the {absent}", "at the center of the {absent}", "near the edge of the {absent}"),
     "too large": ("on the {base}", "onto the {base}"),
 }  # fmt: skip
+FACING = (" facing the {faced}", ", facing the {faced}")
 LOW = ("on the {base}", "onto the {base}")
 """Of what one does not put things on top of: a floor, a rug, a seat."""
 ONTO, MOVING = "onto", ("put", "place")
@@ -50,6 +52,8 @@ def sentence(ask: PlacementAsk, *words: object) -> str:
         landmark=ask.landmark,
         absent=ask.absent,
     )
+    if ask.faced is not None:
+        where += picked(FACING, *words, ask.key, "facing").format(faced=" ".join(label_words(ask.faced.label)))
     indefinite = chance(*words, ask.key, "article") < INDEFINITE and not several(ask.asset.noun)
     article = with_article(ask.asset.noun) if indefinite else f"the {ask.asset.noun}"
     text = " ".join(part for part in (verb, article, POSE_WORDS.get(ask.pose, ""), where) if part)

@@ -1,14 +1,24 @@
 """Samples of a scene hold of that scene, do not repeat, and depend on the seed and the scene alone."""
 
+from dataclasses import replace
+
 import pytest
 from furnished_views import ROOM, part, thing
 
-from dcap.evaluation.sampling.questions import SampleDraft, SamplesReply, SamplesRequest, by_templates
+from dcap.evaluation.sampling.questions import (
+    SampleDraft,
+    SamplesReply,
+    SamplesRequest,
+    by_templates,
+    check_sample,
+    draft_of,
+)
 from dcap.evaluation.sampling.read_back import misread
-from dcap.evaluation.sampling.requests import PlacedAsset, absent_things
+from dcap.evaluation.sampling.requests import PlacedAsset, absent_things, asked_front, feasible_asks
 from dcap.evaluation.sampling.splits import shares_of, split_scenes
 from dcap.evaluation.sampling.supports import carrying_surfaces
-from dcap.evaluation.sampling.wording import with_article
+from dcap.evaluation.sampling.templates import TemplateSample
+from dcap.evaluation.sampling.wording import sentence, with_article
 from dcap.evaluation.supports_table import supports_table
 from dcap.language.protocol.requests import IntentRequest, ObjectView
 from dcap.scene.errors import InputError
@@ -17,8 +27,8 @@ BALL = PlacedAsset("ball", "ball", "ball", (0.2, 0.2, 0.2))
 MUG = PlacedAsset("mug", "mug", "mug", (0.08, 0.08, 0.1))
 BOTTLE = PlacedAsset("bottle", "bottle", "bottle", (0.07, 0.07, 0.25))
 WARDROBE = PlacedAsset("wardrobe", "wardrobe", "wardrobe", (1.2, 0.6, 2.0))
-ASSETS = (BALL, MUG, BOTTLE, WARDROBE)
-LABELS = {one.id: one.label for one in ROOM}
+BEAR = PlacedAsset("bear", "teddy bear", "plush toy", (0.3, 0.25, 0.35), front=(0.0, -1.0))
+ASSETS = (BALL, MUG, BOTTLE, WARDROBE, BEAR)
 
 
 def asked(count: int = 20, infeasible: int = 4, seed: int = 0, scene: str = "room") -> SamplesRequest:
@@ -52,23 +62,51 @@ def test_the_reader_understands_the_sentences(seed: int) -> None:
     """Support, part, region and pose of every sentence are read back."""
     for one in by_templates(asked(seed=seed)).samples:
         request = IntentRequest(one.prompt, ObjectView(one.object, (0.2, 0.1, 0.1), ()), ROOM, (0.0, 0.0, 0.0))
-        assert misread(request, one.truth(LABELS)) == ""
+        assert misread(request, one.truth(asked()), one.facing_id) == ""
+
+
+def test_what_has_a_front_is_asked_to_face_something() -> None:
+    """Sentences name what is faced, which the reader reads back; others know of no front."""
+    asks = [one for one in feasible_asks(carrying_surfaces(ROOM), ASSETS, ROOM) if one.faced is not None]
+    assert {one.asset.name for one in asks} == {"bear"}
+    for ask in asks:
+        one = draft_of(TemplateSample(ask, sentence(ask, 0)))
+        check_sample(one, asked())
+        request = IntentRequest(one.prompt, ObjectView("bear", (0.35, 0.3, 0.25), ()), ROOM, (0.0, 0.0, 0.0))
+        assert misread(request, one.truth(asked()), one.facing_id) == ""
+        assert misread(request, one.truth(asked()), "door_9").startswith("facing")
+    with pytest.raises(ValueError, match="facing_id"):
+        check_sample(
+            draft(prompt="Put the mug at the center of the desk, facing the sofa.", facing_id="sofa_0"), asked()
+        )
+
+
+@pytest.mark.parametrize(
+    ("front", "at", "y"),
+    [((0, -1), (0, -2), (0, 1)), ((0, 1), (3, 0), (1, 0)), ((1, 0), (0, 2), (-1, 0)), ((-1, 0), (-2, 0), (0, 1))],
+)
+def test_the_truth_of_a_facing_is_that_of_the_files_axes(
+    front: tuple[float, float], at: tuple[float, float], y: tuple[float, float]
+) -> None:
+    """Where +y of the file points once the front looks at what is faced, for fronts along each axis."""
+    base, faced = (thing(name, name, (*where, 0.0), (1.0, 1.0, 1.0)) for name, where in (("a", (0, 0)), ("b", at)))
+    assert asked_front(replace(BEAR, front=front), base, faced) == pytest.approx(y)
 
 
 def test_the_reader_is_told_apart_from_the_truth() -> None:
     """A truth that the sentence does not say is a miss."""
     request = IntentRequest("Put the mug on the desk.", ObjectView("mug", (0.1, 0.1, 0.1), ()), ROOM, (0.0, 0.0, 0.0))
-    assert misread(request, draft().truth(LABELS)) == ""
-    assert "base desk" in misread(request, draft(base_id="night_0").truth(LABELS))
-    assert "region none" in misread(request, draft(regions=("center",)).truth(LABELS))
-    assert "pose" in misread(request, draft(top="down").truth(LABELS))
+    assert misread(request, draft().truth(asked())) == ""
+    assert "base desk" in misread(request, draft(base_id="night_0").truth(asked()))
+    assert "region none" in misread(request, draft(regions=("center",)).truth(asked()))
+    assert "pose" in misread(request, draft(top="down").truth(asked()))
 
 
 def test_two_of_a_label_are_any_of_them() -> None:
     """A room with two beds has one surface "bed", and no id is expected of it."""
     beds = [one for one in carrying_surfaces(ROOM) if one.thing == "bed"]
     assert [one.several for one in beds] == [True]
-    truths = [one.truth(LABELS) for one in by_templates(asked(60, 0)).samples]
+    truths = [one.truth(asked()) for one in by_templates(asked(60, 0)).samples]
     assert {truth.base_id for truth in truths if truth.base == "bed"} == {""}
     assert {truth.base_id for truth in truths if truth.base == "desk"} == {"desk_0"}
 
