@@ -127,6 +127,8 @@ def faced_from(
         return
     for one in instances:
         distance = float(np.linalg.norm(towards(surface.base, one)))
+        if abs(one.center[2] - surface.base.high[2]) > distance:  # nobody faces what is overhead
+            continue
         width = float(np.hypot(one.high[0] - one.low[0], one.high[1] - one.low[1]))
         if distance < FACED_FROM * surface.sides[0] or width > FACED_WIDTH * distance:
             continue
