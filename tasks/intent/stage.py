@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, PositiveFloat
 
 from dcap.language.connect import Client
+from dcap.language.offline.ground import NAMELESS
 from dcap.language.offline.likelihood import LEAST
 from dcap.language.protocol.client import LanguageConfig
 from dcap.language.protocol.questions import INTENT
-from dcap.language.protocol.replies import IntentReply
+from dcap.language.protocol.replies import Candidate, IntentReply
 from dcap.language.protocol.requests import IntentRequest
 from dcap.scene.errors import InputError
 from dcap.scene.types.intent import Intent, OrientationRequest, SupportCandidate
@@ -27,7 +28,7 @@ from tasks.cache import stage
 from tasks.intent.given_place import place_of
 from tasks.intent.request import intent_request
 from tasks.intent.rescale import Rescale, rescale
-from tasks.intent.which import settle_choice
+from tasks.intent.which import SURE_BY_SHAPE, doubted, settle_choice
 from tasks.requests.views import instance_of
 
 LONGEST_PROMPT = 1000
@@ -69,6 +70,9 @@ def intent(
     reply = client.ask(INTENT, request)
     if not reply.base_id:
         return not_found(reply, request)
+    unsure = doubted(reply, request) if config.ambiguous == "ask" else None
+    if unsure is not None:
+        return not_sure(unsure, reply, request)
     open_choice = settle_choice(reply, request, ask=config.ambiguous == "ask")
     extents = np.array(request.item.size)
     fit = scale_of(reply, extents, config, item.unit_source)
@@ -118,6 +122,21 @@ def not_found(reply: IntentReply, request: IntentRequest) -> Infeasible:
         Reason.TARGET_NOT_FOUND,
         f"{none}{meant}; it has: {there}{shapes}",
         NotInScene(asked=reply.missing, present=(*present, *structure), object=reply.object_name),
+    )
+
+
+def not_sure(likeliest: Candidate, reply: IntentReply, request: IntentRequest) -> Infeasible:
+    """What is meant is only guessed: ask, as a wrong guess is found out too late."""
+    label = {one.id: one.label for one in request.instances}[likeliest.id]
+    says = likeliest.id if label == NAMELESS else f"the {label} with id {likeliest.id}"
+    present = tuple(sorted({one.label for one in request.instances if not one.structure}))
+    return Infeasible(
+        Reason.TARGET_NOT_FOUND,
+        f"which thing does {request.prompt!r} mean? Nobody named what is here: by its shape {likeliest.id} ({label}) "
+        f"is meant with likelihood {likeliest.likelihood:.2f}, and less than {SURE_BY_SHAPE:g} is not taken unasked. "
+        f"candidates.png shows everything with its id: say which in the sentence ({says!r}), point with "
+        "--at X,Y,Z, name things with dcap dataset label and --labels, or take the likeliest with --ambiguous best",
+        NotInScene(asked=label, present=present, object=reply.object_name),
     )
 
 

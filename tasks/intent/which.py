@@ -2,7 +2,7 @@
 
 In: a reply with how likely each thing is meant. Out: nothing where one thing is meant; else a LanguageError whose one
 line tells the candidates apart so that a person can answer, or, where no one is to be asked, a note that says which
-was taken.
+was taken. A thing that only its shape names must be likely by itself, too.
 """
 
 from collections.abc import Sequence
@@ -14,6 +14,9 @@ from dcap.scene.errors import LanguageError
 
 AS_LIKELY = 0.5
 """Share of the best one's likelihood from which another may be meant as well [-]."""
+SURE_BY_SHAPE = 0.6
+"""Likelihood from which a thing that only its shape names is taken without a question: of those below it fewer than
+nine in ten are right (decision 052) [-]."""
 MOST = 8
 """So many are listed [-]."""
 
@@ -32,6 +35,17 @@ def settle_choice(reply: IntentReply, request: IntentRequest, *, ask: bool) -> t
         others = ", ".join(one.id for one in found[1:])
         notes.append(f"{found[0].label}: several may be meant, {found[0].id} is taken (also {others})")
     return tuple(notes)
+
+
+def doubted(reply: IntentReply, request: IntentRequest) -> Candidate | None:
+    """The likeliest thing, or reference, that only its shape names and that is hardly sure to be meant; None where all
+    are."""
+    by_shape = {one.id for one in request.instances if one.guesses}
+    for candidates in (reply.candidates, reply.reference_candidates):
+        best = max(candidates, key=lambda one: one.likelihood, default=None)
+        if best is not None and best.id in by_shape and best.likelihood < SURE_BY_SHAPE:
+            return best
+    return None
 
 
 def as_likely(candidates: Sequence[Candidate]) -> list[Candidate]:

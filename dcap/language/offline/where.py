@@ -169,7 +169,7 @@ def references_of(noun: Noun, target: Target, request: IntentRequest, *, several
     told = target.reference_candidates[0].id if target.reference_candidates else ""
     if any(i.id == told for i in chosen.instances) and not noun.sides and not noun.colour:
         return [told]  # the thing by which the base was found
-    if chosen.open and not noun.plural and not is_any(chosen.best):
+    if (chosen.open or chosen.best.guesses) and not noun.plural and not is_any(chosen.best):
         target.reference_candidates = as_candidates(chosen)
     return [chosen.best.id]
 

@@ -110,6 +110,22 @@ def test_what_shapes_only_guess_is_taken_with_its_likelihood():
     assert any("by its shape, likelihood 0.30" in note for note in found.notes)
 
 
+def test_a_thing_or_reference_that_is_only_guessed_is_asked_about():
+    """From how sure it has to be, its id and where to look; what it says to write is taken."""
+    room = by_shape(ROOM, ("stool", 0.5), ("bench", 0.3))
+    found = OFFLINE.meant("put the ball on the bench", thing("ball", ball()), room)
+    assert isinstance(found, Infeasible)
+    for said in ("likelihood 0.30", "0.6", "candidates.png", "--at X,Y,Z", "--labels", "--ambiguous best"):
+        assert said in found.message
+    said = found.message.split("say which in the sentence ('")[1].split("'")[0]
+    answered = OFFLINE.meant(f"put the ball on {said}", thing("ball", ball()), room)
+    assert isinstance(answered, Intent)
+    assert said.endswith(answered.base_id)
+    beside = OFFLINE.meant("put the ball on the floor next to the bench", thing("ball", ball()), room)
+    assert isinstance(beside, Infeasible)
+    assert "likelihood 0.30" in beside.message
+
+
 @pytest.mark.parametrize("prompt", ["", "hello there", "x" * 2000])
 def test_useless_prompts_are_refused(prompt):
     """Exit code 2 and nothing placed."""
