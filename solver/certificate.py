@@ -236,8 +236,8 @@ class ContactProof:
     """Largest distance of such a point from the surface of one of its two bodies; those that carry the last tenth of
     the force between two bodies do not count."""
     imbalance: CertificateRow
-    """Largest part of what a free body weighs or carries, or of a rigid one's torque, that is not held by forces which
-    push within a millimetre of the surfaces, or by bonds [-]."""
+    """Largest part of what a free body weighs or carries, or of its torque, that is not held by forces which push
+    within a millimetre of the surfaces, inside the cone of friction, or by bonds [-]."""
 
     @property
     def holds(self) -> bool:

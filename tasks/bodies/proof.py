@@ -11,10 +11,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from dcap.geometry.pieces import numbered_pieces, outward
 from dcap.geometry.raycast import tensor
 from dcap.scene.types.mesh import Mesh
 from solver.certificate import Certificate, CertificateRow, ContactProof, PointForces, Verdict
-from solver.model.bodies import Body, Model, RigidBody, SoftBody, free_motions
+from solver.errors import UnstableStep
+from solver.model.bodies import Body, Model, SoftBody, free_motions
 from solver.model.state import best_rigid_motion
 from solver.result import SettledModel
 
@@ -39,11 +41,19 @@ STRAIN = 0.2
 FARTHEST_M = 1e-3
 """A force that acts farther from a surface than this holds nothing [m]."""
 
+PULL = 0.2
+"""Share of a force that may pull at a face where two faces touch: their normals are not quite opposite [-]."""
+CONE, UNEVEN = 2.0, 0.1
+"""Triangles are flat where surfaces are curved: the friction that is allowed over that of the bodies, and the share by
+which forces may push less than that says [-]."""
+
 TINY = np.finfo(float).tiny
 
 
 def proven(model: Model, result: SettledModel) -> SettledModel:
-    """The outcome with its proof; one at rest that the surfaces do not bear out has found no equilibrium."""
+    """The outcome with its proof; one at rest that the surfaces do not bear out has found no equilibrium. UnstableStep
+    for a state that is not finite."""
+    require_finite(model, result)
     surfaces = [Mesh.of(end.vertices, body.faces) for end, body in zip(result.bodies, model.bodies, strict=True)]
     proof = contact_proof(model, surfaces, result.forces, largest_gap(result.certificate))
     certificate = replace(result.certificate, proof=proof)
@@ -51,6 +61,18 @@ def proven(model: Model, result: SettledModel) -> SettledModel:
         return replace(result, certificate=certificate)
     warnings = (*result.warnings, refutation(proof))
     return replace(result, certificate=certificate, verdict=Verdict.NO_EQUILIBRIUM, warnings=warnings)
+
+
+def require_finite(model: Model, result: SettledModel) -> None:
+    """UnstableStep that names the first thing in a final state that is not a number."""
+    for end in result.bodies:
+        if not np.isfinite(end.vertices).all():
+            raise UnstableStep(f"the surface of body {end.name!r} at the end is not finite")
+    forces = result.forces
+    broken = np.flatnonzero(~(np.isfinite(forces.force) & np.isfinite(forces.position)).all(axis=1))
+    if len(broken):
+        a, b = (model.bodies[int(which[broken[0]])].name for which in (forces.a, forces.b))
+        raise UnstableStep(f"a force between {a!r} and {b!r} at the end is not finite")
 
 
 def largest_gap(certificate: Certificate) -> float:
@@ -74,12 +96,11 @@ def refutation(proof: ContactProof) -> str:
 
 def contact_proof(model: Model, surfaces: Sequence[Mesh], forces: PointForces, largest_gap: float) -> ContactProof:
     """Measure on the final surfaces, one for each body, where forces act and what they hold."""
-    if not all(np.isfinite(one).all() for one in (forces.force, forces.position, *(s.vertices for s in surfaces))):
-        return ContactProof(0, CertificateRow.at_most(0.0, largest_gap), CertificateRow.at_most(1.0, LARGEST_IMBALANCE))
     size = np.linalg.norm(forces.force, axis=1)
     gap, allowed = np.zeros(len(size)), np.full(len(size), largest_gap)
     start, deep = np.zeros((2, len(size), 3)), np.zeros(len(size))
-    push, flat = np.zeros((2, len(size))), np.zeros((2, len(size)), dtype=bool)
+    push = np.zeros((2, len(size)))
+    flat, known = np.zeros((2, 2, len(size)), dtype=bool)
     touching = ~forces.bonded & (size > 0.0)
     for which_side, (which, sign) in enumerate(((forces.a, -1.0), (forces.b, 1.0))):
         for index in np.unique(which).tolist():
@@ -87,8 +108,11 @@ def contact_proof(model: Model, surfaces: Sequence[Mesh], forces: PointForces, l
             if len(mine) == 0:
                 continue
             near = nearest(surfaces[index], forces.position[mine])
+            outside, known[which_side, mine] = sides_of(
+                Mesh.of(model.bodies[index].vertices, surfaces[index].faces), near.face
+            )
             gap[mine] = np.maximum(gap[mine], near.distance)
-            push[which_side, mine] = sign * np.einsum("ki,ki->k", forces.force[mine], near.normal)
+            push[which_side, mine] = sign * outside * np.einsum("ki,ki->k", forces.force[mine], near.normal)
             flat[which_side, mine] = near.weight.min(axis=1) > ON_AN_EDGE
             start[which_side, mine] = started(model.bodies[index], surfaces[index], forces.position[mine], near)
             deep[mine] = np.maximum(deep[mine], near.distance)
@@ -98,7 +122,8 @@ def contact_proof(model: Model, surfaces: Sequence[Mesh], forces: PointForces, l
     ordered = np.column_stack([forces.a, forces.b])
     for one in np.unique(ordered[touching], axis=0):
         mine = np.flatnonzero(touching & (ordered == one).all(axis=1))
-        pushed[mine] = pushing(push[:, mine], flat[:, mine])
+        friction = model.friction(*(model.bodies[index] for index in one.tolist()))[0]
+        pushed[mine] = pushing(push[:, mine], flat[:, mine], known[:, mine], size[mine], friction)
     rows = [CertificateRow.at_most(0.0, largest_gap)]
     pair = np.sort(ordered, axis=1)
     for one in np.unique(pair[touching], axis=0):
@@ -115,21 +140,42 @@ def contact_proof(model: Model, surfaces: Sequence[Mesh], forces: PointForces, l
     )
 
 
-def pushing(push: Array, flat: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def pushing(
+    push: Array, flat: NDArray[np.bool_], known: NDArray[np.bool_], size: Array, friction: float
+) -> NDArray[np.bool_]:
     """Tell which forces of one body on another push at a surface, shape (k,).
 
-    In: their parts along the inward normals of the first and the outward normals of the second body [N], and where
-    these are normals of faces, not of edges, shape (2, k) each.
+    In: their parts along the inward normals of the first and the outward normals of the second body [N], where these
+    are normals of faces, not of edges, and where the outside of the surface is known, shape (2, k) each; their sizes
+    [N], shape (k,), and the static friction of the two bodies [-].
 
     The second body's face decides, as the place is a point of the first; where that is an edge, the first one's. A
-    surface at which forces pull while they push at the other one is inside out, as scans may be.
+    face of the first that has a known outside must not be pulled either. An open surface at which forces pull while
+    they push at the other one is inside out, as scans may be. At each of the two surfaces the forces together lie in
+    the cone of friction.
     """
     first, second = (np.where(there, along, 0.0) for along, there in zip(push, flat, strict=True))
-    if first.sum() < 0.0 < second.sum():
+    if first.sum() < 0.0 < second.sum() and not known[0].any():
         first = -first
-    elif second.sum() < 0.0 < first.sum():
+    elif second.sum() < 0.0 < first.sum() and not known[1].any():
         second = -second
-    return np.where(flat[1], second, first) >= 0.0
+    deciding = np.where(flat[1], second, first)
+    holds = (deciding >= 0.0) & ~(flat[0] & known[0] & (first < -PULL * size))
+    steepest = 1.0 / np.hypot(1.0, CONE * friction) - UNEVEN
+    for along, told in ((first, flat[0] & known[0]), (second, flat[1])):
+        told = told & holds
+        if along[told].sum() < steepest * size[told].sum():
+            holds = holds & ~told
+    return holds
+
+
+def sides_of(surface: Mesh, face: NDArray[np.int64]) -> tuple[Array, NDArray[np.bool_]]:
+    """Whether the normals of some faces (k,) of a surface point out of it, 1, or into it, -1, and whether that is
+    known: by the volume that their piece of the surface encloses, which an open piece does not."""
+    piece, is_open = numbered_pieces(surface)
+    turned = (outward(surface).faces[face] != surface.faces[face]).any(axis=1)
+    known = ~is_open[piece[face]]
+    return np.where(turned & known, -1.0, 1.0), known
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -187,9 +233,10 @@ def imbalances(
     model: Model, surfaces: Sequence[Mesh], forces: PointForces, valid: NDArray[np.bool_]
 ) -> Iterator[float]:
     """Return the imbalance of each free body under valid forces [-]: force over its weight, or over what it carries
-    where that is more, and of a rigid body torque about its centre of mass over the same times half its size. Torque
-    that rolling resistance may hold, the force times the largest lever of the surfaces, is not counted. A body without
-    a valid force is not held at all."""
+    where that is more, and torque about its centre of mass over the same times half its size. Torque that rolling
+    resistance may hold, the force times the largest lever of the surfaces, is not counted; nor is that of a soft body
+    whose lever is within its bending, as its centre is known no better. A body without a valid force is not held at
+    all."""
     heaviest = max((body.mass for body in model.bodies if not body.fixed), default=0.0) * model.gravity_strength
     for index, body in enumerate(model.bodies):
         if body.fixed:
@@ -204,13 +251,14 @@ def imbalances(
         scale = min(max(weight, carried), heaviest)
         rest = (own.sum(axis=0) + body.mass * model.gravity) * free_motions(body)[:3]
         yield float(np.linalg.norm(rest)) / scale
-        if isinstance(body, RigidBody):
-            partners = {index, *forces.a[second].tolist(), *forces.b[first].tolist()}
-            lever = max(float(model.bodies[one].friction_rows[:, 2].max()) for one in partners)
-            position = np.concatenate([forces.position[first], forces.position[second]])
-            rotation, translation = best_rigid_motion(
-                body.vertices, surfaces[index].vertices, np.ones(len(body.vertices))
-            )
-            arm = position - (rotation @ body.center_of_mass + translation)
-            torque = np.linalg.norm(np.cross(arm, own).sum(axis=0) * free_motions(body)[3:])
-            yield max(float(torque) / scale - lever, 0.0) / (0.5 * body.size)
+        partners = {index, *forces.a[second].tolist(), *forces.b[first].tolist()}
+        lever = max(float(model.bodies[one].friction_rows[:, 2].max()) for one in partners)
+        position = np.concatenate([forces.position[first], forces.position[second]])
+        now = surfaces[index].vertices
+        rotation, translation = best_rigid_motion(body.vertices, now, np.ones(len(body.vertices)))
+        if isinstance(body, SoftBody):
+            bent = now - (body.vertices @ rotation.T + translation)
+            lever += float(np.sqrt((bent**2).sum(axis=1).mean()))
+        arm = position - (rotation @ body.center_of_mass + translation)
+        torque = np.linalg.norm(np.cross(arm, own).sum(axis=0) * free_motions(body)[3:])
+        yield max(float(torque) / scale - lever, 0.0) / (0.5 * body.size)
