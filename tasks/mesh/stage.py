@@ -1,6 +1,6 @@
 """Stage mesh: a foreign file or folder in, one clean coloured mesh in metres and z up out.
 
-A folder or file that has only Gaussian splats gets a surface from them, in a process of its own (Taichi).
+A folder or file that has only Gaussian splats or points gets a surface from them, in a process of its own (Taichi).
 Cleaning is light, so that a scan's surface stays what it is: faces without area and repeated faces go, equal vertices
 of equal colour become one. What was done is said in the notes.
 """
@@ -16,12 +16,13 @@ from pydantic import BaseModel, NonNegativeInt, PositiveFloat, PositiveInt
 from dcap.geometry.splatting.config import SurfaceConfig
 from dcap.scene.errors import FormatError, GeometryError
 from dcap.scene.readers.frame.frame import Role
-from dcap.scene.readers.scenes.sugar import has_only_splats
+from dcap.scene.readers.scenes.sugar import has_no_faces
 from dcap.scene.readers.source import read_scan
 from dcap.scene.types.file_scale import FileScale
 from dcap.scene.types.gaussians import Gaussians
 from dcap.scene.types.given_labels import VertexLabels
 from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.point_cloud import PointCloud
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.scan import Scan
 from tasks.artifact import Source
@@ -38,7 +39,7 @@ class MeshConfig(BaseModel, frozen=True, extra="forbid"):
     color_levels: PositiveInt = 16
     """Vertices whose colours fall into the same of this many levels per channel may be welded [-]."""
     surface: SurfaceConfig = SurfaceConfig()
-    """How a surface is found where there are only splats."""
+    """How a surface is found where there are only splats or points."""
     threads: NonNegativeInt = 0
     """Worker threads for that, 0: all cores; never changes a result."""
 
@@ -67,7 +68,7 @@ def mesh(
 ) -> Scan:  # fmt: skip
     """Read the source and clean it; the role decides which sizes are plausible and which option a message names."""
     try:
-        mesher = partial(surface, config=config)
+        mesher = partial(surface, role=role, config=config)
         ask = role is Role.SCENE and options.unit == "auto"
         scan = read_scan(
             source.path, options, role, folder=source.folder, mesher=mesher, labels=labels, ask_scale=ask
@@ -77,22 +78,28 @@ def mesh(
         raise FormatError(f"{source.path}: {error}") from None
 
 
-def surface(splats: Gaussians, config: MeshConfig) -> Mesh:
-    """The surface of Gaussians in metres; starts Taichi."""
-    from dcap.geometry.splatting.surface import mesh_of_splats  # loads Taichi and Open3D, which a mesh does not need
+def surface(bare: Gaussians | PointCloud, role: Role, config: MeshConfig) -> tuple[Mesh, tuple[str, ...]]:
+    """The surface of Gaussians or points in metres and what was assumed of it; starts Taichi."""
+    from dcap.geometry.splatting.cloud import mesh_of_points  # loads Taichi and Open3D, which a mesh does not need
+    from dcap.geometry.splatting.surface import mesh_of_splats
     from solver.runtime import available_cores, start
 
     start(config.threads)
+    threads = config.threads or len(available_cores())
 
     def tell(part: float, text: str) -> None:
         LOG.info(text, extra={"progress": part})
 
-    return mesh_of_splats(splats, config.surface, config.threads or len(available_cores()), tell)
+    if isinstance(bare, Gaussians):
+        mesh = mesh_of_splats(bare, config.surface, threads, tell)
+        return mesh, (f"no mesh: the surface is reconstructed from Gaussian splats ({len(mesh.faces)} faces)",)
+    mesh, notes = mesh_of_points(bare, config.surface, single=role is Role.OBJECT, threads=threads, progress=tell)
+    return mesh, (f"no mesh: the surface is reconstructed from points ({len(mesh.faces)} faces)", *notes)
 
 
 def needs_process(source: Source, **_: object) -> bool:
-    """Whether a source is splats: Taichi runs once per process."""
-    return has_only_splats(source.path)
+    """Whether a source is splats or points: Taichi runs once per process."""
+    return has_no_faces(source.path)
 
 
 mesh_scene_task = stage(mesh_scene, process=needs_process)

@@ -155,6 +155,8 @@ def kept_apart(points: SurfacePoints, cell: float, threads: int = 1) -> Array:
     a cell or the distance of points, and gradually off it up to twice that: where the reconstruction mixes up the sides
     it leaves holes."""
     p, n = points.position, points.normal
+    if not points.lead.any():
+        return p
     count = min(NEAR_BY, len(p))
     distance = cKDTree(p).query(p, k=[count], workers=threads)[0][:, 0]
     least = np.maximum(cell, distance * np.sqrt(np.pi / count))

@@ -31,10 +31,10 @@ FOV_DEG = 92.0
 """Six pictures of a right angle see everything; a little more lets them overlap [degrees]."""
 
 
-def viewpoints(splats: Gaussians, places: int, pixels: int, seed: int = 0) -> list[Camera]:
+def viewpoints(splats: Gaussians, places: int, pixels: int, seed: int = 0, enclosed: float = ENCLOSED) -> list[Camera]:
     """Square cameras that together see what can be seen: six at each of `places` inside a room, or one at each of three
     times as many around what has no inside."""
-    inside = inner_places(splats, places, seed)
+    inside = inner_places(splats, places, seed, enclosed)
     if len(inside):
         return [looking_at(p, p + d, pixels, pixels, fov_deg=FOV_DEG) for p in inside for d in CUBE]
     outside, center = outer_places(splats, 3 * places, np.radians(FOV_DEG))
@@ -55,7 +55,7 @@ def bulk(splats: Gaussians) -> tuple[Array, Array]:
     return low.astype(np.float64), high.astype(np.float64)
 
 
-def inner_places(splats: Gaussians, count: int, seed: int) -> Array:
+def inner_places(splats: Gaussians, count: int, seed: int, enclosed: float = ENCLOSED) -> Array:
     """Up to `count` places inside, far apart from each other [m], shape (k, 3); none where there is no inside."""
     random = np.random.default_rng(seed)
     low, high = bulk(splats)
@@ -66,7 +66,7 @@ def inner_places(splats: Gaussians, count: int, seed: int) -> Array:
     distance, _ = cKDTree(opaque.position).query(points)
     points = points[distance > CLEARANCE + 2.0 * float(np.median(opaque.scale.max(axis=1)))]
     _, some = np.unique(np.floor(opaque.position / (GRAIN * np.linalg.norm(high - low))), axis=0, return_index=True)
-    return far_apart(points[enclosure(points, opaque.position[some]) >= ENCLOSED], count)
+    return far_apart(points[enclosure(points, opaque.position[some]) >= enclosed], count)
 
 
 def enclosure(places: Array, positions: NDArray[np.floating]) -> Array:

@@ -5,7 +5,8 @@ has no more of it than one of a layer below, between two of the first. The place
 the Gaussian that stops most of the light in its pixel is hidden.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,21 +26,49 @@ def best_origins(
     """The camera that sees each Gaussian best, frontally and from near [m], shape (n, 3); NaN where none does. `gap` is
     the distance of Gaussians around each [m], shape (n,)."""
     splats = splatter.splats
-    flat = np.take_along_axis(splatter.axes, splats.log_scale.argmin(axis=1)[:, None, None], axis=2)[:, :, 0]
     best, origin = np.zeros(len(splats)), np.full((len(splats), 3), np.nan)
-    cameras = viewpoints(splats, config.places, config.pixels)
+    for seen in sightings(splatter, gap, viewpoints(splats, config.places, config.pixels), config, progress):
+        score = seen.weight * np.abs(seen.cosine) / seen.distance
+        better = score > best[seen.index]
+        best[seen.index[better]], origin[seen.index[better]] = score[better], seen.camera.position
+    return origin
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Sighting:
+    """The Gaussians of the visible surface that one camera sees."""
+
+    camera: Camera
+    index: NDArray[np.int64]
+    """Their numbers, shape (k,)."""
+    weight: NDArray[np.float32]
+    """Largest share that each has in a pixel [-], shape (k,)."""
+    cosine: Array
+    """Of the angle between its thinnest axis and the way to the camera, of either sign [-], shape (k,)."""
+    distance: Array
+    """To the camera [m], shape (k,)."""
+
+
+def sightings(
+    splatter: Splatter,
+    gap: NDArray[np.float32],
+    cameras: Sequence[Camera],
+    config: SurfaceConfig,
+    progress: Progress | None = None,
+) -> Iterator[Sighting]:
+    """What each camera sees; `gap` is the distance of Gaussians around each [m], shape (n,)."""
+    splats = splatter.splats
+    flat = np.take_along_axis(splatter.axes, splats.log_scale.argmin(axis=1)[:, None, None], axis=2)[:, :, 0]
     for i, camera in enumerate(cameras):
         view = splatter.view(camera)
         visible = np.flatnonzero(view.weight > config.seen)
         visible = visible[behind(splats.position, flat, view, camera, visible) <= config.slack * gap[visible]]
         away = camera.position - splats.position[visible]
         distance = np.linalg.norm(away, axis=1)
-        score = view.weight[visible] * np.abs(np.einsum("ni,ni->n", flat[visible], away)) / distance**2
-        better = score > best[visible]
-        best[visible[better]], origin[visible[better]] = score[better], camera.position
+        cosine = np.einsum("ni,ni->n", flat[visible], away) / distance
+        yield Sighting(camera, visible, view.weight[visible], cosine, distance)
         if progress is not None:
             progress(0.5 * (i + 1) / len(cameras), f"view {i + 1} of {len(cameras)}")
-    return origin
 
 
 def behind(

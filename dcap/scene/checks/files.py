@@ -1,4 +1,4 @@
-"""Mesh files and Gaussian splats, by the rules of their readers."""
+"""Mesh files, Gaussian splats and points, by the rules of their readers."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,6 +12,7 @@ from dcap.scene.checks.places import Lines, json_lines
 from dcap.scene.errors import InputError
 from dcap.scene.problems import Place, Problem, Report, Severity, error, note, warning
 from dcap.scene.readers.mesh.raw import RawMesh
+from dcap.scene.readers.points.formats import is_points, read_points
 from dcap.scene.readers.source import BROKEN, READERS
 from dcap.scene.readers.splats.formats import check_gaussians, is_splats
 
@@ -34,10 +35,12 @@ class FileContents:
 
 
 def check_shape(path: Path, findings: Findings) -> FileContents:
-    """Check one mesh file, with the materials and textures it names, or one file of splats."""
+    """Check one mesh file, with the materials and textures it names, or one file of splats or points."""
     report = findings.report(path, _lines(path))
     if is_splats(path):
         return FileContents(path, splats=_guarded(path, report, lambda: check_gaussians(path, report), 0))
+    if is_points(path):
+        return FileContents(path, vertices=_guarded(path, report, lambda: len(read_points(path)[0]), 0))
     return _guarded(path, report, lambda: _check_mesh(path, report), FileContents(path))
 
 

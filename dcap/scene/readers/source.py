@@ -17,6 +17,7 @@ from dcap.scene.readers.mesh.paint import bake
 from dcap.scene.readers.mesh.ply import read_ply
 from dcap.scene.readers.mesh.raw import RawMesh
 from dcap.scene.readers.mesh.stl import read_stl
+from dcap.scene.readers.points.formats import is_points, read_points, squares
 from dcap.scene.readers.scenes.interiorgs import is_interiorgs, read_labels, read_structure
 from dcap.scene.readers.scenes.placed_scene import (
     OBJECT_MESH,
@@ -37,6 +38,7 @@ from dcap.scene.types.gaussians import Gaussians
 from dcap.scene.types.given_labels import VertexLabels
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.paint import SourceSurface
+from dcap.scene.types.point_cloud import PointCloud
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.scan import LabelBox, Room, Scan
 from dcap.scene.types.segmentation import part_nodes
@@ -63,8 +65,8 @@ STATED = {"up": "z", "unit": "m"}
 ROOM_HEIGHT, ROOM_BREADTH = (2.0, 4.5), (2.0, 30.0)
 """Height and longer side of what is taken for a room in metres [m]."""
 
-Mesher = Callable[[Gaussians], Mesh]
-"""Makes a mesh of Gaussians in metres and z up."""
+Mesher = Callable[[Gaussians | PointCloud], tuple[Mesh, tuple[str, ...]]]
+"""Makes a mesh of Gaussians or points in metres and z up, and says what it assumed."""
 
 
 def read_scan(
@@ -77,20 +79,21 @@ def read_scan(
     labels: VertexLabels | None = None,
     ask_scale: bool = False,
 ) -> Scan:
-    """Read a folder (InteriorGS, ScanNet, SuGaR, or one with a single mesh), a mesh file or Gaussian splats.
+    """Read a folder (InteriorGS, ScanNet, SuGaR, or one with a single mesh), a mesh file, Gaussian splats or points.
 
     `folder` is the name of the folder that was given, or that a given file lay in, where `path` is a copy of it. Splats
-    without a mesh need a `mesher`. `labels` name the things of the file's vertices, instead of what it says itself.
+    and points without a mesh need a `mesher`. `labels` name the things of the file's vertices, instead of what it says
+    itself.
     `ask_scale`: splats of a scene of which nobody says how large they are, and that are no room in metres, are refused.
     """
     if not path.exists():
         raise InputError(f"{path}: no such file or folder")
     if path.is_dir():
         return _read_folder(path, options, role, folder, mesher, labels, ask_scale=ask_scale)
-    raw, splats = read_file(path, labels)
+    raw, bare = read_file(path, labels)
     frame = find_frame(raw, options, role)
     frame = check_scale(path, raw, frame, role) if ask_scale else frame
-    return _scan(raw, frame, label=options.label or describe(path, folder), mesh=_meshed(path, splats, frame, mesher))
+    return _scan(raw, frame, label=options.label or describe(path, folder), meshed=_meshed(path, bare, frame, mesher))
 
 
 def read_surface(path: Path, world_from_file: NDArray[np.float64]) -> SourceSurface:
@@ -142,13 +145,13 @@ def _read_folder(
     if is_interiorgs(folder):
         check_options(folder, options, role)
     mesh_path, notes = find_mesh(folder)
-    raw, splats = read_file(mesh_path, labels)
+    raw, bare = read_file(mesh_path, labels)
     if not is_interiorgs(folder):
         frame = find_frame(raw, options, role)
         frame = check_scale(mesh_path, raw, frame, role) if ask_scale else frame
         own = describe(mesh_path, name if mesh_path.parent == folder else "")
-        mesh = _meshed(mesh_path, splats, frame, mesher)
-        return _scan(raw, frame, label=options.label or own, notes=notes, mesh=mesh)
+        meshed = _meshed(mesh_path, bare, frame, mesher)
+        return _scan(raw, frame, label=options.label or own, notes=notes, meshed=meshed)
     with readable(folder):
         boxes, label_notes = read_labels(folder)
         rooms, structure = read_structure(folder)
@@ -156,8 +159,8 @@ def _read_folder(
     if labels is not None:  # a person's word over the annotation's
         boxes, structure = (), ()
     boxes = boxes + tuple(box for box in structure if not any(_same_thing(box, other) for other in boxes))
-    mesh = _meshed(mesh_path, splats, frame, mesher)
-    return _scan(raw, frame, label=options.label, notes=notes + label_notes, boxes=boxes, rooms=rooms, mesh=mesh)
+    meshed = _meshed(mesh_path, bare, frame, mesher)
+    return _scan(raw, frame, label=options.label, notes=notes + label_notes, boxes=boxes, rooms=rooms, meshed=meshed)
 
 
 def _same_thing(box: LabelBox, other: LabelBox) -> bool:
@@ -177,7 +180,7 @@ def _read_scannet(folder: Path, options: SourceOptions, role: Role) -> Scan:
         raw, file_from_scanned = read_scannet(folder)
     frame = stated_frame(raw, options, role)
     return _scan(
-        raw, replace(frame, world_from_file=frame.world_from_file @ file_from_scanned), label=options.label, mesh=None
+        raw, replace(frame, world_from_file=frame.world_from_file @ file_from_scanned), label=options.label, meshed=None
     )
 
 
@@ -199,7 +202,7 @@ def _read_placed(folder: Path, options: SourceOptions, role: Role, labels: Verte
     raw, _ = read_file(path)
     names = named_nodes(path, facts, raw.node_names, raw.node_labels)
     frame = find_frame(raw, SourceOptions(up="y", unit="m"), role)
-    scan = _scan(raw, replace(frame, unit_source="format"), label="", mesh=None)
+    scan = _scan(raw, replace(frame, unit_source="format"), label="", meshed=None)
     known = [node for one in facts.instances for node in part_nodes(one.id, [part.name for part in one.parts])]
     nodes = {name: number for number, name in enumerate(dict.fromkeys([*known, *filter(None, names)]))}
     face_node = np.array([*(nodes.get(name, -1) for name in names), -1], dtype=np.int32)[scan.face_node]
@@ -255,15 +258,19 @@ def readable(path: Path) -> Iterator[None]:
         raise FormatError(f"{path}: the file contradicts its format ({type(error).__name__}: {error})") from None
 
 
-def read_file(path: Path, labels: VertexLabels | None = None) -> tuple[RawMesh, Gaussians | None]:
-    """A mesh, or Gaussians with the discs that they look like as a mesh, which units and axes are found by."""
+def read_file(path: Path, labels: VertexLabels | None = None) -> tuple[RawMesh, Gaussians | PointCloud | None]:
+    """A mesh, or Gaussians or points with what they look like as a mesh, by which units and axes are found."""
     check_suffix(path)
     with readable(path):
-        if is_splats(path):
-            if labels is not None:
-                raise InputError(f"--labels {labels.source}: {path} holds splats, which have no vertices to label")
+        kind = "splats" if is_splats(path) else "points" if is_points(path) else ""
+        if kind and labels is not None:
+            raise InputError(f"--labels {labels.source}: {path} holds {kind}, which have no vertices to label")
+        if kind == "splats":
             splats = read_gaussians(path)
             return discs(path, splats), splats
+        if kind == "points":
+            cloud, notes = read_points(path)
+            return squares(path, cloud, notes), cloud
         raw = READERS[path.suffix.lower()](path)
         return (raw if labels is None else with_vertex_labels(raw, labels)).without_loose_vertices(), None
 
@@ -295,13 +302,16 @@ def check_scale(path: Path, raw: RawMesh, frame: FileFrame, role: Role) -> FileF
     return replace(frame, notes=(*frame.notes, told))
 
 
-def _meshed(path: Path, splats: Gaussians | None, frame: FileFrame, mesher: Mesher | None) -> Mesh | None:
-    """The surface of splats in the world frame; None where there are none."""
-    if splats is None:
+def _meshed(
+    path: Path, bare: Gaussians | PointCloud | None, frame: FileFrame, mesher: Mesher | None
+) -> tuple[Mesh, tuple[str, ...]] | None:
+    """The surface of splats or points in the world frame, with notes; None where there are none."""
+    if bare is None:
         return None
     if mesher is None:
-        raise InputError(f"{path}: Gaussian splats, not a mesh")
-    return mesher(splats.transformed(frame.world_from_file))
+        kind = "Gaussian splats" if isinstance(bare, Gaussians) else "a point cloud"
+        raise InputError(f"{path}: {kind}, not a mesh")
+    return mesher(bare.transformed(frame.world_from_file))
 
 
 def _scan(
@@ -309,19 +319,20 @@ def _scan(
     frame: FileFrame,
     *,
     label: str,
-    mesh: Mesh | None,
+    meshed: tuple[Mesh, tuple[str, ...]] | None,
     notes: tuple[str, ...] = (),
     boxes: tuple[LabelBox, ...] = (),
     rooms: tuple[Room, ...] = (),
 ) -> Scan:
-    """Bake the colours and bring everything to the world frame, unless that was done (`mesh`)."""
-    if mesh is None:
+    """Bake the colours and bring everything to the world frame, unless that was done (`meshed`)."""
+    if meshed is None:
         vertices, faces, colors, face_node = bake(raw)
         baked = Mesh(np.ascontiguousarray(vertices), faces.astype(np.int32), np.ascontiguousarray(colors))
         mesh = baked.transformed(frame.world_from_file)
     else:
+        mesh, assumed = meshed
         face_node = np.full(len(mesh.faces), -1, dtype=np.int32)
-        notes += (f"no mesh: the surface is reconstructed from Gaussian splats ({len(mesh.faces)} faces)",)
+        notes += assumed
     return Scan(
         mesh=mesh, face_node=face_node, node_names=raw.node_names, boxes=boxes,
         rooms=rooms,

@@ -50,8 +50,9 @@ def read_splat_scene(path: Path, options: SourceOptions) -> SplatScene:
             ".ply, .splat, .spz and .sog files)"
         )
     raw, splats = read_file(found)
-    if splats is None:
-        raise InputError(f"{found}: a mesh, not Gaussian splats; give a file of splats or a folder with one")
+    if not isinstance(splats, Gaussians):
+        kind = "a mesh" if splats is None else "a point cloud"
+        raise InputError(f"{found}: {kind}, not Gaussian splats; give a file of splats or a folder with one")
     frame = (stated_frame if annotated else find_frame)(raw, options, Role.SCENE)
     boxes, notes = read_labels(path) if annotated else ((), ())
     rooms = read_structure(path)[0] if annotated else ()

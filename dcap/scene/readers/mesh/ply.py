@@ -40,10 +40,10 @@ def read_ply(path: Path, report: Report | None = None) -> RawMesh:
     if is_scalar(index):
         raise FormatError(f"{path}: the PLY face element has one vertex index per face, expected a list")
     faces, owner = _faces(path, vertices, index, report)
-    face_color = _colors(face)
+    face_color = colors_of(face)
     return RawMesh(
-        path=path, vertices=vertices, faces=faces, colors=_colors(vertex),
-        paint=None if face_color is None or _colors(vertex) is not None else _face_paint(face_color[owner]),
+        path=path, vertices=vertices, faces=faces, colors=colors_of(vertex),
+        paint=None if face_color is None or colors_of(vertex) is not None else _face_paint(face_color[owner]),
         face_node=np.full(len(faces), -1, dtype=np.int32), node_names=(), up="", unit_metres=0.0, notes=(),
     )  # fmt: skip
 
@@ -84,7 +84,7 @@ def _faces(
     return np.concatenate(faces)[order], owner[order]
 
 
-def _colors(table: Table) -> NDArray[np.uint8] | None:
+def colors_of(table: Table) -> NDArray[np.uint8] | None:
     """Colours of an element as bytes, None if it has none."""
     for names in (("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green", "diffuse_blue")):
         if all(name in table and is_scalar(table[name]) for name in names):

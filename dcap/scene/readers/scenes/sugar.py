@@ -8,11 +8,12 @@ from pathlib import Path
 
 from dcap.scene.errors import InputError
 from dcap.scene.names import words_of
+from dcap.scene.readers.points.formats import POINT_SUFFIXES, is_points
 from dcap.scene.readers.splats.formats import SPLAT_SUFFIXES, is_splats
 from dcap.scene.readers.splats.sog import META
 from dcap.scene.readers.usd.usd import USD_SUFFIXES
 
-MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", *USD_SUFFIXES, *SPLAT_SUFFIXES)
+MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", *USD_SUFFIXES, *SPLAT_SUFFIXES, *POINT_SUFFIXES)
 
 COMPRESSED_NAME = "3dgs_compressed.ply"
 """What InteriorGS calls the splats of a scene."""
@@ -41,7 +42,7 @@ def check_suffix(path: Path) -> None:
 
 
 def find_mesh(folder: Path) -> tuple[Path, tuple[str, ...]]:
-    """The mesh of a scene folder, or its Gaussian splats where it has no mesh, and notes on the choice."""
+    """The mesh of a scene folder, or where it has none its Gaussian splats, or else its points; notes on the choice."""
     for pattern in ("*.obj", "refined_mesh/**/*.obj", "output/refined_mesh/**/*.obj"):
         found = sorted(folder.glob(pattern))
         if found:
@@ -50,13 +51,14 @@ def find_mesh(folder: Path) -> tuple[Path, tuple[str, ...]]:
         found = sorted(folder.glob(pattern))
         if found:
             return _choose(folder, found)
-    meshes = sorted(p for p in folder.iterdir() if p.suffix.lower() in MESH_SUFFIXES and not is_splats(p))
+    shapes = sorted(p for p in folder.iterdir() if p.suffix.lower() in MESH_SUFFIXES and not is_splats(p))
+    meshes = [p for p in shapes if not is_points(p)]
     stages = [p for p in meshes if p.suffix.lower() in USD_SUFFIXES]
     meshes = [p for p in meshes if p not in stages]
     splats = None if meshes else find_splats(folder)
     if splats is not None:
         return splats, ()
-    meshes = meshes or stages  # a stage beside others shows what they do, and needs a library
+    meshes = meshes or stages or shapes  # a stage beside others shows what they do, and needs a library
     if len(meshes) == 1:
         return meshes[0], ()
     if meshes:
@@ -91,12 +93,24 @@ def _number(path: Path, key: str) -> int:
 
 def has_only_splats(path: Path) -> bool:
     """Whether a file is, or a folder has nothing better than, Gaussian splats."""
+    found = _only_shape(path)
+    return found is not None and is_splats(found)
+
+
+def has_no_faces(path: Path) -> bool:
+    """Whether a file is, or a folder has nothing better than, Gaussian splats or points: its surface is to be found."""
+    found = _only_shape(path)
+    return found is not None and (is_splats(found) or is_points(found))
+
+
+def _only_shape(path: Path) -> Path | None:
+    """The file that a source is read from; None where a folder has none."""
     if not path.is_dir():
-        return is_splats(path)
+        return path
     try:
-        return is_splats(find_mesh(path)[0])
+        return find_mesh(path)[0]
     except InputError:
-        return False
+        return None
 
 
 def is_generic(path: Path) -> bool:

@@ -1,0 +1,1 @@
+"""Point clouds: which files hold them, and what each says."""

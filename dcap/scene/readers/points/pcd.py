@@ -1,0 +1,182 @@
+"""Point clouds of the Point Cloud Library, as text, binary or compressed.
+
+Fields x y z, normal_x normal_y normal_z and rgb or rgba count; others and the viewpoint are ignored. Only what is
+compressed is left to Open3D, whose other readers cannot be relied on: one gives zeros for doubles, the other mixes up
+fields of different sizes, and both return what is left of a broken file with a warning.
+Source: "The PCD (Point Cloud Data) file format", pointclouds.org.
+"""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.scene.errors import FormatError, InputError
+from dcap.scene.readers.files.content import read_bytes
+from dcap.scene.readers.points.columns import Notes, check_point_count, cloud_of
+from dcap.scene.types.point_cloud import PointCloud
+
+HEADER_LIMIT = 1 << 14
+"""A header longer than this is not one [bytes]."""
+ENCODINGS = ("ascii", "binary", "binary_compressed")
+
+
+def read_pcd(path: Path) -> tuple[PointCloud, Notes]:
+    """Its points; those that an organised cloud (HEIGHT above 1) has no measurement for are left out, and counted."""
+    header, start = read_header(path)
+    count = checked_count(path, header, start)
+    columns = columns_of(path, header, start, count)
+    position = np.stack([columns[name] for name in "xyz"], axis=1).astype(np.float64)
+    color = next((channels(columns[name]) for name in ("rgb", "rgba") if name in columns), None)
+    given = all(name in columns for name in NORMAL)
+    normal = np.stack([columns[name] for name in NORMAL], axis=1).astype(np.float64) if given else None
+    notes: Notes = ()
+    measured = ~np.isnan(position).any(axis=1)
+    if int(header["HEIGHT"][0]) > 1 and not measured.all():
+        if not measured.any():
+            raise InputError(f"{path}: none of its {count} points has a measurement (all are nan); export it again")
+        notes += (f"{count - int(measured.sum())} of {count} pixels have no measurement (nan): they are no points",)
+        position = position[measured]
+        color, normal = (None if one is None else one[measured] for one in (color, normal))
+    viewpoint = header.get("VIEWPOINT", UNMOVED)
+    if [float(one) for one in viewpoint] != [float(one) for one in UNMOVED]:
+        notes += (f"the viewpoint {' '.join(viewpoint)} is not applied: points are taken as they stand",)
+    cloud, more = cloud_of(path, position, color, normal)
+    return cloud, notes + more
+
+
+def columns_of(path: Path, header: dict[str, list[str]], start: int, count: int) -> dict[str, NDArray[np.generic]]:
+    """The fields of one number by name, shape (n,) each."""
+    fields, sizes, counts = header["FIELDS"], header["SIZE"], [int(one) for one in header["COUNT"]]
+    kinds = [f"<{TYPES[kind]}{size}" for kind, size in zip(header["TYPE"], sizes, strict=True)]
+    encoding = header["DATA"][0].lower()
+    if encoding == "binary_compressed":
+        return unpacked(path, dict(zip(fields, kinds, strict=True)), count)
+    if encoding == "binary":
+        rows = np.dtype(
+            [(f"{k} {name}", kind, (n,)) for k, (name, kind, n) in enumerate(zip(fields, kinds, counts, strict=True))]
+        )
+        table = np.memmap(path, dtype=rows, mode="r", offset=start, shape=(count,))
+        return {
+            name: np.asarray(table[f"{k} {name}"][:, 0])
+            for k, (name, n) in enumerate(zip(fields, counts, strict=True)) if n == 1
+        }  # fmt: skip
+    try:
+        with path.open("rb") as stream:
+            stream.seek(start)
+            text = np.loadtxt(stream, ndmin=2, encoding="ascii")
+    except ValueError as broken:
+        what = " ".join(str(broken).split())[:200]
+        raise FormatError(f"{path}: not the same numbers in each row: {what}; export it again") from None
+    if text.shape != (count, sum(counts)):
+        raise FormatError(
+            f"{path}: {text.shape[0]} rows of {text.shape[1]} numbers, expected {count} of {sum(counts)}; save it again"
+        )
+    first = np.cumsum([0, *counts[:-1]])
+    return {
+        name: text[:, at].astype(kind)
+        for name, kind, at, n in zip(fields, kinds, first, counts, strict=True) if n == 1
+    }  # fmt: skip
+
+
+def unpacked(path: Path, kinds: dict[str, str], count: int) -> dict[str, NDArray[np.generic]]:
+    """Fields of a compressed file; its floating-point ones must be of one size."""
+    import open3d
+
+    wanted = {kinds[name] for name in ("x", "y", "z", *NORMAL) if name in kinds}
+    if len(wanted) > 1:
+        raise InputError(
+            f"{path}: compressed fields of different types ({', '.join(sorted(wanted))}); save it as binary"
+        )
+    with open3d.utility.VerbosityContextManager(open3d.utility.VerbosityLevel.Error):
+        found = open3d.t.io.read_point_cloud(str(path), format="pcd").point
+    have = len(found["positions"]) if "positions" in found else 0
+    if have != count:
+        raise FormatError(f"{path}: {have} of {count} points can be unpacked: the file is broken; save it again")
+    columns = dict(zip("xyz", found["positions"].numpy().T, strict=True))
+    if "normals" in found:
+        columns |= dict(zip(NORMAL, found["normals"].numpy().T, strict=True))
+    if "colors" in found:
+        byte = found["colors"].numpy().astype(np.uint32)
+        columns["rgb"] = byte[:, 0] << 16 | byte[:, 1] << 8 | byte[:, 2]
+    return columns
+
+
+def channels(packed: NDArray[np.generic]) -> NDArray[np.uint8]:
+    """Red, green and blue (n, 3) of the bytes of a whole number, or of a float that holds one."""
+    word = packed.astype("<f4").view("<u4") if packed.dtype.kind == "f" else packed.astype("<u4")
+    return np.stack([word >> shift & 255 for shift in (16, 8, 0)], axis=1).astype(np.uint8)
+
+
+NORMAL = ("normal_x", "normal_y", "normal_z")
+TYPES = {"I": "i", "U": "u", "F": "f"}
+UNMOVED = ["0", "0", "0", "1", "0", "0", "0"]
+"""The viewpoint of points in their own frame."""
+
+
+def read_header(path: Path) -> tuple[dict[str, list[str]], int]:
+    """The words of each line by its key, and where the data begin [bytes]."""
+    head = read_bytes(path, HEADER_LIMIT)
+    header: dict[str, list[str]] = {}
+    at = 0
+    while "DATA" not in header:
+        end = head.find(b"\n", at)
+        if end < 0:
+            raise FormatError(f"{path}: the PCD header has no DATA line in its first {HEADER_LIMIT} bytes")
+        words = head[at:end].decode("ascii", "replace").split()
+        at = end + 1
+        if words and not words[0].startswith("#"):
+            header[words[0].upper()] = words[1:]
+    return header, at
+
+
+def checked_count(path: Path, header: dict[str, list[str]], start: int) -> int:
+    """The number of points, once the header is whole and the file is long enough for it."""
+    fields = header.get("FIELDS", [])
+    if not {"x", "y", "z"} <= set(fields):
+        raise FormatError(f"{path}: the PCD header has fields {' '.join(fields) or 'none'}, expected x y z among them")
+    header.setdefault("COUNT", ["1"] * len(fields))
+    try:
+        sizes, counts = ([int(one) for one in header[key]] for key in ("SIZE", "COUNT"))
+        width, height = int(header["WIDTH"][0]), int(header["HEIGHT"][0])
+        points = int(header.get("POINTS", [str(width * height)])[0])
+        encoding = header["DATA"][0].lower()
+        viewpoint = [float(one) for one in header.get("VIEWPOINT", [])]
+    except (KeyError, IndexError, ValueError) as broken:
+        raise FormatError(f"{path}: the PCD header is not understood ({type(broken).__name__}: {broken})") from None
+    for kind, size in zip(header.get("TYPE", []), sizes, strict=False):
+        if size not in {"F": (4, 8), "I": (1, 2, 4, 8), "U": (1, 2, 4, 8)}.get(kind, ()):
+            raise FormatError(f"{path}: a field of TYPE {kind} and SIZE {size}, which PCD does not have")
+    lengths = {len(fields), len(sizes), len(counts), len(header.get("TYPE", []))}
+    if (
+        len(lengths) > 1
+        or min(sizes + counts) < 1
+        or points != width * height
+        or points < 0
+        or len(viewpoint) not in (0, 7)
+    ):
+        raise FormatError(
+            f"{path}: the PCD header contradicts itself: {len(fields)} FIELDS, {len(sizes)} SIZE, "
+            f"{len(header.get('TYPE', []))} TYPE, {len(counts)} COUNT, {width} x {height} for {points} POINTS"
+        )
+    if encoding not in ENCODINGS:
+        raise FormatError(f"{path}: DATA {encoding}, expected one of {', '.join(ENCODINGS)}")
+    if not points:
+        raise InputError(f"{path}: no points in it; export the cloud again")
+    check_point_count(path, points)
+    row, left = sum(s * c for s, c in zip(sizes, counts, strict=True)), path.stat().st_size - start
+    needed = {"ascii": 2 * sum(counts) * points - 1, "binary": row * points, "binary_compressed": 8}[encoding]
+    if left >= 8 and encoding == "binary_compressed":
+        with path.open("rb") as stream:
+            stream.seek(start)
+            packed, plain = (int(one) for one in np.frombuffer(stream.read(8), dtype="<u4"))
+        if plain != row * points:
+            raise FormatError(
+                f"{path}: {plain} bytes unpacked, expected {row * points} for {points} points; save it again"
+            )
+        needed = 8 + packed
+    if needed > left:
+        raise FormatError(
+            f"{path}: {points} points need {needed} bytes, {left} follow the header: the file is truncated"
+        )
+    return points
