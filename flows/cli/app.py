@@ -87,9 +87,12 @@ def everything(
 @with_options(PlaceOptions)
 def place(
     scene: Annotated[
-        str, typer.Argument(help="Folder (InteriorGS, ScanNet, SuGaR) or mesh (GLB, OBJ, PLY, STL, USD).")
+        str,
+        typer.Argument(
+            help="Folder (InteriorGS, ScanNet, SuGaR), mesh (GLB, OBJ, PLY, STL, USD), splats, points (PLY, PCD, XYZ, NPY)."
+        ),
     ],
-    object: Annotated[str, typer.Argument(help="Mesh of the object.")],  # noqa: A002 the contract's name
+    object: Annotated[str, typer.Argument(help="Mesh, splats or points of the object.")],  # noqa: A002 the contract's name
     prompt: Annotated[str, typer.Argument(help='What to do: "put the ball at the centre of the bed".')],
     options: PlaceOptions,
     as_json: Json = False,

@@ -93,7 +93,9 @@ def read_scan(
     raw, bare = read_file(path, labels)
     frame = find_frame(raw, options, role)
     frame = check_scale(path, raw, frame, role) if ask_scale else frame
-    return _scan(raw, frame, label=options.label or describe(path, folder), meshed=_meshed(path, bare, frame, mesher))
+    return _scan(
+        raw, frame, label=options.label or describe(path, folder), meshed=_meshed(path, bare, frame, mesher, role)
+    )
 
 
 def read_surface(path: Path, world_from_file: NDArray[np.float64]) -> SourceSurface:
@@ -150,7 +152,7 @@ def _read_folder(
         frame = find_frame(raw, options, role)
         frame = check_scale(mesh_path, raw, frame, role) if ask_scale else frame
         own = describe(mesh_path, name if mesh_path.parent == folder else "")
-        meshed = _meshed(mesh_path, bare, frame, mesher)
+        meshed = _meshed(mesh_path, bare, frame, mesher, role)
         return _scan(raw, frame, label=options.label or own, notes=notes, meshed=meshed)
     with readable(folder):
         boxes, label_notes = read_labels(folder)
@@ -159,7 +161,7 @@ def _read_folder(
     if labels is not None:  # a person's word over the annotation's
         boxes, structure = (), ()
     boxes = boxes + tuple(box for box in structure if not any(_same_thing(box, other) for other in boxes))
-    meshed = _meshed(mesh_path, bare, frame, mesher)
+    meshed = _meshed(mesh_path, bare, frame, mesher, role)
     return _scan(raw, frame, label=options.label, notes=notes + label_notes, boxes=boxes, rooms=rooms, meshed=meshed)
 
 
@@ -303,7 +305,7 @@ def check_scale(path: Path, raw: RawMesh, frame: FileFrame, role: Role) -> FileF
 
 
 def _meshed(
-    path: Path, bare: Gaussians | PointCloud | None, frame: FileFrame, mesher: Mesher | None
+    path: Path, bare: Gaussians | PointCloud | None, frame: FileFrame, mesher: Mesher | None, role: Role
 ) -> tuple[Mesh, tuple[str, ...]] | None:
     """The surface of splats or points in the world frame, with notes; None where there are none."""
     if bare is None:
@@ -311,7 +313,10 @@ def _meshed(
     if mesher is None:
         kind = "Gaussian splats" if isinstance(bare, Gaussians) else "a point cloud"
         raise InputError(f"{path}: {kind}, not a mesh")
-    return mesher(bare.transformed(frame.world_from_file))
+    mesh, notes = mesher(bare.transformed(frame.world_from_file))
+    if isinstance(bare, PointCloud) and frame.unit_source == "estimate" and frame.unit_metres == 1.0:
+        notes = (f"no unit in the file: its numbers are taken as metres ({option_name(role, 'unit')})", *notes)
+    return mesh, notes
 
 
 def _scan(
