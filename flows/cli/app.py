@@ -89,7 +89,7 @@ def place(
     scene: Annotated[
         str,
         typer.Argument(
-            help="Folder (InteriorGS, ScanNet, SuGaR), mesh (GLB, OBJ, PLY, STL, USD), splats, points (PLY, PCD, XYZ, NPY)."
+            help="Folder (InteriorGS, ScanNet, SuGaR), mesh (GLB, OBJ, PLY, STL, USD), splats, points (PCD, XYZ, NPY)."
         ),
     ],
     object: Annotated[str, typer.Argument(help="Mesh, splats or points of the object.")],  # noqa: A002 the contract's name

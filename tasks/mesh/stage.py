@@ -91,10 +91,8 @@ def surface(bare: Gaussians | PointCloud, role: Role, config: MeshConfig) -> tup
         LOG.info(text, extra={"progress": part})
 
     if isinstance(bare, Gaussians):
-        mesh = mesh_of_splats(bare, config.surface, threads, tell)
-        return mesh, (f"no mesh: the surface is reconstructed from Gaussian splats ({len(mesh.faces)} faces)",)
-    mesh, notes = mesh_of_points(bare, config.surface, single=role is Role.OBJECT, threads=threads, progress=tell)
-    return mesh, (f"no mesh: the surface is reconstructed from points ({len(mesh.faces)} faces)", *notes)
+        return mesh_of_splats(bare, config.surface, threads, tell), ()
+    return mesh_of_points(bare, config.surface, single=role is Role.OBJECT, threads=threads, progress=tell)
 
 
 def needs_process(source: Source, **_: object) -> bool:

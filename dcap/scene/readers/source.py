@@ -310,10 +310,11 @@ def _meshed(
     """The surface of splats or points in the world frame, with notes; None where there are none."""
     if bare is None:
         return None
+    kind = "Gaussian splats" if isinstance(bare, Gaussians) else "a point cloud"
     if mesher is None:
-        kind = "Gaussian splats" if isinstance(bare, Gaussians) else "a point cloud"
         raise InputError(f"{path}: {kind}, not a mesh")
     mesh, notes = mesher(bare.transformed(frame.world_from_file))
+    notes = (f"no mesh: the surface is reconstructed from {kind} ({len(mesh.faces)} faces)", *notes)
     if isinstance(bare, PointCloud) and frame.unit_source == "estimate" and frame.unit_metres == 1.0:
         notes = (f"no unit in the file: its numbers are taken as metres ({option_name(role, 'unit')})", *notes)
     return mesh, notes

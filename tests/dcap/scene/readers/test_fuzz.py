@@ -28,6 +28,7 @@ from dcap.scene.readers.source import read_scan
 from dcap.scene.readers.source_files import source_files
 from dcap.scene.types.gaussians import Gaussians
 from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.point_cloud import PointCloud
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.scan import Scan
 from dcap.scene.writers.gaussians import write_compressed_splats, write_splats
@@ -271,9 +272,9 @@ def other_tree(text: str, made: list[tuple[float, int]]) -> str:
     return text
 
 
-def mesher(splats: Gaussians) -> Mesh:
+def mesher(splats: Gaussians | PointCloud) -> tuple[Mesh, tuple[str, ...]]:
     """Stands for the surface of splats."""
-    return grid(1)
+    return grid(1), ()
 
 
 def outcome(path: Path) -> Scan | str:

@@ -23,6 +23,7 @@ from dcap.scene.readers.splats.formats import is_splats, read_gaussians
 from dcap.scene.readers.splats.splats import read_splats
 from dcap.scene.types.gaussians import COEFFICIENTS, DC, Gaussians
 from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.point_cloud import PointCloud
 from dcap.scene.types.sample import SourceOptions
 from tasks.artifact import Store
 
@@ -92,9 +93,10 @@ def test_a_box_of_splats_becomes_a_scan(tmp_path: Path, name: str, monkeypatch: 
     assert store.add_source(tmp_path / name).kind == "Source"
     given: list[Gaussians] = []
 
-    def mesher(splats: Gaussians) -> Mesh:
+    def mesher(splats: Gaussians | PointCloud) -> tuple[Mesh, tuple[str, ...]]:
+        assert isinstance(splats, Gaussians)
         given.append(splats)
-        return Mesh.of([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+        return Mesh.of([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]), ()
 
     scan = read_scan(tmp_path / name, SourceOptions(unit="cm", up="z"), Role.SCENE, mesher=mesher)
     assert np.ptp(given[0].position, axis=0) == pytest.approx([0.01, 0.01, 0.005], rel=0.02)
@@ -204,7 +206,7 @@ def test_bytes_that_change_are_read_or_refused(data: st.DataObject, tmp_path: Pa
     (tmp_path / name).write_bytes(content[: data.draw(st.integers(1, len(content)))])
     said = ""
     try:
-        read_scan(tmp_path / name, SourceOptions(), Role.SCENE, mesher=lambda _: Mesh.of([], []))
+        read_scan(tmp_path / name, SourceOptions(), Role.SCENE, mesher=lambda _: (Mesh.of([], []), ()))
     except DcapError as refused:
         said = str(refused)
     assert "\n" not in said

@@ -16,6 +16,7 @@ from dcap.scene.readers.source import read_scan
 from dcap.scene.readers.splats.splats import CHUNK, read_splats
 from dcap.scene.types.gaussians import COEFFICIENTS, DC, Gaussians, harmonics
 from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.point_cloud import PointCloud
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.writers.gaussians import morton_order, write_compressed_splats, write_splats
 
@@ -249,9 +250,10 @@ def test_splats_become_a_scan_through_a_mesher(tmp_path: Path, up: int, options:
     write_splats(tmp_path / "thing.ply", box_of_splats(up))
     given: list[Gaussians] = []
 
-    def mesher(splats: Gaussians) -> Mesh:
+    def mesher(splats: Gaussians | PointCloud) -> tuple[Mesh, tuple[str, ...]]:
+        assert isinstance(splats, Gaussians)
         given.append(splats)
-        return Mesh.of([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+        return Mesh.of([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]), ()
 
     scan = read_scan(tmp_path / "thing.ply", SourceOptions(**options), Role.SCENE, mesher=mesher)
     unit = 0.01 if options.get("unit") == "cm" else 1.0
@@ -280,4 +282,4 @@ def test_splats_that_show_nothing_are_refused(tmp_path: Path) -> None:
     faint = box_of_splats(2)
     write_splats(tmp_path / "a.ply", replace(faint, logit=faint.logit - 10))
     with pytest.raises(InputError, match="more than half of the opacity"):
-        read_scan(tmp_path / "a.ply", SourceOptions(), Role.SCENE, mesher=lambda _: Mesh.of([], []))
+        read_scan(tmp_path / "a.ply", SourceOptions(), Role.SCENE, mesher=lambda _: (Mesh.of([], []), ()))

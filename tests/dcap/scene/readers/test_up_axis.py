@@ -15,6 +15,7 @@ from dcap.scene.readers.mesh.raw import RawMesh
 from dcap.scene.readers.source import read_scan
 from dcap.scene.types.gaussians import Gaussians
 from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.point_cloud import PointCloud
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.scan import Scan
 from dcap.scene.writers.gaussians import write_splats
@@ -52,9 +53,9 @@ def check_room(folder: Path, name: str, up: str) -> None:
     np.testing.assert_allclose(np.ptp(scan.mesh.bounds, axis=0), size, atol=1e-9)
     taken: list[Gaussians] = []
 
-    def mesher(splats: Gaussians) -> Mesh:
+    def mesher(splats: Gaussians | PointCloud) -> tuple[Mesh, tuple[str, ...]]:
         taken.append(splats)
-        return mesh
+        return mesh, ()
 
     write_splats(folder / "splats.ply", splats_on_mesh(mesh, 0.15, 0).transformed(turned(up, 1.0)))
     assert read_scan(folder / "splats.ply", SourceOptions(), Role.SCENE, mesher=mesher).up == up
@@ -129,7 +130,7 @@ def test_splats_stand_on_their_ground(tmp_path: Path, up: str) -> None:
     """A thing on a large ground, away from the origin."""
     scene = Mesh.concatenate([block((-1, -1, 0), (1, 1, 0.01)), block((-0.2, -0.2, 0), (0.2, 0.2, 0.5))])
     write_splats(tmp_path / "a.ply", splats_on_mesh(scene, 0.03, 0).transformed(turned(up, 1.0)))
-    scan = read_scan(tmp_path / "a.ply", SourceOptions(), Role.SCENE, mesher=lambda splats: scene)
+    scan = read_scan(tmp_path / "a.ply", SourceOptions(), Role.SCENE, mesher=lambda _: (scene, ()))
     assert scan.up == up
     assert any("the ground (--up)" in note for note in scan.notes)
 
@@ -143,7 +144,7 @@ def test_splats_without_any_sign_follow_custom(tmp_path: Path) -> None:
     parts = (position, np.full((400, 3), -3.0), np.tile([1.0, 0, 0, 0], (400, 1)), np.full(400, 3.0), 0 * position)
     splats = Gaussians(*(np.asarray(p, dtype=np.float32) for p in (*parts, np.zeros((400, 3, 0)))))
     write_splats(tmp_path / "a.ply", splats)
-    scan = read_scan(tmp_path / "a.ply", SourceOptions(), Role.SCENE, mesher=lambda splats: table())
+    scan = read_scan(tmp_path / "a.ply", SourceOptions(), Role.SCENE, mesher=lambda _: (table(), ()))
     assert scan.up == "-y"
     assert any("custom" in note for note in scan.notes)
 
@@ -163,7 +164,7 @@ def test_an_unknown_axis_names_the_known_ones(tmp_path: Path) -> None:
 )  # fmt: skip
 def test_real_splats_stand_as_they_look(name: str, up: str) -> None:
     """Seen in pictures: the donut lies on z = 0, the robot hovers above a ground, the guitar stands on its stand."""
-    assert read_scan(SAMPLE_DATA / name, SourceOptions(), Role.SCENE, mesher=lambda splats: table()).up == up
+    assert read_scan(SAMPLE_DATA / name, SourceOptions(), Role.SCENE, mesher=lambda _: (table(), ())).up == up
 
 
 @pytest.mark.third_party
