@@ -54,6 +54,7 @@ def check_room(folder: Path, name: str, up: str) -> None:
     taken: list[Gaussians] = []
 
     def mesher(splats: Gaussians | PointCloud) -> tuple[Mesh, tuple[str, ...]]:
+        assert isinstance(splats, Gaussians)
         taken.append(splats)
         return mesh, ()
 
