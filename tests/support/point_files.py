@@ -31,6 +31,7 @@ def without_normals(cloud: PointCloud) -> PointCloud:
 
 def write_ply_points(path: Path, cloud: PointCloud) -> Path:
     """Binary, without an element of faces."""
+    columns: list[tuple[str, NDArray[np.generic], str, str]]
     columns = [(name, cloud.position[:, k], "<f8", "double") for k, name in enumerate("xyz")]
     if cloud.normal is not None:
         columns += [(f"n{name}", cloud.normal[:, k], "<f4", "float") for k, name in enumerate("xyz")]
@@ -98,8 +99,10 @@ def write_npy(path: Path, cloud: PointCloud) -> Path:
 
 def write_npz(path: Path, cloud: PointCloud) -> Path:
     """Arrays by name."""
-    more = {} if cloud.normal is None else {"normals": cloud.normal}
-    np.savez(path, points=cloud.position, colors=cloud.color / 255.0, **more)
+    if cloud.normal is None:
+        np.savez(path, points=cloud.position, colors=cloud.color / 255.0)
+    else:
+        np.savez(path, points=cloud.position, colors=cloud.color / 255.0, normals=cloud.normal)
     return path
 
 

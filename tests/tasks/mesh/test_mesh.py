@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from point_files import points_on, without_normals, write_ply_points
 
 from dcap.geometry.distance import MeshDistance
 from dcap.geometry.splatting.config import SurfaceConfig
@@ -19,7 +20,6 @@ from dcap.scene.writers.gaussians import write_splats
 from tasks.artifact import Source, Store
 from tasks.mesh.stage import MeshConfig, mesh_object, mesh_scene, needs_process
 from tasks.segment.stage import SegmentConfig, segment_object
-from tests.support.point_files import points_on, without_normals, write_ply_points
 
 SQUARE = "v 0 0 0 1 0 0\nv 1 0 0 1 0 0\nv 1 1 0 1 0 0\nv 0 1 0 1 0 0\n"
 

@@ -37,7 +37,8 @@ def read_pcd(path: Path) -> tuple[PointCloud, Notes]:
             raise InputError(f"{path}: none of its {count} points has a measurement (all are nan); export it again")
         notes += (f"{count - int(measured.sum())} of {count} pixels have no measurement (nan): they are no points",)
         position = position[measured]
-        color, normal = (None if one is None else one[measured] for one in (color, normal))
+        color = None if color is None else color[measured]
+        normal = None if normal is None else normal[measured]
     viewpoint = header.get("VIEWPOINT", UNMOVED)
     if [float(one) for one in viewpoint] != [float(one) for one in UNMOVED]:
         notes += (f"the viewpoint {' '.join(viewpoint)} is not applied: points are taken as they stand",)
@@ -89,7 +90,7 @@ def unpacked(path: Path, kinds: dict[str, str], count: int) -> dict[str, NDArray
             f"{path}: compressed fields of different types ({', '.join(sorted(wanted))}); save it as binary"
         )
     with open3d.utility.VerbosityContextManager(open3d.utility.VerbosityLevel.Error):
-        found = open3d.t.io.read_point_cloud(str(path), format="pcd").point
+        found = open3d.t.io.read_point_cloud(path, format="pcd").point
     have = len(found["positions"]) if "positions" in found else 0
     if have != count:
         raise FormatError(f"{path}: {have} of {count} points can be unpacked: the file is broken; save it again")

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 import trimesh
+from mesh_files import volume
 from numpy.typing import NDArray
+from point_files import points_on, without_normals
 
 from dcap.geometry.distance import MeshDistance
 from dcap.geometry.raycast import Raycaster
@@ -14,7 +16,6 @@ from dcap.scene.types.point_cloud import PointCloud, local_planes
 from dcap.synthetic.objects import build_object
 from dcap.synthetic.rooms import build_room
 from solver.runtime import start
-from tests.support.point_files import points_on, without_normals
 
 FEW_VIEWS = SurfaceConfig(places=6, pixels=240)
 """Enough for what is small."""
@@ -24,12 +25,6 @@ def mug() -> Mesh:
     """The embedded mug, whose recipe is in centimetres, in metres."""
     whole = Mesh.concatenate([solid for part in build_object("mug").parts for solid in part.solids])
     return whole.transformed(np.diag([0.01, 0.01, 0.01, 1.0]))
-
-
-def volume(mesh: Mesh) -> float:
-    """Enclosed by a mesh, negative if it is inside out [m^3]."""
-    a, b, c = mesh.triangles.transpose(1, 0, 2)
-    return float(np.einsum("ni,ni->", a, np.cross(b, c)) / 6.0)
 
 
 def seen_from_the_middle(mesh: Mesh, cloud: PointCloud) -> NDArray[np.bool_]:

@@ -7,6 +7,7 @@ import numpy as np
 import open3d
 import pytest
 import trimesh
+from point_files import WRITERS, points_on, without_normals, write_npy, write_pcd, write_ply_points
 
 from dcap.scene.errors import InputError
 from dcap.scene.readers.frame.frame import Role
@@ -16,7 +17,6 @@ from dcap.scene.readers.source import read_file, read_scan
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.point_cloud import PointCloud
 from dcap.scene.types.sample import SourceOptions
-from tests.support.point_files import WRITERS, points_on, without_normals, write_npy, write_pcd, write_ply_points
 
 
 def cloud() -> PointCloud:
