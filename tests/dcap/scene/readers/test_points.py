@@ -49,7 +49,7 @@ def test_packed_pcd_is_read(tmp_path: Path) -> None:
     given = cloud()
     points = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(given.position))
     points.colors = open3d.utility.Vector3dVector(given.color / 255.0)
-    open3d.io.write_point_cloud(str(tmp_path / "a.pcd"), points, compressed=True)
+    open3d.io.write_point_cloud(tmp_path / "a.pcd", points, compressed=True)
     found, _ = read_points(tmp_path / "a.pcd")
     np.testing.assert_allclose(found.position, given.position, atol=1e-6)  # single precision of 0.4 m
     np.testing.assert_array_equal(found.color, given.color)
