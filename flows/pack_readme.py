@@ -26,7 +26,8 @@ Lengths are in metres, masses in kilograms, quaternions (w, x, y, z). dcap's doc
 
 A sentence chose support, place and orientation; the object was dropped until all forces and moments balanced.
 Materials are typical values of a table, chosen by what a part is called, not measured. `certificate` says how still a
-result is, `warnings` what was assumed. Whether anybody has looked at the results one by one is not known here.
+result is, `warnings` what was guessed or not met, `notes` what else was assumed. Whether anybody has looked at the
+results one by one is not known here.
 
 ## Licences of the sources
 

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation as Turn
 from dcap.evaluation.region import part_missed, region_missed
 from dcap.scene.json_tree import JsonObject, JsonValue, object_to_json, sorted_keys, to_json
 from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.caution import Cause, Caution, about, cautions, explanations
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.materials import PartMaterial, PartMaterials
 from dcap.scene.types.outcome import Infeasible
@@ -70,9 +71,11 @@ def placement_json(finished: FinishedSample, values: Values, artifacts: Mapping[
     intent, anchor, settled = values.intent, values.anchor, values.settled
     body = object_body(settled)
     verdict, reason = verdict_of(values)
-    missed = None
+    missed, messages = None, messages_of(values)
     if anchor and settled and body:
         missed = region_missed(support_point(settled, body), anchor.region_polygon) or off_its_part(values)
+        if missed:
+            messages.append(Caution(Cause.NOT_MET, f"it rests outside of {region_words(anchor, values.intent)}"))
     tree = {
         "schema": SCHEMA_VERSION,
         "verdict": verdict,
@@ -98,11 +101,18 @@ def placement_json(finished: FinishedSample, values: Values, artifacts: Mapping[
         "certificate": certificate_of(values),
         "visible_fraction": values.renders.visible_fraction if values.renders else None,
         "visibility": visibility_of(values.renders.visibility) if values.renders else None,
-        "warnings": warnings_of(values),
+        "warnings": cautions(messages),
+        "notes": explanations(messages),
         "timings": timings_of(finished),
         "artifacts": artifacts,
     }
     return object_to_json(tree)
+
+
+def region_words(anchor: Anchor, intent: Intent | None) -> str:
+    """The place that the object should rest in, in the words of the sentence if it has some."""
+    words = intent.region.words if intent else ""
+    return repr(words) if words else f"the {anchor.region} of the {anchor.part}"
 
 
 def off_its_part(values: Values) -> bool:
@@ -182,20 +192,21 @@ def certificate_with(certificate: Certificate, checks: PlacementChecks | None) -
     return sorted_keys({**object_to_json(certificate), **({"placement": asked} if asked else {}), **column})
 
 
-def warnings_of(values: Values) -> list[str]:
-    """What a reader should know, in the order of the stages, each once."""
+def messages_of(values: Values) -> list[str]:
+    """What the stages say of their work, in their order."""
     found: list[str] = list(values.scan.notes) if values.scan else []
-    found += [f"object: {note}" for note in values.object_scan.notes] if values.object_scan else []
+    found += [about("object", note) for note in values.object_scan.notes] if values.object_scan else []
     found += values.scene.notes if values.scene else ()
     if values.intent:
         found += values.intent.notes
         if values.intent.not_understood:
-            found.append(f"not understood: {', '.join(values.intent.not_understood)}")
+            words = ", ".join(values.intent.not_understood)
+            found.append(Caution(Cause.NOT_UNDERSTOOD, f"not understood: {words}"))
     found += values.anchor.notes if values.anchor else ()
     found += values.particles.notes if values.particles else ()
     last = last_state(values)
     found += last.warnings if last else ()
-    return list(dict.fromkeys(found))
+    return found
 
 
 def timings_of(finished: FinishedSample) -> dict[str, float]:

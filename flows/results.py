@@ -204,6 +204,9 @@ class Placement:
     visibility: VisibilityRow | None
     """From views around the object and from the room."""
     warnings: tuple[str, ...]
+    """What asks for action: not met, not understood, guessed with an effect on the result."""
+    notes: tuple[str, ...]
+    """What else was done or assumed."""
     timings: NamedValues[float]
     """Seconds that each stage took when it was computed."""
     artifacts: NamedValues[Path]
@@ -226,7 +229,7 @@ class Placement:
             "checks": found.get("placement"),
             "evidence": {key: value for key, value in found.items() if key not in {*of_the_drop, "placement"}},
         }
-        since = {"schema": 0, "soft_bodies": (), "visibility": None}  # of files from before there were these keys
+        since = {"schema": 0, "soft_bodies": (), "visibility": None, "notes": ()}  # earlier files lack them
         values = {**since, **tree, **told, "artifacts": files, "folder": place, "tree": dict(tree)}
         placement: Placement = built(cls, values, place / "placement.json")
         return placement

@@ -27,6 +27,7 @@ import dcap.scene.types
 from dcap.scene.errors import StoreError
 from dcap.scene.json_tree import canonical_json
 from dcap.scene.readers.files.image import MAX_PIXELS, UNREADABLE
+from dcap.scene.types.caution import Cause, Caution
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.writers.ply import mesh_from_ply, mesh_to_ply
 
@@ -68,6 +69,8 @@ def stored_types() -> dict[str, type]:
 
 def to_tree(value: object, path: str, files: dict[str, bytes]) -> object:
     """Return the JSON tree of a value; what does not belong into JSON goes to `files` under a name made of `path`."""
+    if isinstance(value, Caution):
+        return {"$caution": str(value), "cause": value.cause.value}
     if value is None or isinstance(value, bool | str):
         return value.value if isinstance(value, Enum) else value
     if isinstance(value, np.ndarray):
@@ -119,11 +122,13 @@ def from_tree(tree: object, hint: object, files: Mapping[str, bytes]) -> object:
 
 
 def object_from_tree(tree: dict[str, object], hint: object, files: Mapping[str, bytes]) -> object:
-    """Return a mesh, array, picture, number, dataclass or plain dict."""
+    """Return a mesh, array, picture, message, number, dataclass or plain dict."""
     if "$mesh" in tree:
         return mesh_from_ply(files[str(tree["$mesh"])])
     if "$png" in tree:
         return picture_from_png(files[str(tree["$png"])], str(tree["$png"]))
+    if "$caution" in tree:
+        return Caution(Cause(str(tree["cause"])), str(tree["$caution"]))
     if "$float" in tree:
         return float(str(tree["$float"]))
     if "$array" in tree:

@@ -16,7 +16,7 @@ import typer
 from dcap.scene.errors import MachineError
 from dcap.scene.settings import runs_root, shared_store_url, version
 from flows.cli.border import check_words, end_output, told
-from flows.cli.checks import Json, Run, with_options
+from flows.cli.checks import Json, Run, Verbose, with_options
 from flows.cli.config_command import config_app
 from flows.cli.data import cache_app, dataset_app
 from flows.cli.language_command import language_app
@@ -96,6 +96,7 @@ def place(
     prompt: Annotated[str, typer.Argument(help='What to do: "put the ball at the centre of the bed".')],
     options: PlaceOptions,
     as_json: Json = False,
+    verbose: Verbose = False,
 ) -> int:
     """Place one object in one scene."""
     check_prompt(prompt)
@@ -106,11 +107,14 @@ def place(
     from flows.place_one import place_files
 
     tree = place_files(scene, object, prompt, options, folder, quiet=as_json)
-    warnings = tree["warnings"]
-    assert isinstance(warnings, list)
-    for warning in warnings:
-        print(f"note: {warning}", file=sys.stderr)
-    print(json.dumps(tree, indent=2, ensure_ascii=False) if as_json else f"{result_line(tree)}\nresults: {folder}")
+    if not as_json:
+        print(result_line(tree), flush=True)
+    for key in ("warnings", "notes") if verbose else ("warnings",):
+        messages = tree[key]
+        assert isinstance(messages, list)
+        for message in messages:
+            print(f"{key.removesuffix('s')}: {message}", file=sys.stderr)
+    print(json.dumps(tree, indent=2, ensure_ascii=False) if as_json else f"results: {folder}")
     return exit_code(tree)
 
 

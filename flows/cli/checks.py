@@ -22,6 +22,7 @@ PlacedRun = Annotated[
 ]
 Sample = Annotated[str | None, typer.Argument(help="Id of a sample of the run.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")]
+Verbose = Annotated[bool, typer.Option("--verbose", help="Print the notes of placement.json, too.")]
 Command = Callable[..., int]
 
 

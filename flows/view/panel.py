@@ -50,7 +50,8 @@ class PlacementPanel:
             gui.add_html(texts.page(texts.certificate(text.tree["certificate"])))
             gui.add_html(texts.page("<h4>placement</h4>", texts.facts(text.tree)))
             gui.add_html(texts.page("<h4>contacts</h4>", texts.contacts(text.tree["contacts"])))
-            gui.add_html(texts.page("<h4>warnings</h4>", texts.warnings(text.tree)))
+            for key in ("warnings", "notes"):
+                gui.add_html(texts.page(f"<h4>{key}</h4>", texts.messages(text.tree, key)))
         if text.signals is not None:
             with tabs.add_tab("Signals"):
                 add_signals(gui, text.signals)

@@ -1,4 +1,4 @@
-"""The panel's texts as HTML: verdict, certificate, contacts, materials, warnings; from the keys of placement.json."""
+"""The panel's texts as HTML: verdict, certificate, contacts, materials, messages; from the keys of placement.json."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from html import escape
@@ -169,9 +169,9 @@ def bullets(lines: Sequence[object], nothing: str) -> str:
     return "<ul>" + "".join(f"<li>{escape(str(line))}</li>" for line in lines) + "</ul>"
 
 
-def warnings(tree: Mapping[str, JsonValue]) -> str:
-    """What a reader should know."""
-    rows = tree["warnings"]
+def messages(tree: Mapping[str, JsonValue], key: str) -> str:
+    """The `warnings` or the `notes`, of which files of earlier versions have none."""
+    rows = tree.get(key)
     return bullets(rows if isinstance(rows, list) else [], "None.")
 
 

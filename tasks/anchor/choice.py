@@ -15,6 +15,7 @@ from dcap.geometry.placement.polygons import convex_hull
 from dcap.geometry.raycast import Raycaster
 from dcap.language.protocol.replies import AnchorReply, region_constraints
 from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.caution import Cause, Caution
 from dcap.scene.types.intent import Intent, RegionConstraint
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.segmentation import Instance, Segmentation
@@ -91,7 +92,8 @@ def choice_of(scene: Segmentation, base: Instance, intent: Intent, reply: Anchor
     if len(reply.references) > 1 and "between" not in names:
         areas[:0] = both(areas)  # "next to the lamp and the book": where the two meet, if they do
     if not areas and all(apart(base.box, box) < NEIGHBOUR for group in groups for box in group):
-        names, note = (), f"{intent.region.words!r} is taken to say which {base.label} is meant"
+        taken = f"{intent.region.words!r} is taken to say which {base.label} is meant"
+        names, note = (), Caution(Cause.WHICH, taken)
         areas = regions(frame, (), [], reach)
     if not areas:
         away = min(distance_beside(frame, names, group, reach, view) for group in groups)
@@ -128,9 +130,9 @@ def spare_areas(
         return [], ""
     if is_floor(base):
         far = asked_areas(frame, names, groups, reach, view, outline, HAND)
-        return far, f"there is no room right beside it: up to {HAND:g} m away"
+        return far, Caution(Cause.NOT_MET, f"there is no room right beside it: up to {HAND:g} m away")
     under = [area for group in groups for area in regions(frame, names, group, reach, view)]
-    return under, "there is no room beside it: partly over or under it"
+    return under, Caution(Cause.NOT_MET, "there is no room beside it: partly over or under it")
 
 
 def distances(limits: Sequence[RegionConstraint], references: Sequence[str]) -> list[float]:

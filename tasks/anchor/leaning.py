@@ -25,6 +25,7 @@ from dcap.geometry.raycast import Raycaster
 from dcap.language.protocol.replies import AnchorReply
 from dcap.scene.types.anchor import Lean
 from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.caution import Cause, Caution
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Infeasible
@@ -106,7 +107,7 @@ def note_of(asked: str, on: str, *, squat: bool) -> str:
     """What differs from leaning as it was said."""
     other = f"{on} is leaned on: there is no free place before {asked}" if on != asked else ""
     upright = f"it is too thick for its height to lean: it stands by itself, right against {on}" if squat else ""
-    return "; ".join(note for note in (other, upright) if note)
+    return Caution(Cause.NOT_MET, "; ".join(note for note in (other, upright) if note))
 
 
 # what it leans on ---------------------------------------------------------------------------------------------------

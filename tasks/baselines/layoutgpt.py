@@ -18,6 +18,7 @@ from dcap.language.protocol.client import LanguageConfig
 from dcap.language.protocol.questions import LAYOUTGPT
 from dcap.language.protocol.requests import IntentRequest, vector
 from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.caution import Cause, Caution
 from dcap.scene.types.floor_plan import FloorPlans
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.outcome import Infeasible
@@ -59,7 +60,8 @@ def layoutgpt(
         return box
     reason = f"LayoutGPT with {len(request.exemplars)} exemplars wrote: {box.text}"
     found = proposed_anchor(scene, item.mesh, proposed_pose(box, plan, asset), "as the layout says", reason)
-    return replace(found, notes=tuple(f"{name} is no example: it cannot be read" for name in left_out))
+    unread = (Caution(Cause.ASSUMED, f"{name} is no example: it cannot be read") for name in left_out)
+    return replace(found, notes=tuple(unread))
 
 
 layoutgpt_task = stage(layoutgpt)

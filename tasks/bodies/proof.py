@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from dcap.geometry.pieces import numbered_pieces, outward
 from dcap.geometry.raycast import tensor
+from dcap.scene.types.caution import Cause, Caution
 from dcap.scene.types.mesh import Mesh
 from solver.certificate import Certificate, CertificateRow, ContactProof, PointForces, Verdict
 from solver.errors import UnstableStep
@@ -59,7 +60,7 @@ def proven(model: Model, result: SettledModel) -> SettledModel:
     certificate = replace(result.certificate, proof=proof)
     if result.verdict is not Verdict.AT_REST or proof.holds:
         return replace(result, certificate=certificate)
-    warnings = (*result.warnings, refutation(proof))
+    warnings = (*result.warnings, Caution(Cause.NOT_MET, refutation(proof)))
     return replace(result, certificate=certificate, verdict=Verdict.NO_EQUILIBRIUM, warnings=warnings)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from dcap.scene.types.caution import Cause, Caution
 from dcap.scene.types.intent import OrientationRequest
 from dcap.scene.types.rotation import AskedPose
 from dcap.scene.types.settled import PoseCheck
@@ -107,4 +108,4 @@ def pose_warnings(rows: tuple[PoseCheck, ...]) -> tuple[str, ...]:
             )
         elif row.doubt:
             lines.append(f"asked {what}: {row.doubt}; look at the pictures, and try --object-up if it is not")
-    return tuple(lines)
+    return tuple(Caution(Cause.NOT_MET, line) for line in lines)

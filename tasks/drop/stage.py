@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from dcap.geometry.distance import sampler
 from dcap.scene.errors import GeometryError, InputError
 from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.caution import Cause, Caution
 from dcap.scene.types.gravity import GRAVITY
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.outcome import Infeasible, Reason
@@ -92,7 +93,8 @@ def able(model: Model, config: SolverConfig) -> tuple[SolverConfig, tuple[str, .
     """The configuration, with tl where mls has no material to simulate, and what to tell of that."""
     if config.method != "mls" or model.soft_bodies:
         return config, ()
-    return config.model_copy(update={"method": "tl"}), ("solver mls: everything is rigid, so that tl settled it",)
+    instead = Caution(Cause.NOT_MET, "solver mls: everything is rigid, so that tl settled it")
+    return config.model_copy(update={"method": "tl"}), (instead,)
 
 
 def _progress(step: int, seconds: float, signals: Signals) -> None:
@@ -126,7 +128,9 @@ def with_checks(settled: Settled, particles: Particles, anchor: Anchor, intent: 
         poses,
         indentation(settled, particles, anchor.base_id),
     )
-    told = [] if lean is None or lean.held_share.holds else [f"it rests without leaning on {lean.on}"]
+    told: list[str] = []
+    if lean is not None and not lean.held_share.holds:
+        told.append(Caution(Cause.NOT_MET, f"it rests without leaning on {lean.on}"))
     if foreseen is not None and not foreseen.holds and len(settled.contact_points):
         told.append(
             f"only {foreseen.value:.0%} of its contact lies where it was foreseen and cells were made for it: its dent "

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.language.protocol.replies import IntentReply, region_constraints
+from dcap.scene.types.caution import Cause, Caution
 from dcap.scene.types.intent import RegionRequest
 from dcap.scene.types.pointed import Pointed
 
@@ -28,5 +29,5 @@ def place_of(reply: IntentReply, pointed: Pointed | None) -> WantedPlace:
         return WantedPlace(said, None, () if pointed is None else pointed.notes)
     words = reply.region_words or reply.part
     told = reply.regions or reply.part or reply.constraints or reply.lean_on
-    lost = (f"--at decides where: {words!r} is not followed",) if told else ()
+    lost = (Caution(Cause.NOT_MET, f"--at decides where: {words!r} is not followed"),) if told else ()
     return WantedPlace(RegionRequest("", (), (), ""), pointed.point, (*pointed.notes, *lost))

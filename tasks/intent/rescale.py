@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.scene.readers.frame.frame import LIMITS, Role
+from dcap.scene.types.caution import Cause, Caution
 from dcap.scene.types.units import METRES, TAKEN_AS_METRES
 
 Array = NDArray[np.float64]
@@ -74,7 +75,7 @@ def rescale(
     ratio = float(ratios[alike])
     if unit_source == "option":
         asked = f"the mesh of {shown} m keeps the size that {OPTION} gives it, though such things usually have"
-        return Rescale(1.0, shapes[alike], f"{asked} {sizes(shapes[alike])} m")
+        return Rescale(1.0, shapes[alike], Caution(Cause.ASSUMED, f"{asked} {sizes(shapes[alike])} m"))
     units = possible_units(extents[0], unit_source)
     fitting = [
         name for name in units
@@ -85,11 +86,11 @@ def rescale(
         unit = units[fitting[0]]
         others = "".join(f"; {name} would fit as well" for name in fitting[1:])
         read = f"the mesh of {shown} is read as {fitting[0]}, {sizes(extents * unit)} m: scaled by {unit:g}{others}"
-        return Rescale(unit, shapes[alike], f"{read}; {OVERRIDE}")
+        return Rescale(unit, shapes[alike], Caution(Cause.ASSUMED, f"{read}; {OVERRIDE}"))
     scale = float(np.clip(ratio, *limits))
     clamped = "" if scale == ratio else f", clamped from {ratio:.3g}"
     usual = f"the mesh of {shown} m is scaled by {scale:.4g} to the usual {sizes(shapes[alike])} m (median over axes"
-    return Rescale(scale, shapes[alike], f"{usual}{clamped}); {OVERRIDE}")
+    return Rescale(scale, shapes[alike], Caution(Cause.ASSUMED, f"{usual}{clamped}); {OVERRIDE}"))
 
 
 def possible_units(longest: float, unit_source: str) -> dict[str, float]:

@@ -20,6 +20,7 @@ from dcap.language.protocol.questions import INTENT
 from dcap.language.protocol.replies import Candidate, IntentReply
 from dcap.language.protocol.requests import IntentRequest
 from dcap.scene.errors import InputError
+from dcap.scene.types.caution import Cause, Caution
 from dcap.scene.types.intent import Intent, OrientationRequest, SupportCandidate
 from dcap.scene.types.outcome import Infeasible, NotInScene, Reason
 from dcap.scene.types.pointed import Pointed
@@ -182,4 +183,4 @@ def mass_of(
     clamped = "" if used == factor else f", clamped from {factor:.3g} (mass_factor {config.mass_factor:g})"
     weight = reply.mass * used
     note = f"mass {weight:.3g} kg: {reply.mass:.3g} kg at the usual size, scaled {kind} by {used:.3g}{clamped}"
-    return weight, note
+    return weight, Caution(Cause.ASSUMED, f"{note}; --mass to say it") if clamped else note

@@ -11,6 +11,7 @@ from dcap.language.offline.tell_apart import told_apart
 from dcap.language.protocol.replies import Candidate, IntentReply
 from dcap.language.protocol.requests import InstanceView, IntentRequest
 from dcap.scene.errors import LanguageError
+from dcap.scene.types.caution import Cause, Caution
 
 AS_LIKELY = 0.5
 """Share of the best one's likelihood from which another may be meant as well [-]."""
@@ -33,7 +34,8 @@ def settle_choice(reply: IntentReply, request: IntentRequest, *, ask: bool) -> t
         if ask:
             raise LanguageError(question(found, request))
         others = ", ".join(one.id for one in found[1:])
-        notes.append(f"{found[0].label}: several may be meant, {found[0].id} is taken (also {others})")
+        taken = f"{found[0].label}: several may be meant, {found[0].id} is taken (also {others})"
+        notes.append(Caution(Cause.WHICH, taken))
     return tuple(notes)
 
 

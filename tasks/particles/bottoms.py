@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.geometry.solid.support import carried_bottoms
+from dcap.scene.types.caution import Cause, Caution
 from dcap.scene.types.mesh import Mesh
 from tasks.particles.covers import Cover, lies_under, looks_up
 from tasks.particles.drop_setup import DropSetup
@@ -35,10 +36,11 @@ def thick_enough(setup: DropSetup, layers: BaseLayers, index: int, bottom: float
     top = float(np.median(layers.mesh.triangles[layers.part == index][:, :, 2]))
     if top - bottom >= least:
         return bottom
-    setup.notes.append(
+    taken = (
         f"{layers.base.id}: {layers.base.parts[index].name} shows no thickness and is taken as {least} m thick "
         "(ParticlesConfig.least_thickness)"
     )
+    setup.notes.append(Caution(Cause.ASSUMED, taken))
     return top - least
 
 

@@ -13,6 +13,7 @@ from dcap.geometry.solid.columns import CRACK
 from dcap.geometry.solid.height_map import WIDTHS, TornHole
 from dcap.geometry.solid.mending import MendedSurface, with_mended
 from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.caution import Cause, Caution, about
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.materials import BodyModel, PartMaterial, PartMaterials
 from dcap.scene.types.mesh import Mesh
@@ -116,7 +117,8 @@ class DropSetup:
         part = ", ".join(dict.fromkeys(parts))
         self.geometry.append(BodyGeometry(body, part, report))
         if report.problem:
-            self.notes.append(f"{body}: {part} could not be made into a valid solid: {report.problem}")
+            unsound = f"{body}: {part} could not be made into a valid solid: {report.problem}"
+            self.notes.append(Caution(Cause.ASSUMED, unsound))
 
     def note_stiffness(self, body: str, rows: list[PartMaterial]) -> None:
         """Name the soft parts that are taken as softer than their material."""
@@ -158,7 +160,7 @@ def drop_setup(
     setup = DropSetup(
         scene, item, intent, anchor, materials, config, mesh, base_index, crop, descent, returned, torn=torn
     )
-    setup.notes += [*materials.notes, *(f"{anchor.base_id}: {note}" for note in found)]
+    setup.notes += [*materials.notes, *(about(anchor.base_id, note) for note in found)]
     setup.notes.append(f"{anchor.base_id} is cut {margin:.2f} m around the object and clamped at the cut")
     return setup
 
@@ -177,13 +179,14 @@ def lifted_out(mesh: Mesh, ended: EndPose, beneath: Raycaster) -> Mesh:
 
 def mended_here(surface: MendedSurface, mesh: Mesh) -> list[str]:
     """What was mended of the base where it matters to the object `mesh`, in words; empty: nothing there."""
-    notes = []
+    notes: list[str] = []
     if holes := holes_under(surface, mesh):
         size = f"{1e2 * holes[0].sides[0]:.2g} x {1e2 * holes[0].sides[1]:.2g} cm under the object"
-        notes.append(
+        closed = (
             f"the scan has a hole of {size}; closed from its rim" if len(holes) == 1 else
             f"the scan has {len(holes)} holes, the largest of {size}; closed from their rims"
         )  # fmt: skip
+        notes.append(Caution(Cause.ASSUMED, closed))
     if surface.scraps:
         notes.append(
             f"{surface.scraps} floating scraps of the scan ({1e4 * surface.scrap_area:.3g} cm2 in all) carry nothing "

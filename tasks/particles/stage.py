@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from dcap.geometry.distance import sampler
 from dcap.scene.errors import GeometryError
 from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.caution import Cause, Caution, about
 from dcap.scene.types.earlier import FreedThings
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.materials import PartMaterials
@@ -45,7 +46,7 @@ def particles(
     if isinstance(shape, OpenShape):
         return refused(shape, intent.object_name)
     setup = drop_setup(scene, shape.item, intent, anchor, materials, config, ended)
-    setup.notes += [f"object: {note}" for note in shape.notes]
+    setup.notes += [about("object", note) for note in shape.notes]
     if config.coarser > 1.0:
         setup.notes.append(f"cells are {config.coarser:.3g} times larger: on the smaller ones the drop broke down")
     if ended is not None:
@@ -95,7 +96,8 @@ def note_overlaps(setup: DropSetup, bodies: list[SimulationBody]) -> None:
     for body in bodies[1:]:
         depth = -float(sampler(body.distance)(bodies[0].surface.vertices).min())
         if depth > 1e-3:
-            setup.notes.append(f"the object starts {1e3 * depth:.1f} mm inside {body.name}")
+            inside = f"the object starts {1e3 * depth:.1f} mm inside {body.name}"
+            setup.notes.append(Caution(Cause.NOT_MET, inside))
 
 
 def proposal_particles(

@@ -7,6 +7,7 @@ from dcap.language.offline.nouns import Noun
 from dcap.language.offline.placing import names_support, placing_of, whole
 from dcap.language.offline.sentence import read
 from dcap.scene.errors import LanguageError
+from dcap.scene.types.caution import Cause, Caution
 from dcap.scene.types.segmentation import Instance
 
 SURE = 0.9
@@ -40,11 +41,11 @@ def name_of(owner: Instance, asked: Noun | None, option: str) -> Name:
         return Name(owner.label, renamed=False)
     if owner.structure or owner.confidence >= SURE:
         said = f"the sentence says {asked.text!r}, but {option} lies on {owner.label} ({owner.id}): {option} decides"
-        return Name(owner.label, renamed=False, notes=(said,))
+        return Name(owner.label, renamed=False, notes=(Caution(Cause.NOT_MET, said),))
     label = asked.name or asked.thing.replace("_", " ")
     guess = f"{owner.label!r} ({owner.confidence:.0%})"
     taken = f"what {option} lies on was taken for {guess}; it is called {label!r} as in the sentence"
-    return Name(label, renamed=True, notes=(taken,))
+    return Name(label, renamed=True, notes=(Caution(Cause.WHICH, taken),))
 
 
 def fits(noun: Noun, label: str) -> bool:

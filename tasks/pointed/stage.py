@@ -14,6 +14,7 @@ from scipy.spatial import Delaunay, QhullError
 from dcap.geometry.segmentation.faces import FaceTable, surface_pieces
 from dcap.geometry.segmentation.parts.rules import make_instance
 from dcap.scene.errors import InputError
+from dcap.scene.types.caution import Cause, Caution
 from dcap.scene.types.pointed import Pointed
 from dcap.scene.types.rectangle import min_area_box
 from dcap.scene.types.sample import GivenPlace
@@ -75,9 +76,8 @@ def at_point(scan: Scan, scene: Segmentation, at: tuple[float, ...], prompt: str
     else:
         given = scan.world_from_file[:3, :3] @ np.array(at) + scan.world_from_file[:3, 3]
         if given[2] - met.position[2] > ABOVE:
-            notes.append(
-                f"--at is {given[2] - met.position[2]:.2f} m above what is below it; the object goes down there"
-            )
+            above = f"--at is {given[2] - met.position[2]:.2f} m above what is below it; the object goes down there"
+            notes.append(Caution(Cause.NOT_MET, above))
     if owner < 0:
         patch = patch_at(scene, met.face, met.position)
         return cut_out(scene, patch, Name("thing", renamed=False), None, met.position, notes)

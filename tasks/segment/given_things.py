@@ -17,6 +17,7 @@ from dcap.geometry.segmentation.named import with_ids
 from dcap.scene.errors import InputError
 from dcap.scene.readers.frame.frame import WORLD_FROM_FILE
 from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.caution import Cause, Caution
 from dcap.scene.types.given_labels import CornerFrame, GivenLabels, GivenThing, faces_digest
 from dcap.scene.types.rectangle import min_area_box
 from dcap.scene.types.scan import LabelBox, Scan
@@ -49,7 +50,7 @@ def given_groups(
     """The labelled things; InputError where none of them is in the scene."""
     if labels.mesh and labels.mesh == faces_digest(scan.mesh):
         return by_faces(scan, table, labels)
-    other = f"{labels.source} was made of another mesh: its boxes decide, not its faces"
+    other = Caution(Cause.ASSUMED, f"{labels.source} was made of another mesh: its boxes decide, not its faces")
     found = by_boxes(scan, table, labels, taken_apart)
     return replace(found, notes=(*((other,) if labels.mesh else ()), *found.notes))
 
@@ -73,7 +74,8 @@ def by_faces(scan: Scan, table: FaceTable, labels: GivenLabels) -> GivenGroups:
     for number in sorted(boxed, key=lambda i: -float(np.prod(box_of(scan, labels, labels.things[i]).half_extents))):
         mine = held_by(table, box_of(scan, labels, labels.things[number]), owner, labels)
         if not len(mine):
-            notes.append(f"{labels.source}: no face is in the box of {labels.things[number].label}; it is left out")
+            empty = f"{labels.source}: no face is in the box of {labels.things[number].label}; it is left out"
+            notes.append(Caution(Cause.NOT_UNDERSTOOD, empty))
         owner[mine] = number
     groups = with_ids(
         [
@@ -153,7 +155,8 @@ def by_boxes(
             f"--labels {labels.source}: none of its {len(things)} boxes holds anything of the scene, which spans "
             f"{np.round(low, 2).tolist()} to {np.round(high, 2).tolist()} m, z up; give labels in the scene's frame"
         )
-    notes = (f"{labels.source}: nothing of the scene is in the box of {', '.join(missed)}",) if missed else ()
+    empty = Caution(Cause.NOT_UNDERSTOOD, f"{labels.source}: nothing of the scene is in the box of {', '.join(missed)}")
+    notes = (empty,) if missed else ()
     if not labels.complete:
         named = [group for group in groups if category_of(group.label) is not Category.STRUCTURE]
         rest = np.ones(len(table.area), dtype=bool)

@@ -78,6 +78,25 @@ def test_the_arch_decides_a_result() -> None:
     assert keys[0] == keys[1] != keys[2]
 
 
+TOLD = {
+    "verdict": "at_rest", "base": {"id": "bed_0", "label": "bed"}, "part": "mattress",
+    "warnings": ["asked seated, found on its side"], "notes": ["mass 1 kg"],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("option", "lines"), [((), []), (("--verbose",), ["note: mass 1 kg"])])
+def test_a_placement_says_what_asks_for_action(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, option: tuple[str, ...],
+    lines: list[str],
+) -> None:  # fmt: skip
+    """Where it rests and its warnings are printed; what only explains it is printed if asked for."""
+    monkeypatch.setattr("flows.place_one.place_files", Mock(return_value=TOLD))
+    assert main(["place", "a", "b", "put it", "--out", str(tmp_path), *option]) == 0
+    captured = capsys.readouterr()
+    assert captured.out.splitlines() == ["at rest on bed (mattress)", f"results: {tmp_path}"]
+    assert captured.err.splitlines() == ["warning: asked seated, found on its side", *lines]
+
+
 def test_the_version(capsys: pytest.CaptureFixture[str]) -> None:
     """--version prints the version of the package and ends."""
     assert main(["--version"]) == 0

@@ -2,6 +2,7 @@
 
 import io
 import json
+import pickle
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 
@@ -33,6 +34,7 @@ from rest_records import (
 from dcap.scene.errors import StoreError
 from dcap.scene.types.anchor import Anchor, Lean
 from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.caution import Cause, Caution
 from dcap.scene.types.file_scale import FileScale
 from dcap.scene.types.given_labels import CornerFrame, GivenLabels, GivenPart, GivenThing, VertexLabels
 from dcap.scene.types.intent import Intent, OrientationRequest, RegionConstraint, RegionRequest, SupportCandidate
@@ -292,3 +294,18 @@ def test_a_picture_is_decoded_only_if_it_is_one_of_ours(monkeypatch: pytest.Monk
         Image.fromarray(larger if kind == "larger" else picture).save(data, "PNG" if kind == "larger" else kind)
         with pytest.raises(StoreError, match=r"clean\.png: "):
             decode(files | {"clean.png": data.getvalue()})
+
+
+def test_messages_keep_their_cause() -> None:
+    """A caution among plain texts comes back with its cause, and a text as a text."""
+    given = {"notes": ["cut", Caution(Cause.NOT_MET, "asked seated")]}
+    files = encode(given)
+    found = decode(files)
+    assert found == given
+    assert isinstance(found, dict)
+    plain, caution = found["notes"]
+    assert type(plain) is str
+    assert isinstance(caution, Caution)
+    assert caution.cause is Cause.NOT_MET
+    assert pickle.loads(pickle.dumps(caution)).cause is Cause.NOT_MET
+    assert encode(found) == files

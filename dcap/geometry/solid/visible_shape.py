@@ -24,6 +24,7 @@ from dcap.geometry.solid.repair_log import RepairLog
 from dcap.geometry.solid.soundness import agreement, moved, well_formed
 from dcap.geometry.solid.union import united
 from dcap.scene.errors import GeometryError
+from dcap.scene.types.caution import Cause, Caution
 from dcap.scene.types.mesh import Mesh
 
 IntArray = NDArray[np.int64]
@@ -224,7 +225,7 @@ def capped_in_words(piece: Mesh, loops: list[IntArray], largest: OpenRim, *, tol
     """That holes were closed, for people."""
     told = f"its surface is open: {len(loops)} hole{'s' * (len(loops) > 1)}, the largest of {largest.in_words} "
     where = f"{side_of(largest.middle, piece.bounds)}, closed from " if told_where else "closed from "
-    return f"{told}{where}{'the rim' if len(loops) == 1 else 'their rims'}"
+    return Caution(Cause.ASSUMED, f"{told}{where}{'the rim' if len(loops) == 1 else 'their rims'}")
 
 
 def side_of(point: FloatArray, bounds: FloatArray) -> str:

@@ -10,6 +10,7 @@ from dcap.language.offline.reading import Place, Reading
 from dcap.language.offline.target import target_of
 from dcap.language.protocol.requests import InstanceView, IntentRequest
 from dcap.scene.errors import LanguageError
+from dcap.scene.types.caution import Cause, Caution
 
 
 def given_target(reading: Reading, request: IntentRequest) -> Target:
@@ -21,7 +22,8 @@ def given_target(reading: Reading, request: IntentRequest) -> Target:
         return Target(base=base, not_understood=list(reading.not_understood))
     target = target_of(reading, replace(request, instances=with_one_support(base, main, request.instances)))
     if target.base is None:
-        target.notes.append(f"the scene has no {target.missing}; what was pointed at decides")
+        told = f"the scene has no {target.missing}; what was pointed at decides"
+        target.notes.append(Caution(Cause.NOT_MET, told))
         target.missing, target.part, target.regions, target.references = "", "", [], []
     elif target.base.id != base.id:
         target.part, target.which = "", ""

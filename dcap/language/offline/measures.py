@@ -10,6 +10,7 @@ from collections.abc import Iterable
 from functools import cache
 
 from dcap.language.offline.lexicon import rows
+from dcap.scene.types.caution import Cause, Caution
 
 VULGAR = {"½": "1/2", "¼": "1/4", "¾": "3/4", "⅓": "1/3", "⅔": "2/3", "⅛": "1/8", "⅜": "3/8", "⅝": "5/8", "⅞": "7/8"}
 """Fractions of one character; Unicode's own normal form would join "2½" to "21/2"."""
@@ -45,7 +46,8 @@ def plain_measures(text: str) -> tuple[str, tuple[str, ...]]:
         value = amount(found["number"])
         if found["to"] is not None:
             value = 0.5 * (value + amount(found["to"]))
-            notes.append(f"{found[0].strip()!r} is taken as its middle, {value:.6g} {unit}")
+            middle = f"{found[0].strip()!r} is taken as its middle, {value:.6g} {unit}"
+            notes.append(Caution(Cause.ASSUMED, middle))
         elif found["half"] is not None:
             value += 0.5
         return f" {value:.6g} {unit} "

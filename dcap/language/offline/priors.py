@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from dcap.language.offline.lexicon import Size, Thing, is_a, thing_of, things
 from dcap.language.offline.nouns import Noun
 from dcap.language.protocol.replies import LONGEST_NAME
+from dcap.scene.types.caution import Cause, Caution
 from dcap.scene.types.units import TAKEN_AS_METRES
 
 GENERIC = frozenset({"toy", "food", "fruit", "clothes", "furniture", "cutlery", "structure", "object"})
@@ -60,7 +61,7 @@ def prior_of(theme: Noun | None, label: str, size: Size) -> Prior:
     length, width, height = (max(scale * extent, THINNEST) for extent in size)
     mass = max(1e-3, UNKNOWN_DENSITY * length * width * height)
     note = f"{name!r} is not in the lexicon: {assumed}; {UNKNOWN_DENSITY:g} kg/m^3 over its box is assumed"
-    return Prior(name, ((length, width, height),), 1.0, mass, True, (note,))
+    return Prior(name, ((length, width, height),), 1.0, mass, True, (Caution(Cause.ASSUMED, note),))
 
 
 def unknown_scale(longest: float) -> tuple[float, str]:
@@ -80,4 +81,5 @@ def mismatch(theme: Noun | None, label: str, chosen: Thing) -> tuple[str, ...]:
     filed = thing_of(label)
     if theme is None or not theme.thing or filed is None or is_a(filed.id, chosen.id):
         return ()
-    return (f"the prompt says {theme.thing!r}, the file is named {label!r}; the prompt counts",)
+    told = f"the prompt says {theme.thing!r}, the file is named {label!r}; the prompt counts"
+    return (Caution(Cause.ASSUMED, told),)

@@ -47,6 +47,7 @@ from dcap.language.offline.words import (
     words_of,
 )
 from dcap.scene.errors import LanguageError
+from dcap.scene.types.caution import Cause, Caution
 
 SUPPORT = frozenset({"on", "in"})
 NEIGHBOURING = frozenset({"near", "next_to", "nearest", "away", "farthest"})
@@ -80,7 +81,7 @@ def read(prompt: str, scene: SceneWords = NO_SCENE) -> Reading:
             raise LanguageError(f"prompt {prompt!r}: {token.text!r} is not understood; name one place to put it")
     check(prompt, clauses)
     words = words_of(prompt, scene)
-    mended = tuple(f"{typed!r} is read as {meant!r}" for typed, meant in words.mended.items())
+    mended = (Caution(Cause.WHICH, f"{typed!r} is read as {meant!r}") for typed, meant in words.mended.items())
     return replace(reading_of(clauses, reader.lost()), notes=(*words.notes, *mended))
 
 

@@ -37,6 +37,7 @@ from dcap.language.offline.reading import Place, Reading
 from dcap.language.offline.sentence import SUPPORT
 from dcap.language.offline.where import ground_further, ground_own_region, set_part
 from dcap.language.protocol.requests import InstanceView, IntentRequest
+from dcap.scene.types.caution import Cause, Caution
 
 AT_IT = 0.05
 """A thing no farther off is on it or stands at it [m]."""
@@ -148,9 +149,10 @@ def ground_support(target: Target, support: Place, reading: Reading, request: In
     if chosen.note:
         target.notes.append(f"{noun.text}: {chosen.note}")
     if is_wider(target.base, noun):
-        target.notes.append(f"using the {target.base.label} as {noun.text}")
+        target.notes.append(Caution(Cause.WHICH, f"using the {target.base.label} as {noun.text}"))
     if target.base in nameless(noun, request.instances):
-        target.notes.append(f"the scene is one thing that nothing names: it is taken for the {noun.thing}")
+        taken = f"the scene is one thing that nothing names: it is taken for the {noun.thing}"
+        target.notes.append(Caution(Cause.WHICH, taken))
     if target.base.guesses:
         target.notes.append(by_shape_alone(noun.text, chosen))
     if is_shut(support, target.base):
@@ -170,7 +172,7 @@ def ground_support(target: Target, support: Place, reading: Reading, request: In
 def by_shape_alone(text: str, found: Found) -> str:
     """How sure the choice among things that nobody named is, and what came second."""
     second = f", second {found.instances[1].id} ({found.scores[1]:.2f})" if len(found.scores) > 1 else ""
-    return f"{text}: {found.best.id} by its shape, likelihood {found.scores[0]:.2f}{second}"
+    return Caution(Cause.WHICH, f"{text}: {found.best.id} by its shape, likelihood {found.scores[0]:.2f}{second}")
 
 
 def unmet_load(

@@ -6,9 +6,9 @@ that can be shown to a model as it is. A reply that fails is no reply.
 
 import math
 from collections.abc import Collection, Iterable
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, Field, PositiveFloat
+from pydantic import BaseModel, Field, PositiveFloat, ValidatorFunctionWrapHandler, WrapValidator
 
 from dcap.language.protocol.requests import (
     PART_SIDES,
@@ -19,8 +19,16 @@ from dcap.language.protocol.requests import (
     PartsRequest,
     RotationRequest,
 )
+from dcap.scene.types.caution import Caution
 from dcap.scene.types.intent import RegionConstraint
 
+
+def kept(value: object, check: ValidatorFunctionWrapHandler) -> str:
+    """A caution as it is; pydantic would make a plain text of it."""
+    return value if isinstance(value, Caution) else str(check(value))
+
+
+Message = Annotated[str, WrapValidator(kept)]
 Pose = Literal[
     "upright", "seated", "upside_down", "on_side", "on_left_side", "on_right_side", "lying", "standing", "on_back",
     "on_front", "leaning", "any",
@@ -152,7 +160,7 @@ class IntentReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     )
     region_words: str = ""
     not_understood: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
 
     def check(self, request: IntentRequest) -> None:
         """ValueError if it chooses what is not listed."""

@@ -34,6 +34,7 @@ from dcap.scene.readers.scenes.sugar import check_suffix, describe, find_mesh
 from dcap.scene.readers.splats.formats import is_splats, read_gaussians
 from dcap.scene.readers.splats.splats import discs
 from dcap.scene.readers.usd.usd import USD_SUFFIXES, read_usd
+from dcap.scene.types.caution import Cause, Caution
 from dcap.scene.types.gaussians import Gaussians
 from dcap.scene.types.given_labels import VertexLabels
 from dcap.scene.types.mesh import Mesh
@@ -301,7 +302,7 @@ def check_scale(path: Path, raw: RawMesh, frame: FileFrame, role: Role) -> FileF
             f"{size[2]:.3g} m high, which is no room; say the scale: {BY_HEIGHT}; or --unit m, cm, mm or in"
         )
     told = f"Gaussians without a unit: taken as metres, for they are a room {size[2]:.2f} m high (--unit, --height-of)"
-    return replace(frame, notes=(*frame.notes, told))
+    return replace(frame, notes=(*frame.notes, Caution(Cause.ASSUMED, told)))
 
 
 def _meshed(

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from dcap.scene.errors import InputError
 from dcap.scene.readers.frame.up_axis import contradicts_standard, estimated_up, up_of_scene
 from dcap.scene.readers.mesh.raw import RawMesh
+from dcap.scene.types.caution import Cause, Caution
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.units import METRES
 
@@ -129,9 +130,8 @@ def _unit(raw: RawMesh, options: SourceOptions, role: Role, notes: list[str]) ->
         unit, source = METRES["m"], "estimate"
     elif extent <= limits.centimetres_up_to:
         unit, source = METRES["cm"], "estimate"
-        notes.append(
-            f"{extent:.3g} units long and without a stated unit: taken as centimetres ({option_name(role, 'unit')})"
-        )
+        taken = f"{extent:.3g} units long and without a stated unit: taken as centimetres"
+        notes.append(Caution(Cause.ASSUMED, f"{taken} ({option_name(role, 'unit')})"))
     else:
         raise InputError(f"{raw.path}: {_size_line(extent, role)}")
     size = extent * unit
@@ -172,9 +172,10 @@ def _up(raw: RawMesh, options: SourceOptions, role: Role, unit: float, notes: li
     if raw.up:
         other = "z" if raw.up == "y" else "y"
         if contradicts_standard(raw):
-            notes.append(f"{other} is used as up although the format says {raw.up}: the mesh stands on it ({option})")
+            used = f"{other} is used as up although the format says {raw.up}: the mesh stands on it ({option})"
+            notes.append(Caution(Cause.ASSUMED, used))
             return other
         return raw.up
     up, why = (role is Role.SCENE and up_of_scene(raw, unit)) or estimated_up(raw)
-    notes.append(f"{up} taken as up, estimated from {why} ({option})")
+    notes.append(Caution(Cause.ASSUMED, f"{up} taken as up, estimated from {why} ({option})"))
     return up

@@ -19,6 +19,7 @@ from dcap.scene.readers.files.content import read_bytes
 from dcap.scene.readers.files.json_text import read_json
 from dcap.scene.readers.mesh.ply import read_ply
 from dcap.scene.readers.mesh.raw import RawMesh
+from dcap.scene.types.caution import Cause, Caution
 
 MESHES = (
     ("_vh_clean_2.ply", "_vh_clean_2.0.010000.segs.json", (".aggregation.json", "_vh_clean.aggregation.json")),
@@ -76,7 +77,9 @@ def read_scannet(folder: Path) -> tuple[RawMesh, NDArray[np.float64]]:
     raw = replace(read_ply(files.mesh), up="z", unit_metres=1.0)
     stated = alignment_of(files, refusing(files.about or files.mesh))
     alignment = np.eye(4) if stated is None else stated
-    notes = (*raw.notes, *((f"no {ALIGNMENT_KEY}: the mesh stays as it was scanned",) if stated is None else ()))
+    notes = raw.notes
+    if stated is None:
+        notes += (Caution(Cause.ASSUMED, f"no {ALIGNMENT_KEY}: the mesh stays as it was scanned"),)
     if files.segments is None or files.groups is None:
         missing = "segs.json" if files.segments is None else "aggregation.json"
         plain = replace(raw, notes=(*notes, f"no {missing}: instances are found by shape alone"))
