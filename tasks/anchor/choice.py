@@ -21,6 +21,7 @@ from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.segmentation import Instance, Segmentation
 from tasks.anchor.carriers import COVERS, Mask, carriers
 from tasks.anchor.constraints import EDGE, Bounds, constrained
+from tasks.anchor.viewpoint import side_cautions
 from tasks.requests.surroundings import apart, is_floor, part_frame, reference_boxes, reference_frame
 
 Array = NDArray[np.float64]
@@ -47,6 +48,8 @@ class Choice:
     """How it was understood in the spare areas."""
     beside: float | None = None
     """How far from the part the asked place lies [m]; None where it is on it."""
+    cautions: tuple[Caution, ...] = ()
+    """Sides that nothing says from where they are seen."""
     in_turn: bool = False
     """An area is tried only where those before it have no place: the corner that is farthest from something."""
 
@@ -82,11 +85,13 @@ def choice_of(scene: Segmentation, base: Instance, intent: Intent, reply: Anchor
     names: tuple[str, ...] = reply.regions
     note = ""
     groups = groups_of(scene, base, reply, index)
-    view, reach = reference_frame(scene, base, reply.references, names) or frame, reach_of(mesh, frame)
+    other = reference_frame(scene, base, reply.references, names)
+    view, reach = other or frame, reach_of(mesh, frame)
     outline = convex_hull(mesh.vertices[np.unique(mesh.faces)][:, :2])
     outside = any(apart(base.box, box) > 0.0 for group in groups for box in group) and not is_floor(base)
     sided = any(name in SIDES for name in names)  # in front of a chair that stands beside the table
     limits = (*intent.region.constraints, *region_constraints(reply.constraints))
+    guessed = side_cautions(scene, base, intent, names, reply.references, limits, frame, other)
     farther = max([HAND if outside and sided else 0.0, *distances(limits, reply.references)])
     areas = asked_areas(frame, names, groups, reach, view, outline, farther)
     if len(reply.references) > 1 and "between" not in names:
@@ -106,7 +111,7 @@ def choice_of(scene: Segmentation, base: Instance, intent: Intent, reply: Anchor
     bounds = Bounds(scene, base, index, frame, outline, reach, float(np.ptp(mesh.bounds[:, 2])))
     left, spare = (constrained(some, limits, bounds) for some in (areas, spare))
     in_turn = any(one.kind in ("farthest", "nearest") for one in limits)
-    return Choice(index, frame, left, spare, " ".join(names), note, spare_note, in_turn=in_turn)
+    return Choice(index, frame, left, spare, " ".join(names), note, spare_note, cautions=guessed, in_turn=in_turn)
 
 
 def asked_areas(

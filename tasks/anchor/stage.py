@@ -38,6 +38,7 @@ from tasks.anchor.leaning import leaning_start
 from tasks.anchor.middles import at_own_middles
 from tasks.anchor.no_room import no_room, not_level, not_on_it, nothing_left
 from tasks.anchor.request import anchor_request
+from tasks.anchor.viewpoint import facing_cautions
 from tasks.cache import stage
 from tasks.requests.surroundings import part_frame
 from tasks.requests.views import instance_of
@@ -97,7 +98,8 @@ def anchor(
         assert intent.at is not None
         reply = reply_at(scene, base, intent.at, caster)
         frame = part_frame(scene, base, base.parts[reply.part_index].box)
-        choice = Choice(reply.part_index, frame, [area_at(intent.at, mesh)], [], "at the point")
+        guessed = facing_cautions(scene, base, intent)
+        choice = Choice(reply.part_index, frame, [area_at(intent.at, mesh)], [], "at the point", cautions=guessed)
         masks = [carrying_at(scene, base, intent.at)]
     exact = Clearance(mesh, scene.mesh, caster)
     anywhere = intent.at is None and reply.point is None
@@ -170,7 +172,7 @@ def anchored(
         region_polygon=start.region.polygon,
         reason=f"{reply.reason}{covered(base, choice, carrier, index)}{support_note(start, part.name)}",
         lean=lean,
-        notes=(choice.note,) if choice.note else (),
+        notes=(*((choice.note,) if choice.note else ()), *choice.cautions),
     )
 
 

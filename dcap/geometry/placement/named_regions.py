@@ -20,6 +20,7 @@ from dcap.geometry.placement.polygons import (
     swept,
 )
 from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.viewpoint import viewer_side
 
 Array = NDArray[np.float64]
 CENTER = 0.35
@@ -81,17 +82,7 @@ class Region:
 
 def viewer_frame(box: OrientedBox, front: Array | None, room_center: Array) -> ViewerFrame:
     """The frame of a part: the box side nearest to the front; without a front the long side towards the room."""
-    axes, half = box.axes[:2, :2], box.half_extents[:2]
-    sides = [(axes[:, k] * sign, k) for k in (0, 1) for sign in (1.0, -1.0)]
-    if front is not None and np.linalg.norm(front[:2]) > 0:
-        direction, axis = max(sides, key=lambda s: float(s[0] @ front[:2]))
-    else:
-        axis = 1 if half[0] >= half[1] else 0
-        direction = axes[:, axis]
-        inward = float(direction @ (room_center[:2] - box.center[:2]))
-        # in the middle of the room neither long side is nearer: the viewer stands towards -y, as on a floor plan
-        away = inward < 0 if abs(inward) > 0.1 else float(direction @ (0.01, 1.0)) > 0
-        direction = -direction if away else direction
+    half, (direction, axis) = box.half_extents[:2], viewer_side(box, front, room_center)
     right = np.array([-direction[1], direction[0]])  # z x front
     return ViewerFrame(box.center[:2].copy(), right, np.asarray(direction), np.array([half[1 - axis], half[axis]]))
 

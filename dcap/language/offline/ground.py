@@ -3,7 +3,8 @@
 In: noun phrases and instance views. Out: instances with how likely each is meant, part names and regions. How likely a
 noun means an instance says `likelihood`; colours, sides and places weigh several such things against each other. Boxes
 decide; the sides of several alike things are those of a viewer who looks at their fronts (at things without fronts:
-along +y, as on a floor plan).
+along +y, as on a floor plan), the sides of a landmark those of a viewer who looks at its front. A choice that depends
+on a side without a front comes with a caution.
 """
 
 from collections.abc import Sequence
@@ -26,6 +27,9 @@ from dcap.language.offline.likelihood import (
 from dcap.language.offline.nouns import Noun
 from dcap.language.offline.reading import Place
 from dcap.language.protocol.requests import InstanceView
+from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.caution import Cause, Caution
+from dcap.scene.types.viewpoint import VIEWED, axis_word, viewer_side
 
 Vector = NDArray[np.float64]
 COLOURS: dict[str, tuple[float, float, float]] = {
@@ -50,6 +54,12 @@ NAMELESS = "thing"
 """The label of what neither the source nor its shape names."""
 NEAREST = 3
 """So many things are told of those that are too unlikely to be meant [-]."""
+SIDED_RELATIONS = frozenset({"left_of", "right_of", "front_of", "behind"})
+"""Relations to a side of a thing that depends on who looks at it."""
+PLAN_VIEWER = np.array([0.0, -1.0])
+"""Towards who looks at a floor plan."""
+ALIKE = "they have no front in common"
+"""Why it is he who sees the left one of several."""
 STANDS_ON = 0.12
 """A thing stands on what has its top within this height of its bottom [m]; a mattress gives way that much."""
 
@@ -63,6 +73,8 @@ class Found:
     """How likely each is meant, 0..1."""
     note: str = ""
     """How one was chosen among several."""
+    cautions: tuple[Caution, ...] = ()
+    """Sides by which it was chosen although nothing says from where they are seen."""
 
     @property
     def best(self) -> InstanceView:
@@ -165,7 +177,8 @@ def choose(
     score = {i.id: likelihood(noun, i) or 1.0 for i in found}
     if noun.sides and sum(one >= PLAUSIBLE * max(score.values()) for one in score.values()) < 2:
         score = dict.fromkeys(score, max(score.values(), default=0.0))  # the side tells them apart, see `widened`
-    notes = []
+    notes: list[str] = []
+    guessed: list[Caution] = []
 
     def weigh(factors: Sequence[float], note: str) -> None:
         if len(found) > 1 and any(factors):
@@ -175,15 +188,63 @@ def choose(
     if noun.colour:
         weigh(of_colour(found, noun.colour), f"the one that is most {noun.colour}")
     for place in restrictions:
-        if (factors := fits(found, place, instances)) is not None:
+        if (factors := fits(found, place, instances, room_center)) is not None:
             weigh(factors, f"the one {place.text}")
+            guessed += guessed_side(found, place, instances, room_center)
     for side in noun.sides:
         best = max(score.values(), default=0.0)
         left = [i for i in found if score[i.id] >= PLAUSIBLE * best]
         picked = {i.id for i in by_side(left, side, room_center, instances)}
         weigh([float(i.id in picked) for i in found], f"the {side} one")
+        if len(left) > 1 and is_viewed(side) and common_front(left) is None:
+            guessed.append(seen_from(f"the {side} one", PLAN_VIEWER, ALIKE))
     ordered = sorted(found, key=lambda i: (-round(score[i.id], 6), -round(float(np.prod(i.size)), 3), i.id))
-    return Found(tuple(ordered), tuple(round(score[i.id], 6) for i in ordered), "; ".join(notes))
+    scores = tuple(round(score[i.id], 6) for i in ordered)
+    return Found(tuple(ordered), scores, "; ".join(notes), tuple(guessed))
+
+
+def seen_from(words: str, viewer: Vector, why: str) -> Caution:
+    """That a side was seen from where nobody said, with what says it otherwise."""
+    taken = f"{words!r} is taken as seen from {axis_word(viewer)} (world axes, z up), as {why}"
+    return Caution(Cause.WHICH, f"{taken}; name another by its id or by what is nearest to it")
+
+
+def is_viewed(side: str) -> bool:
+    """Whether a side, or a number counted from the left or right, depends on who looks."""
+    counted = side.split()[0].isdigit() and not side.endswith(("from top", "from bottom"))
+    return side in VIEWED or side == "last" or counted
+
+
+def guessed_side(
+    found: Sequence[InstanceView], place: Place, instances: Sequence[InstanceView], room_center: Sequence[float]
+) -> list[Caution]:
+    """That a place is a side of which nothing says from where it is seen; empty where a front says so."""
+    noun = place.nouns[0]
+    if len(found) < 2:
+        return []
+    if place.relation == "which" or noun.is_region:
+        viewed = bool(noun.sides) and is_viewed(noun.sides[0])
+        return [seen_from(place.text, PLAN_VIEWER, ALIKE)] if viewed and common_front(found) is None else []
+    others = [i for i in candidates(noun, instances) if i not in found]
+    if place.relation not in SIDED_RELATIONS or not others:
+        return []
+    other = nearest_of(found[0], others)
+    if other.structure or other.front is not None:
+        return []  # doors and walls are seen from the room
+    return [seen_from(place.text, viewer_of(other, room_center), f"the {other.label} has no front")]
+
+
+def viewer_of(thing: InstanceView, room_center: Sequence[float]) -> Vector:
+    """Unit vector towards who looks at a thing, as for places beside it, shape (2,)."""
+    half = 0.5 * np.subtract(thing.high, thing.low)
+    box = OrientedBox(np.array(thing.center, dtype=float), np.eye(3), half)
+    front = None if thing.front is None or thing.structure else np.array(thing.front)
+    return viewer_side(box, front, np.array(room_center, dtype=float))[0]
+
+
+def nearest_of(thing: InstanceView, others: Sequence[InstanceView]) -> InstanceView:
+    """The one that is nearest to a thing."""
+    return min(others, key=lambda other: (gap(thing, other), other.id))
 
 
 def of_colour(found: Sequence[InstanceView], colour: str) -> list[float]:
@@ -197,13 +258,17 @@ def colour_distance(instance: InstanceView, colour: str) -> float:
     return float(np.linalg.norm(np.subtract(instance.color, COLOURS[colour])))
 
 
-def fits(found: Sequence[InstanceView], place: Place, instances: Sequence[InstanceView]) -> list[float] | None:
+def fits(
+    found: Sequence[InstanceView], place: Place, instances: Sequence[InstanceView], room_center: Sequence[float]
+) -> list[float] | None:
     """How well each stands in the relation to the named thing, 0..1; None if that thing is not there."""
-    good = fits_as_said(found, place, instances)
+    good = fits_as_said(found, place, instances, room_center)
     return None if good is None else [1.0 - min(one, 1.0) for one in good] if place.excluded else good
 
 
-def fits_as_said(found: Sequence[InstanceView], place: Place, instances: Sequence[InstanceView]) -> list[float] | None:
+def fits_as_said(
+    found: Sequence[InstanceView], place: Place, instances: Sequence[InstanceView], room_center: Sequence[float]
+) -> list[float] | None:
     """The same as if the place were not excluded."""
     noun = place.nouns[0]
     if noun.colour and noun.pronoun == "one":
@@ -219,7 +284,7 @@ def fits_as_said(found: Sequence[InstanceView], place: Place, instances: Sequenc
         return by_load(found, place, others)
     if not others:
         return None
-    return by_place(found, place.relation, others)
+    return by_place(found, place.relation, others, room_center)
 
 
 def by_load(found: Sequence[InstanceView], place: Place, others: Sequence[InstanceView]) -> list[float] | None:
@@ -232,7 +297,9 @@ def by_load(found: Sequence[InstanceView], place: Place, others: Sequence[Instan
     return [float(one == (place.relation == "carrying")) for one in loaded]
 
 
-def by_place(found: Sequence[InstanceView], relation: str, others: Sequence[InstanceView]) -> list[float] | None:
+def by_place(
+    found: Sequence[InstanceView], relation: str, others: Sequence[InstanceView], room_center: Sequence[float]
+) -> list[float] | None:
     """How well each is beside, far from, on one side of or under the nearest of other things; None if none is."""
     gaps = [min(gap(i, o) for o in others) for i in found]
     if relation in ("away", "farthest", "opposite"):
@@ -240,18 +307,19 @@ def by_place(found: Sequence[InstanceView], relation: str, others: Sequence[Inst
     if relation == "nearest":
         return [float(one < min(gaps) + SAME_PLACE) for one in gaps]
     near = [1.0 / (1.0 + (one / HAND) ** 2) for one in gaps]
-    if relation in ("left_of", "right_of"):
-        sign = -1.0 if relation == "left_of" else 1.0
-        right = right_of(found)
-        beyond = [sign * float(np.dot(np.subtract(i.center, others[0].center), right)) > 0 for i in found]
-    elif relation in ("front_of", "behind") and others[0].front is not None:
-        sign = 1.0 if relation == "front_of" else -1.0
-        front = np.array(others[0].front)
-        beyond = [sign * float(np.dot(np.subtract(i.center, others[0].center), front)) > 0 for i in found]
-    else:
-        beyond = [True] * len(near)
+    beyond = [True] * len(near)
+    if relation in SIDED_RELATIONS:
+        beyond = [is_beyond(i, nearest_of(i, others), relation, room_center) for i in found]
     good = [share * ahead for share, ahead in zip(near, beyond, strict=True)]
     return good if any(good) else None
+
+
+def is_beyond(thing: InstanceView, other: InstanceView, relation: str, room_center: Sequence[float]) -> bool:
+    """Whether a thing is on that side of another one."""
+    toward = viewer_of(other, room_center)
+    right = np.array([-toward[1], toward[0]])
+    ways = {"left_of": -right, "right_of": right, "front_of": toward, "behind": -toward}
+    return float(np.subtract(thing.center, other.center)[:2] @ ways[relation]) > 0.0
 
 
 def by_side(
@@ -295,12 +363,18 @@ def by_side(
 
 def right_of(found: Sequence[InstanceView]) -> Vector:
     """Unit vector to the right of a viewer who looks at the fronts; +x where there is none."""
-    fronts = [i.front for i in found if i.front is not None]
-    front = np.mean(fronts, axis=0) if fronts else np.zeros(3)
-    if np.linalg.norm(front) < 0.5:  # none, or they look in different directions
+    front = common_front(found)
+    if front is None:
         return np.array([1.0, 0.0, 0.0])
     right = np.cross((0.0, 0.0, 1.0), front)
     return np.asarray(right / np.linalg.norm(right))
+
+
+def common_front(found: Sequence[InstanceView]) -> Vector | None:
+    """The mean of the fronts; None where there are none, or where they look in different directions, shape (3,)."""
+    fronts = [i.front for i in found if i.front is not None]
+    front = np.mean(fronts, axis=0) if fronts else np.zeros(3)
+    return np.asarray(front) if np.linalg.norm(front) >= 0.5 else None
 
 
 def gap(a: InstanceView, b: InstanceView) -> float:

@@ -148,6 +148,7 @@ def ground_support(target: Target, support: Place, reading: Reading, request: In
     target.candidates = as_candidates(chosen)
     if chosen.note:
         target.notes.append(f"{noun.text}: {chosen.note}")
+    target.notes += chosen.cautions
     if is_wider(target.base, noun):
         target.notes.append(Caution(Cause.WHICH, f"using the {target.base.label} as {noun.text}"))
     if target.base in nameless(noun, request.instances):
@@ -180,7 +181,11 @@ def unmet_load(
 ) -> Place | None:  # fmt: skip
     """What all of them are said to carry or lack, and none does."""
     for place in places:
-        fit = fits(found, place, request.instances) if place.relation in ("carrying", "lacking") else None
+        fit = (
+            fits(found, place, request.instances, request.room_center)
+            if place.relation in ("carrying", "lacking")
+            else None
+        )
         if fit is not None and not any(fit):
             return place
     return None
@@ -273,6 +278,7 @@ def ground_by_neighbour(target: Target, place: Place, reading: Reading, request:
         which = [p for p in reading.places if p is not place and p.restrict]
         chosen = choose(found, noun, which, request.instances, request.room_center)
         target.used, thing = which, chosen.best
+        target.notes += chosen.cautions
         if not noun.plural and not is_any(thing):
             target.reference_candidates = as_candidates(chosen)
         of_it = noun is not place.nouns[0] and part_of(place.nouns[0], thing) and place.relation != "under"
@@ -280,6 +286,7 @@ def ground_by_neighbour(target: Target, place: Place, reading: Reading, request:
     elif found := owners(noun, request.instances):
         chosen = choose(found, noun, (), request.instances, request.room_center)
         target.base, target.candidates = chosen.best, as_candidates(chosen)
+        target.notes += chosen.cautions
     if target.base is None:
         target.missing = noun.text if not found else "floor"
         target.meant = near_miss(noun, request.instances) if not found else ""

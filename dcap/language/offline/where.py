@@ -166,6 +166,7 @@ def references_of(noun: Noun, target: Target, request: IntentRequest, *, several
     chosen: Found = choose(
         [i for i in pool if gap(i, base) <= nearest + 0.05], noun, (), request.instances, request.room_center
     )
+    target.notes += chosen.cautions
     told = target.reference_candidates[0].id if target.reference_candidates else ""
     if any(i.id == told for i in chosen.instances) and not noun.sides and not noun.colour:
         return [told]  # the thing by which the base was found
