@@ -26,7 +26,7 @@ def written(infeasible: Infeasible) -> dict[str, Any]:
     return dict.fromkeys(keys) | {
         "schema": 1, "verdict": "infeasible", "reason": infeasible.reason.value, "prompt": "put it there",
         "contacts": [], "candidates": [],
-        "materials": [], "geometry": [], "soft_bodies": [], "warnings": [], "timings": {}, "artifacts": {},
+        "materials": [], "geometry": [], "soft_bodies": [], "warnings": [], "notes": [], "timings": {}, "artifacts": {},
         "certificate": certificate_of(Values(**nothing)),
     }  # fmt: skip
 
@@ -65,5 +65,6 @@ def test_a_file_with_other_keys_is_refused_in_one_line(tmp_path: Path) -> None:
 def test_a_file_from_before_the_version_is_read(tmp_path: Path) -> None:
     tree = written(Infeasible(Reason.LEFT_TARGET, "it left", LAST))
     assert Placement.of(tree, tmp_path).schema == 1
-    del tree["schema"], tree["soft_bodies"], tree["visibility"]
-    assert Placement.of(tree, tmp_path).schema == 0
+    del tree["schema"], tree["soft_bodies"], tree["visibility"], tree["notes"]
+    earlier = Placement.of(tree, tmp_path)
+    assert (earlier.schema, earlier.notes) == (0, ())
