@@ -161,7 +161,7 @@ def pushing(
     elif second.sum() < 0.0 < first.sum() and not known[1].any():
         second = -second
     deciding = np.where(flat[1], second, first)
-    holds = (deciding >= 0.0) & ~(flat[0] & known[0] & (first < -PULL * size))
+    holds: NDArray[np.bool_] = (deciding >= 0.0) & ~(flat[0] & known[0] & (first < -PULL * size))
     steepest = 1.0 / np.hypot(1.0, CONE * friction) - UNEVEN
     for along, told in ((first, flat[0] & known[0]), (second, flat[1])):
         told = told & holds

@@ -38,6 +38,9 @@ SHEET = 0.05
 """Thickness over width below which a thing is a sheet: meshes of sheets have any thickness."""
 
 
+POINT_OR_NAME = "point at a place with --at X,Y,Z, or name things with dcap dataset label and --labels"
+
+
 class IntentConfig(BaseModel, frozen=True, extra="forbid"):
     """Who is asked, and how far a mesh may be rescaled."""
 
@@ -118,10 +121,11 @@ def not_found(reply: IntentReply, request: IntentRequest) -> Infeasible:
     meant = f" (did you mean the {reply.did_you_mean}?)" if reply.did_you_mean else ""
     missing = reply.missing.removeprefix("the ").removeprefix("a ")
     shapes = named_by_shape(reply, request)
+    hint = "" if present else f"; {POINT_OR_NAME}"
     none = f"nothing here is known as {missing} by its shape" if shapes else f"the scene has no {missing}"
     return Infeasible(
         Reason.TARGET_NOT_FOUND,
-        f"{none}{meant}; it has: {there}{shapes}",
+        f"{none}{meant}; it has: {there}{shapes}{hint}",
         NotInScene(asked=reply.missing, present=(*present, *structure), object=reply.object_name),
     )
 
@@ -147,10 +151,7 @@ def named_by_shape(reply: IntentReply, request: IntentRequest) -> str:
         return ""
     nearest = ", ".join(f"{one.id} ({one.likelihood:.2f})" for one in reply.candidates)
     likely = f"likeliest: {nearest}, less than {LEAST:g} is not taken" if nearest else "none is likely to be it"
-    return (
-        f". Its things are named by shape alone ({likely}); candidates.png shows them: point at one with --at X,Y,Z, "
-        "or name them with dcap dataset label and --labels"
-    )
+    return f". Its things are named by shape alone ({likely}); candidates.png shows them: {POINT_OR_NAME}"
 
 
 def scale_of(

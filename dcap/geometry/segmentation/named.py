@@ -34,6 +34,11 @@ TakeApart: TypeAlias = Callable[[NDArray[np.bool_]], list[Group]]
 
 THING = "thing"
 """What nobody could name."""
+ROOM = "room"
+"""What is seen from inside and has no name."""
+INSIDE = -0.5
+"""Volume that faces enclose around their middle, over the sum of what each contributes, below which they are seen from
+inside: things of third parties have -0.03 to 0.64, scanned rooms and parts of them -0.94 to -0.68 [-]."""
 ROOM_SIZE = 3.2
 """What is this long and has a floor is a room [m]."""
 FLOORED = 0.35
@@ -124,7 +129,7 @@ def _unnamed_groups(table: FaceTable, faces: Index, label: str, taken_apart: Tak
     """What is unnamed in a furnished room is taken apart; anything else is one thing."""
     if not _is_room(table, np.arange(len(table.area)), label):
         unsaid = category_of(label) is Category.STRUCTURE or not says_something(label)  # a file called "room" or "scan"
-        said = "" if unsaid else label
+        said = label if not unsaid else ROOM if _is_seen_from_inside(table, faces) else ""
         return [Group("", said, faces, None)]
     inside = np.zeros(len(table.area), dtype=bool)
     inside[faces] = True
@@ -149,6 +154,14 @@ def _is_room(table: FaceTable, faces: Index, label: str) -> bool:
         return False
     furniture = category_of(label) not in (Category.OTHER, Category.STRUCTURE)
     return _floored(table, faces) > FLOORED and not (furniture and size[:2].max() < 2.0 * ROOM_SIZE)
+
+
+def _is_seen_from_inside(table: FaceTable, faces: Index) -> bool:
+    """Whether most faces look towards the middle, as the walls and the floor of a piece of a room do and no thing's."""
+    corners = table.corners[faces].reshape(-1, 3)
+    middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
+    out = np.einsum("ki,ki->k", table.normal[faces], table.center[faces] - middle) * table.area[faces]
+    return float(out.sum()) < INSIDE * float(np.abs(out).sum())
 
 
 def _floored(table: FaceTable, faces: Index) -> float:

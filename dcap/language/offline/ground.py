@@ -23,6 +23,7 @@ from dcap.language.offline.likelihood import (
     label_thing,
     likelihood,
     parent_of,
+    usual_size,
 )
 from dcap.language.offline.nouns import Noun
 from dcap.language.offline.reading import Place
@@ -141,10 +142,11 @@ def describes(noun: Noun) -> bool:
 
 
 def nameless(noun: Noun, instances: Sequence[InstanceView]) -> tuple[InstanceView, ...]:
-    """The only thing there is, where nothing says what it is: a scan of one sofa in "scan.ply"."""
+    """The only thing there is, where nothing says what it is and its size fits: a scan of one sofa in "scan.ply"."""
     things = tuple(i for i in instances if not i.structure)
     unknown = len(things) == 1 and not things[0].guesses and things[0].label == NAMELESS
-    return things if unknown and is_a(noun.thing, FURNITURE) else ()
+    fits = unknown and is_a(noun.thing, FURNITURE) and usual_size(noun.thing, things[0].size) >= LEAST
+    return things if fits else ()
 
 
 def widened(noun: Noun, instances: Sequence[InstanceView]) -> tuple[InstanceView, ...]:

@@ -93,4 +93,5 @@ def test_a_clamped_mass_says_so(ratio, factor, words):
     usual = np.array(reply.size)
     weight, note = mass_of(reply, usual, ratio * usual, None, IntentConfig())
     assert weight == pytest.approx(2.0 * factor)
-    assert note.endswith(f"with the volume by {factor:.3g}{words}")
+    assert f"with the volume by {factor:.3g}{words}" in note
+    assert ("--mass" in note) == bool(words)
