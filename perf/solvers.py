@@ -11,6 +11,7 @@ depths are compared where FIRST has at least LEAST_DEPTH.
 
 import argparse
 import json
+import math
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -40,7 +41,7 @@ class Ending:
     area: float = 0.0
     """Of the contacts [m^2]."""
     gap: float = 0.0
-    """How far from a surface forces act, of the proof [m]."""
+    """How far from a surface forces act, of the proof; infinite where there is none [m]."""
 
     @property
     def at_rest(self) -> bool:
@@ -68,7 +69,7 @@ def ending_of(tree: Mapping[str, Any]) -> Ending:
         float(placement.get("indentation_m") or 0.0),
         float(tree["timings"].get("drop", 0.0)),
         sum(float(one["area_m2"]) for one in tree["contacts"]),
-        float(((tree["certificate"] or {}).get("proof") or {"gap_m": {"value": 0.0}})["gap_m"]["value"]),
+        float(((tree["certificate"] or {}).get("proof") or {"gap_m": {"value": math.inf}})["gap_m"]["value"]),
     )
 
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from solver.certificate import CertificateRow, History, SignalRows
 from solver.config import SolverConfig
+from solver.errors import UnstableStep
 
 NEARLY = 10.0  # times the threshold of the speed: what is slower is nearly at rest [-]
 STALLED = 0.9  # of its speed half a window ago: what is faster than that does not slow [-]
@@ -69,7 +70,13 @@ class RestMonitor:
         self.signals: list[Signals] = []
 
     def record(self, signals: Signals, progress: Progress | None) -> None:
-        """Add what was measured after a step, and tell who wants to know."""
+        """Add what was measured after a step, and tell who wants to know; UnstableStep for what is not finite."""
+        measured = (
+            signals.linear_speed, signals.angular_speed, signals.particle_speed, *signals.center, *signals.box,
+            signals.force_residual, signals.torque_residual,
+        )  # fmt: skip
+        if not np.isfinite(measured).all():
+            raise UnstableStep(f"t = {signals.time:.5f} s: a speed, place or residual of the bodies is not finite")
         self.signals.append(signals)
         if progress is not None:
             progress(len(self.signals), signals.time, signals)

@@ -182,18 +182,18 @@ class ExplicitDrop:
 
     def _signals(self, before: dict[int, Momentum], after: dict[int, Momentum], seconds: float, steps: int) -> Signals:
         """What an interval says of rest. The unbalanced force on a body is the change of its momentum over the time, so
-        nothing that acted on it is left out."""
-        linear = angular = force_worst = torque_worst = 0.0
+        nothing that acted on it is left out. The largest of several is a NaN if one of them is."""
+        linear = angular = force_worst = torque_worst = np.float64(0.0)
         for i in self.watched:
-            linear = max(linear, float(np.linalg.norm(after[i].linear)) / self.mass[i])
+            linear = np.maximum(linear, np.linalg.norm(after[i].linear) / self.mass[i])
             if i in self.rigid.index:
-                angular = max(angular, float(np.linalg.norm(self.rigid.state.angular_velocity[i])))
+                angular = np.maximum(angular, np.linalg.norm(self.rigid.state.angular_velocity[i]))
             if self.model.bodies[i].fixed:
                 continue
             weight = self.mass[i] * self.model.gravity_strength * seconds
-            force_worst = max(force_worst, float(np.linalg.norm(after[i].linear - before[i].linear)) / weight)
+            force_worst = np.maximum(force_worst, np.linalg.norm(after[i].linear - before[i].linear) / weight)
             turn = float(np.linalg.norm(after[i].angular - before[i].angular))
-            torque_worst = max(torque_worst, turn / (weight * 0.5 * self.model.bodies[i].size))
+            torque_worst = np.maximum(torque_worst, turn / (weight * 0.5 * self.model.bodies[i].size))
         points = np.concatenate([self.contacts.surface(i) for i in self.watched])
         center = np.sum([self.mass[i] * after[i].center for i in self.watched], axis=0) / sum(self.mass.values())
         box = np.concatenate([points.min(axis=0), points.max(axis=0)])
@@ -202,7 +202,18 @@ class ExplicitDrop:
         # what is carried at the same speed
         energy = sum(one.highest_energy() for one in self.soft.values())
         fastest = max(fastest, float(np.sqrt(2.0 * energy / sum(self.mass.values()))))
-        return Signals(self.time, linear, angular, fastest, center, box, force_worst, torque_worst, steps, 0)
+        return Signals(
+            self.time,
+            float(linear),
+            float(angular),
+            fastest,
+            center,
+            box,
+            float(force_worst),
+            float(torque_worst),
+            steps,
+            0,
+        )
 
     def _left(self, report: ContactReport) -> bool:
         """A free body has left everything that could carry it."""

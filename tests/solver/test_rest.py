@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from solver.config import SolverConfig
+from solver.errors import UnstableStep
 from solver.rest import NEARLY, RestMonitor, Signals, history_of
 
 CONFIG = SolverConfig()
@@ -35,6 +36,17 @@ def test_rest_takes_a_whole_window() -> None:
     """One step less is not rest, however still."""
     assert not monitor(*[STILL] * (CONFIG.rest_steps - 1)).quiet()
     assert monitor(*[STILL] * CONFIG.rest_steps).quiet()
+
+
+@pytest.mark.parametrize(
+    "name", ["linear_speed", "angular_speed", "particle_speed", "force_residual", "torque_residual"]
+)
+def test_what_is_not_a_number_is_no_rest(name: str) -> None:
+    """It breaks the step that it was measured after, as it compares with no threshold."""
+    with pytest.raises(UnstableStep, match="not finite"):
+        monitor(replace(STILL, **{name: np.nan}))
+    with pytest.raises(UnstableStep, match="not finite"):
+        monitor(replace(STILL, center=np.array([0.0, np.nan, 0.0])))
 
 
 EXCEEDING = {
