@@ -1,6 +1,7 @@
 """The table of how samples end by several solvers says what their files say."""
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -53,7 +54,7 @@ def test_a_run_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: 
         "timings": {},
     }
     assert ending_of(at_rest) == Ending("at_rest", "bed blanket", 3e-3, 12.0, 2.5e-4 + 0.5e-4, 1e-4)
-    assert ending_of(lost) == Ending("no_equilibrium", "bed blanket", 0.0, 0.0)
+    assert ending_of(lost) == Ending("no_equilibrium", "bed blanket", 0.0, 0.0, gap=math.inf)
     (tmp_path / "run.json").write_text(json.dumps({"samples": [{"id": one} for one in ("a", "b", "c")]}))
     for name, tree in (("a", at_rest), ("b", lost)):
         folder = sample_folder(tmp_path, name)
