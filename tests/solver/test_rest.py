@@ -1,6 +1,7 @@
 """When a drop counts as at rest."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -43,8 +44,9 @@ def test_rest_takes_a_whole_window() -> None:
 )
 def test_what_is_not_a_number_is_no_rest(name: str) -> None:
     """It breaks the step that it was measured after, as it compares with no threshold."""
+    broken: dict[str, Any] = {name: np.nan}
     with pytest.raises(UnstableStep, match="not finite"):
-        monitor(replace(STILL, **{name: np.nan}))
+        monitor(replace(STILL, **broken))
     with pytest.raises(UnstableStep, match="not finite"):
         monitor(replace(STILL, center=np.array([0.0, np.nan, 0.0])))
 
