@@ -181,14 +181,17 @@ def test_wide_categories_of_scanners_are_told_apart_by_size_and_parts(text: str,
 
 
 def test_the_only_thing_is_what_the_sentence_names_where_nothing_else_does() -> None:
-    """A scan of one piece of furniture without a name; what has a name, even an unknown one, or company, keeps it."""
+    """A scan of one piece of furniture without a name, of the size of one; what has a name, even an unknown one, or
+    company, keeps it."""
     floor = thing("floor", "floor", (0, 0, 0), (4, 4, 0.1), structure=True)
-    one, other = labelled("thing", "thing")
+    one, other = (replace(each, size=(2.0, 0.9, 0.8)) for each in labelled("thing", "thing"))
+    (small,) = labelled("thing")
     for scene, meant in (
         ([floor, one], [one]),
         ([floor, *labelled("jukebox")], []),
         ([floor, *labelled("storage")], []),
         ([one, other], []),
+        ([floor, small], []),
     ):
         assert list(nameless(noun("sofa", scene), scene)) == meant
     assert not nameless(noun("pillow", [one]), [one])
