@@ -131,7 +131,7 @@ def not_found(reply: IntentReply, request: IntentRequest) -> Infeasible:
 
 
 def not_sure(likeliest: Candidate, reply: IntentReply, request: IntentRequest) -> Infeasible:
-    """What is meant is only guessed: ask, as a wrong guess is found out too late."""
+    """The refusal of a guess, which asks what is meant: a wrong guess would only show in the result."""
     label = {one.id: one.label for one in request.instances}[likeliest.id]
     says = likeliest.id if label == NAMELESS else f"the {label} with id {likeliest.id}"
     present = tuple(sorted({one.label for one in request.instances if not one.structure}))
@@ -141,7 +141,7 @@ def not_sure(likeliest: Candidate, reply: IntentReply, request: IntentRequest) -
         f"is meant with likelihood {likeliest.likelihood:.2f}, and less than {SURE_BY_SHAPE:g} is not taken unasked. "
         f"candidates.png shows everything with its id: say which in the sentence ({says!r}), point with "
         "--at X,Y,Z, name things with dcap dataset label and --labels, or take the likeliest with --ambiguous best",
-        NotInScene(asked=label, present=present, object=reply.object_name),
+        NotInScene(asked=request.prompt, present=present, object=reply.object_name),
     )
 
 

@@ -40,10 +40,10 @@ def settle_choice(reply: IntentReply, request: IntentRequest, *, ask: bool) -> t
 
 
 def doubted(reply: IntentReply, request: IntentRequest) -> Candidate | None:
-    """The likeliest thing, or reference, that only its shape names and that is hardly sure to be meant; None where all
-    are."""
+    """The support, or else the reference, that only its shape names and that is not likely enough to be meant; None
+    where there is none. A support that was pointed at is not doubted."""
     by_shape = {one.id for one in request.instances if one.guesses}
-    for candidates in (reply.candidates, reply.reference_candidates):
+    for candidates in (() if request.given_base else reply.candidates, reply.reference_candidates):
         best = max(candidates, key=lambda one: one.likelihood, default=None)
         if best is not None and best.id in by_shape and best.likelihood < SURE_BY_SHAPE:
             return best

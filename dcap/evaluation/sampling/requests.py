@@ -4,16 +4,15 @@ In: carrying surfaces and objects. Out: every `PlacementAsk` that is plausible, 
 object plausibly fits where its footprint leaves room; whether it comes to rest is for a solver to say.
 """
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-
-import numpy as np
 
 from dcap.evaluation.sampling.supports import FLAT_TOPS, WALKED_ON, CarryingSurface, is_sure, naming, thing_name
 from dcap.language.offline.lexicon import in_line, is_a, label_words, lineage, things
 from dcap.language.offline.likelihood import NO_KIND, coarse
 from dcap.language.offline.vessels import faced_by_opening
-from dcap.language.protocol.requests import InstanceView, Vector, vector
+from dcap.language.protocol.requests import InstanceView, Vector
 
 FITS, FITS_PART = 0.8, 0.45
 """Largest share of a surface's side that an object may take on the whole of it, and on a half or at an edge [-]."""
@@ -86,7 +85,7 @@ class PlacementAsk:
     pose: str = ""
     """upright, upside_down, on_side, or empty."""
     faced: InstanceView | None = None
-    """What its front is to look at."""
+    """Thing that its front is to look at."""
 
     @property
     def base(self) -> str:
@@ -122,14 +121,15 @@ def feasible_asks(
 def faced_from(
     surface: CarryingSurface, asset: PlacedAsset, instances: Sequence[InstanceView]
 ) -> Iterator[InstanceView]:
-    """What can be named and lies in one direction from the middle of a surface that stands once."""
+    """Things with a name that lie in one direction from the middle of a surface; none if there are several such
+    surfaces."""
     if surface.several:
         return
     for one in instances:
-        distance = float(np.linalg.norm(towards(surface.base, one)))
+        distance = math.hypot(*towards(surface.base, one))
         if abs(one.center[2] - surface.base.high[2]) > distance:  # nobody faces what is overhead
             continue
-        width = float(np.hypot(one.high[0] - one.low[0], one.high[1] - one.low[1]))
+        width = math.hypot(one.high[0] - one.low[0], one.high[1] - one.low[1])
         if distance < FACED_FROM * surface.sides[0] or width > FACED_WIDTH * distance:
             continue
         thing, (several, names) = thing_name(one), naming(one, instances)
@@ -139,19 +139,18 @@ def faced_from(
             yield one
 
 
-def towards(base: InstanceView, other: InstanceView) -> Vector:
-    """The horizontal way from the middle of one thing to that of another [m]."""
-    return vector(np.array([other.center[0] - base.center[0], other.center[1] - base.center[1], 0.0]))
+def towards(base: InstanceView, other: InstanceView) -> tuple[float, float]:
+    """The horizontal way from the middle of one thing to that of another, x and y [m]."""
+    return other.center[0] - base.center[0], other.center[1] - base.center[1]
 
 
 def asked_front(asset: PlacedAsset, base: InstanceView, faced: InstanceView) -> tuple[float, float]:
-    """Where the +y axis of an object's file points in the scene when its front looks from a base to what is faced: a
-    horizontal unit vector; ValueError for an object without a front."""
+    """The horizontal unit vector along which the +y axis of an object's file points in the scene when the object's
+    front looks from a base to another thing; ValueError for an object without a front."""
     if asset.front is None:
         raise ValueError(f"object {asset.name!r} has no front that its shape tells")
-    x, y, _ = towards(base, faced)
-    # a turn about the vertical is a product of complex numbers: faced = turn * front, and then turn * i
-    turned = 1j * complex(x, y) / complex(*asset.front)
+    # as complex numbers: the turn takes the front to the way, so it is way / front, and it takes i, which is +y, along
+    turned = 1j * complex(*towards(base, faced)) / complex(*asset.front)
     turned /= abs(turned)
     return turned.real, turned.imag
 

@@ -87,8 +87,5 @@ class AskDraw:
 def spoken_of(ask: PlacementAsk) -> tuple[tuple[str, str], ...]:
     """Support, object, and place with the pose."""
     support = ask.surface.base.id if ask.surface is not None else ask.absent
-    return (
-        ("support", support),
-        ("object", ask.asset.name),
-        ("place", f"{ask.place} {ask.pose}{' facing' if ask.faced is not None else ''}"),
-    )
+    place = f"{ask.place} {ask.pose}" if ask.faced is None else f"{ask.place} facing"
+    return ("support", support), ("object", ask.asset.name), ("place", place)

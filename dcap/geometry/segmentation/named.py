@@ -35,7 +35,7 @@ TakeApart: TypeAlias = Callable[[NDArray[np.bool_]], list[Group]]
 THING = "thing"
 """What nobody could name."""
 ROOM = "room"
-"""What is seen from inside and has no name."""
+"""Label of a scan without a name that is seen from inside."""
 INSIDE = -0.5
 """Volume that faces enclose around their middle, over the sum of what each contributes, below which they are seen from
 inside: things of third parties have -0.03 to 0.64, scanned rooms and parts of them -0.94 to -0.68 [-]."""
