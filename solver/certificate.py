@@ -238,11 +238,13 @@ class ContactProof:
     imbalance: CertificateRow
     """Largest part of what a free body weighs or carries, or of its torque, that is not held by forces which push
     within a millimetre of the surfaces, inside the cone of friction, or by bonds [-]."""
+    overlap_m: CertificateRow
+    """How much deeper than at the start a surface lies in a closed piece of another one."""
 
     @property
     def holds(self) -> bool:
         """Whether every body rests on what it touches."""
-        return self.gap_m.holds and self.imbalance.holds
+        return self.gap_m.holds and self.imbalance.holds and self.overlap_m.holds
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -86,6 +86,14 @@ def split(across: Array, poisson: Array, layers: Layers) -> tuple[Array, Array, 
     return np.where(same, own, mu), np.where(same, own_lam, lam), np.where(same[:, None], 0.0, rest)
 
 
+def shear_modulus_across(mu: Array, lam: Array, added: Array) -> Array:
+    """E_t / (2 (1 + nu_tp)) [Pa] of `split` constants (p,), (p,), (p, 5): mu of an isotropic material, and for layers
+    what it would be of one that is as stiff as they are across, shape (p,)."""
+    k_aa, k_aw, k_ww = added[:, 0] + mu + lam, added[:, 1] + lam, added[:, 2] + 2.0 * mu + lam
+    across, poisson = k_ww - k_aw**2 / k_aa, 0.5 * k_aw / k_aa
+    return across / (2.0 * (1.0 + poisson))
+
+
 def frames(normal: Array) -> Array:
     """Rotations (p, 3, 3) whose columns are two directions in the layers and their unit normal (p, 3)."""
     least = np.eye(3)[np.argmin(np.abs(normal), axis=1)]

@@ -7,7 +7,9 @@ the area A that the line stands for [B10, B15]:
 
     E = gamma mu h A / 2 |[d u]|^2 ,   [d u] = (u_n - u_n') / a - (u_n' - u_n'') / b
 
-with a and b the distances of the nodes and h their mean. It vanishes for every affine motion and is the same for a
+with a and b the distances of the nodes, h their mean and mu the smaller shear modulus of the material around n and n';
+of layers, E_t / (2 (1 + nu_tp)): contact presses them together, and as they slip easily, G_t is far too soft to keep a
+sliver from folding. The energy vanishes for every affine motion and is the same for a
 turned body. So it is a constant matrix G on node positions: its forces -G x have no resultant and no moment, and its
 tangent is G.
 
@@ -22,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from solver.model.layers import shear_modulus_across
 from solver.model.soft import SoftSystem
 
 Array = NDArray[np.float64]
@@ -43,7 +46,7 @@ def ghost_penalty(soft: SoftSystem) -> sparse.csr_matrix:
     a, b = length[:, 0], length[:, 1]
     volume, cells = _around(soft, soft.cell_size.prod(axis=1)), _around(soft, np.ones(len(soft.cell_node)))
     area = (volume / cells)[tie[:, 0]] / a
-    strength = GAMMA * (1.0 - support[tie[:, 0]] / WEAK) * modulus[tie[:, 1]] * 0.5 * (a + b) * area
+    strength = GAMMA * (1.0 - support[tie[:, 0]] / WEAK) * modulus[tie[:, :2]].min(axis=1) * 0.5 * (a + b) * area
     weight = np.sqrt(strength)[:, None] * np.stack([1.0 / a, -1.0 / a - 1.0 / b, 1.0 / b], axis=1)
     jump = sparse.csr_matrix(
         (weight.ravel(), tie.ravel(), 3 * np.arange(len(tie) + 1)), shape=(len(tie), len(soft.rest))
@@ -52,11 +55,12 @@ def ghost_penalty(soft: SoftSystem) -> sparse.csr_matrix:
 
 
 def _material_around(soft: SoftSystem) -> tuple[Array, Array]:
-    """Of each node the material in the cells around it [cells] and its mean mu [Pa], shape (n,) both."""
+    """Of each node the material in the cells around it [cells] and its mean modulus [Pa], shape (n,) both."""
     cell = np.repeat(np.arange(len(soft.cell_node)), np.diff(soft.cell_start))
     volume = np.where(soft.real, soft.volume, 0.0)
     count = len(soft.cell_node)
-    filled, stiff = (np.bincount(cell, one, count).astype(np.float64) for one in (volume, volume * soft.mu))
+    modulus = shear_modulus_across(soft.mu, soft.lam, soft.added)
+    filled, stiff = (np.bincount(cell, one, count).astype(np.float64) for one in (volume, volume * modulus))
     support = _around(soft, filled / soft.cell_size.prod(axis=1))
     return support, _around(soft, stiff) / np.maximum(_around(soft, filled), 1e-300)
 

@@ -20,6 +20,7 @@ from solver.errors import UnstableStep
 from solver.model.bodies import Body, Model, SoftBody, free_motions
 from solver.model.state import best_rigid_motion
 from solver.result import SettledModel
+from tasks.bodies.overlap import largest_overlap
 
 Array = NDArray[np.float64]
 
@@ -40,7 +41,7 @@ ON_AN_EDGE = 1e-3
 STRAIN = 0.2
 """How far a place inside a soft body may have moved beside what its surface there did, over its depth [-]."""
 FARTHEST_M = 1e-3
-"""A force that acts farther from a surface than this holds nothing [m]."""
+"""A force that acts farther from a surface than this holds nothing, and no surface may lie deeper in a body [m]."""
 
 PULL = 0.2
 """Share of a force that may pull at a face where two faces touch: their normals are not quite opposite [-]."""
@@ -88,6 +89,9 @@ def refutation(proof: ContactProof) -> str:
     if not proof.gap_m.holds:
         gap, most = 1e3 * proof.gap_m.value, 1e3 * proof.gap_m.threshold
         return f"forces that hold it act {gap:.3g} mm off the surfaces (at most {most:.3g} mm)"
+    if not proof.overlap_m.holds:
+        deep, most = 1e3 * proof.overlap_m.value, 1e3 * proof.overlap_m.threshold
+        return f"a surface lies {deep:.3g} mm deep in another body (at most {most:.3g} mm)"
     if not proof.imbalance.holds and proof.points == 0:
         return "no known force holds it where it is"
     if not proof.imbalance.holds:
@@ -96,49 +100,85 @@ def refutation(proof: ContactProof) -> str:
 
 
 def contact_proof(model: Model, surfaces: Sequence[Mesh], forces: PointForces, largest_gap: float) -> ContactProof:
-    """Measure on the final surfaces, one for each body, where forces act and what they hold."""
+    """Measure on the final surfaces, one for each body, where forces act, what they hold and where bodies overlap."""
+    at = places(model, surfaces, forces, largest_gap)
     size = np.linalg.norm(forces.force, axis=1)
-    gap, allowed = np.zeros(len(size)), np.full(len(size), largest_gap)
-    start, deep = np.zeros((2, len(size), 3)), np.zeros(len(size))
-    push = np.zeros((2, len(size)))
-    flat, known = np.zeros((2, 2, len(size)), dtype=bool)
     touching = ~forces.bonded & (size > 0.0)
-    for which_side, (which, sign) in enumerate(((forces.a, -1.0), (forces.b, 1.0))):
-        for index in np.unique(which).tolist():
-            mine = np.flatnonzero((touching | forces.bonded) & (which == index))
-            if len(mine) == 0:
-                continue
-            near = nearest(surfaces[index], forces.position[mine])
-            outside, known[which_side, mine] = sides_of(
-                Mesh.of(model.bodies[index].vertices, surfaces[index].faces), near.face
-            )
-            gap[mine] = np.maximum(gap[mine], near.distance)
-            push[which_side, mine] = sign * outside * np.einsum("ki,ki->k", forces.force[mine], near.normal)
-            flat[which_side, mine] = near.weight.min(axis=1) > ON_AN_EDGE
-            start[which_side, mine] = started(model.bodies[index], surfaces[index], forces.position[mine], near)
-            deep[mine] = np.maximum(deep[mine], near.distance)
-            if isinstance(model.bodies[index], SoftBody):
-                allowed[mine] = np.maximum(allowed[mine], np.minimum(SIDE_SHARE * near.side, FARTHEST_M))
-    pushed = np.zeros(len(size), dtype=bool)
+    torn = np.linalg.norm(at.start[0] - at.start[1], axis=1) > FARTHEST_M + STRAIN * at.distance
+    pushed = touching & (at.distance <= FARTHEST_M) & pushing_points(model, forces, at)
+    rest = max(imbalances(model, surfaces, forces, pushed | (forces.bonded & ~torn)), default=0.0)
+    return ContactProof(
+        int(touching.sum()),
+        largest_gap_row(forces, at, largest_gap),
+        CertificateRow.at_most(rest, LARGEST_IMBALANCE),
+        CertificateRow.at_most(largest_overlap(model, surfaces), FARTHEST_M),
+    )
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Places:
+    """Where k forces act on the surfaces of their two bodies: rows are those of `a`, then of `b`."""
+
+    distance: Array
+    """From the farther one of the two surfaces [m], shape (k,)."""
+    allowed: Array
+    """How far that may be [m], shape (k,)."""
+    push: Array
+    """The forces along the inward normal of `a`, or the outward one of `b` [N], shape (2, k)."""
+    flat: NDArray[np.bool_]
+    """On a face of the surface and not on an edge, shape (2, k)."""
+    known: NDArray[np.bool_]
+    """Whether the outside of the surface is, shape (2, k)."""
+    start: Array
+    """Where the places were at the start, if they moved with the surface [m], shape (2, k, 3)."""
+
+
+def places(model: Model, surfaces: Sequence[Mesh], forces: PointForces, largest_gap: float) -> Places:
+    """Find where forces act on the final surfaces."""
+    count = len(forces.force)
+    at = Places(np.zeros(count), np.full(count, largest_gap), np.zeros((2, count)), np.zeros((2, count), dtype=bool),
+                np.zeros((2, count), dtype=bool), np.zeros((2, count, 3)))  # fmt: skip
+    acting = forces.bonded | (forces.force != 0.0).any(axis=1)
+    for side, (which, sign) in enumerate(((forces.a, -1.0), (forces.b, 1.0))):
+        for index in np.unique(which[acting]).tolist():
+            mine = np.flatnonzero(acting & (which == index))
+            body, surface, points = model.bodies[index], surfaces[index], forces.position[mine]
+            near = nearest(surface, points)
+            outside, at.known[side, mine] = sides_of(Mesh.of(body.vertices, surface.faces), near.face)
+            at.push[side, mine] = sign * outside * np.einsum("ki,ki->k", forces.force[mine], near.normal)
+            at.flat[side, mine] = near.weight.min(axis=1) > ON_AN_EDGE
+            at.start[side, mine] = started(body, surface, points, near)
+            at.distance[mine] = np.maximum(at.distance[mine], near.distance)
+            if isinstance(body, SoftBody):
+                at.allowed[mine] = np.maximum(at.allowed[mine], np.minimum(SIDE_SHARE * near.side, FARTHEST_M))
+    return at
+
+
+def pushing_points(model: Model, forces: PointForces, at: Places) -> NDArray[np.bool_]:
+    """Tell which forces push at the surfaces of their two bodies, shape (k,)."""
+    size, pushed = np.linalg.norm(forces.force, axis=1), np.zeros(len(forces.force), dtype=bool)
     ordered = np.column_stack([forces.a, forces.b])
-    for one in np.unique(ordered[touching], axis=0):
-        mine = np.flatnonzero(touching & (ordered == one).all(axis=1))
-        friction = model.friction(*(model.bodies[index] for index in one.tolist()))[0]
-        pushed[mine] = pushing(push[:, mine], flat[:, mine], known[:, mine], size[mine], friction)
+    touching = ~forces.bonded & (size > 0.0)
+    for pair in np.unique(ordered[touching], axis=0):
+        mine = np.flatnonzero(touching & (ordered == pair).all(axis=1))
+        friction = model.friction(*(model.bodies[index] for index in pair.tolist()))[0]
+        pushed[mine] = pushing(at.push[:, mine], at.flat[:, mine], at.known[:, mine], size[mine], friction)
+    return pushed
+
+
+def largest_gap_row(forces: PointForces, at: Places, largest_gap: float) -> CertificateRow:
+    """How far from a surface the forces between two bodies act, of the pair nearest to what is allowed."""
+    size = np.linalg.norm(forces.force, axis=1)
+    pair = np.sort(np.column_stack([forces.a, forces.b]), axis=1)
+    touching = ~forces.bonded & (size > 0.0)
     rows = [CertificateRow.at_most(0.0, largest_gap)]
-    pair = np.sort(ordered, axis=1)
     for one in np.unique(pair[touching], axis=0):
         mine = np.flatnonzero(touching & (pair == one).all(axis=1))
-        order = mine[np.argsort(gap[mine] / allowed[mine], kind="stable")]
+        order = mine[np.argsort(at.distance[mine] / at.allowed[mine], kind="stable")]
         before = np.cumsum(size[order]) - size[order]
         last = order[before < COUNTED * size[order].sum()][-1]
-        rows.append(CertificateRow.at_most(float(gap[last]), float(allowed[last])))
-    torn = np.linalg.norm(start[0] - start[1], axis=1) > FARTHEST_M + STRAIN * deep
-    valid = (forces.bonded & ~torn) | (touching & pushed & (gap <= FARTHEST_M))
-    rest = max(imbalances(model, surfaces, forces, valid), default=0.0)
-    return ContactProof(
-        int(touching.sum()), min(rows, key=lambda row: row.margin), CertificateRow.at_most(rest, LARGEST_IMBALANCE)
-    )
+        rows.append(CertificateRow.at_most(float(at.distance[last]), float(at.allowed[last])))
+    return min(rows, key=lambda row: row.margin)
 
 
 def pushing(

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_bvp
 
+from solver.model.layers import Layers, shear_modulus_across, split
+
 LENGTH, WIDTH = 0.4, 0.05
 DOWN = 0.004  # way of the tip that loads are chosen for: a hundredth of the length [m]
 TOP = (0.0, 0.0, 1.0)
@@ -116,3 +118,12 @@ def test_a_column_of_upright_layers_is_as_stiff_as_the_layers(lab):
     # finite strain is 2 mm of 400; the clamp lets sections contract, as nu_tp = nu_p = 0
     assert ways["across"] == pytest.approx(full / 2e4, rel=0.02)
     assert ways["along"] == pytest.approx(full / 2e5, rel=0.02)
+
+
+def test_the_stiffness_across_is_found_again_in_the_split_constants():
+    """Whatever the layers, and for isotropic material."""
+    across, poisson = np.array([2e4, 8e3, 1e5, 3e4]), np.array([0.1, 0.05, 0.0, 0.3])
+    layers = Layers(np.array([4e5, 3e4, 6e5, 3e4]), np.array([0.1, 0.2, 0.2, 0.3]),
+                    np.array([1e3, 2.5e2, 2e3, 3e4 / 2.6]), np.tile(TOP, (4, 1)))  # fmt: skip
+    found = shear_modulus_across(*split(across, poisson, layers))
+    assert found == pytest.approx(across / (2.0 * (1.0 + poisson)), rel=1e-12)

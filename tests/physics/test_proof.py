@@ -254,3 +254,27 @@ def on_board(lab, where, lift: float, thick: float, soft: bool, *, wall: bool = 
                          np.zeros(count, bool))  # fmt: skip
     surfaces = [Mesh.of(lifted(lift)(block.vertices), block.faces), Mesh.of(board.vertices, board.faces)]
     return contact_proof(model, surfaces, forces, 3e-4)
+
+
+@pytest.mark.parametrize(("start", "holds"), [(0.004, False), (-0.003, True)])
+def test_a_block_may_not_end_in_a_wall_that_it_does_not_push(lab, start: float, holds: bool) -> None:
+    """The board carries it and nothing acts at the wall, 3 mm of which it takes up; a scan may have it there before."""
+    moved = np.array([start + 0.003, 0.0, 0.0])
+    block = lab.rigid("block", lab.Box(np.full(3, 0.05)), [0, 0, 0.025], mass=0.5)
+    board, wall = (
+        replace(lab.rigid(name, lab.Box(np.array(size)), middle), fixed=True)
+        for name, size, middle in (
+            ("board", [0.3, 0.3, 0.02], [0, 0, -0.01]),
+            ("wall", [0.02, 0.2, 0.2], [0.035 + start, 0, 0.101]),
+        )
+    )
+    model = Model((block, board, wall), np.array([0.0, 0.0, -9.81]))
+    force = np.tile([0.0, 0.0, block.mass * 9.81 / len(FEET)], (len(FEET), 1))
+    forces = PointForces(np.zeros(4, int), np.ones(4, int), np.array(FEET) + moved, force, np.zeros(4, bool))
+    ends = [block.vertices + moved, board.vertices, wall.vertices]
+    surfaces = [Mesh.of(x, body.faces) for x, body in zip(ends, model.bodies, strict=True)]
+    proof = contact_proof(model, surfaces, forces, 3e-4)
+    assert proof.imbalance.holds
+    assert proof.holds == holds
+    if not holds:
+        assert proof.overlap_m.value == pytest.approx(3e-3, rel=0.01)
