@@ -62,6 +62,6 @@ def points_in(surface: Mesh, start: Array, triangles: Array) -> tuple[Array, Arr
         edge = np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=2).max(initial=0.0)
         if edge <= step:
             break
-        both, faces = subdivide_to_size(both, faces, max(0.5 * edge, step))
+        both, faces = subdivide_to_size(both, faces, max(0.5 * edge, step))  # type: ignore[no-untyped-call]
     points = both[np.unique(faces)]
     return points[:, :3], points[:, 3:]
