@@ -73,14 +73,15 @@ Place = Callable[..., Placed]
 
 @pytest.fixture
 def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Place:
-    """Puts things in scenes, in a store of their own."""
-    monkeypatch.setenv("DCAP_DATA", str(tmp_path / "data"))
+    """Puts things in scenes, each in a store of its own."""
     monkeypatch.setenv("DCAP_RENDER__SIZE", "256")  # nothing here is seen in the pictures
     monkeypatch.delenv("PREFECT_API_URL", raising=False)
 
     def run(scene: Parts, label: str, item: Parts, name: str, prompt: str, *options: str) -> Placed:
         files = [make.written(tmp_path / f"{label}.glb", scene), make.written(tmp_path / f"{name}.glb", item)]
-        arguments = ["place", *map(str, files), prompt, "--label", label, "--out", str(tmp_path / "out"), "--json"]
+        folder = tmp_path / f"placed{len(list(tmp_path.glob('placed*')))}"
+        monkeypatch.setenv("DCAP_DATA", str(folder / "data"))
+        arguments = ["place", *map(str, files), prompt, "--label", label, "--out", str(folder / "out"), "--json"]
         assert main([*arguments, *options]) == 0
         store, found = Store.default(), {}
         for kind in (Particles, Settled):
@@ -179,6 +180,30 @@ def test_a_ball_on_a_blanket_dents_layers_not_a_block(place: Place, solver: str,
         assert abs(reference - found) <= tree["certificate"]["depth_error_m"]
     else:
         assert tree["certificate"]["method"] == "mls"
+
+
+@pytest.mark.slow
+@pytest.mark.long
+def test_the_paper_s_method_leaves_the_dent_of_the_default_under_the_paper_s_limits(place: Place) -> None:
+    """A bowling ball on a bed: depth within 15 %, contact area within 25 %, no force farther than 1 mm from a
+    surface."""
+    ball, prompt = {"body": make.ball(0.108)}, "put the bowling ball on the bed"
+    default, paper = (
+        place(make.bed(0.5, 0.2, 0.03), "bed", ball, "bowling_ball", prompt, *options).tree
+        for options in (("--paper-limits",), ("--method", "paper"))
+    )
+    assert paper["certificate"]["method"] == "mls"
+    depth, area = (
+        [take(one) for one in (default, paper)]
+        for take in (
+            lambda tree: tree["certificate"]["placement"]["indentation_m"],
+            lambda tree: sum(contact["area_m2"] for contact in tree["contacts"]),
+        )
+    )
+    assert depth[0] > 1e-3
+    assert depth[1] == pytest.approx(depth[0], rel=0.15)
+    assert area[1] == pytest.approx(area[0], rel=0.25)
+    assert paper["certificate"]["proof"]["gap_m"]["value"] < 1e-3
 
 
 @pytest.mark.slow
