@@ -96,7 +96,7 @@ class KickRow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KickCheck:
-    """What became of a rest state that got a small kick."""
+    """Outcome of the small kick that tests a rest state."""
 
     done: Literal[True] = True
     stable: bool
@@ -169,7 +169,7 @@ class BodyStability:
 
 @dataclass(frozen=True, slots=True)
 class PushBounds:
-    """What counts as held."""
+    """Thresholds below which a push counts as held."""
 
     distance_share: float
     """Over the pushed body's size [-]."""
@@ -228,7 +228,7 @@ class PointForces:
 
 @dataclass(frozen=True, slots=True)
 class ContactProof:
-    """What the final surfaces say of the forces that hold the bodies, measured without the solver."""
+    """Check of the forces that hold the bodies against the final surfaces, measured without the solver."""
 
     points: int
     """Contact points that carry force."""

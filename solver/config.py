@@ -95,7 +95,7 @@ class SolverConfig(BaseModel, frozen=True, extra="forbid"):
     kick_segments: PositiveInt = 4
     """How often that time is added while the motion is small but neither dies nor leaves."""
     kick_decay: PositiveFloat = 0.5
-    """What may be left of the kick's speeds after that time [-]; an unstable balance gains speed."""
+    """Share of the kick's speeds that may be left after that time [-]; an unstable balance gains speed."""
     kick_distance: PositiveFloat = 5e-3
     """How far the kicked state may end from the rest state, over L [-]."""
     kick_angle: PositiveFloat = 0.0174533

@@ -56,7 +56,7 @@ class FrameRecorder:
         return max(float(np.abs(b.vertices - a.vertices).max(initial=0.0)) for a, b in pairs)
 
     def frames(self) -> DropFrames:
-        """What was kept."""
+        """The recorded frames."""
         paths = []
         for index, start in enumerate(self._start):
             states = [bodies[index] for _, bodies in self._kept]

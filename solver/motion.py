@@ -22,7 +22,7 @@ class BodyPath:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class DropFrames:
-    """What happened, as far as it is kept."""
+    """The recorded history."""
 
     time: NDArray[np.float64]
     """[s], shape (f,)."""

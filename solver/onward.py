@@ -1,4 +1,4 @@
-"""What a final state does when it is simulated on: whoever made it, the same bodies, material and law.
+"""Simulate a final state further, whoever made it, with the same bodies, material and law.
 
 In: a model in its start pose, and where its bodies are said to rest. Out: how far they go from there within some
 seconds of true time. A state of rest stays; what floats falls; what leans on nothing tips. Contacts begin without any
@@ -24,7 +24,7 @@ from solver.tl.simulation import Simulation, StepControl
 Array = NDArray[np.float64]
 
 FLUSH = 1e-4
-"""What is pushed out may stay this deep [m]."""
+"""Depth that may remain after overlaps are pushed out [m]."""
 MOST_PUSHES = 60
 """Each along the normal of the deepest point, by its depth: a corner takes a few for each of its sides."""
 
@@ -43,7 +43,7 @@ class PlacedBodies:
 
 @dataclass(frozen=True, slots=True)
 class Onward:
-    """What became of it."""
+    """Outcome of simulating a state further."""
 
     seconds: float
     """True time that was simulated [s]: less than asked where the steps were used up."""

@@ -1,4 +1,4 @@
-"""What a drop hands back, whichever method computed it."""
+"""Result of a drop, whichever method computed it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -39,7 +39,7 @@ class RestBody:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class FinalState:
-    """What a method tells of the state in which it ended."""
+    """Final state as each method reports it."""
 
     seconds: float
     """Simulated time [s]."""
@@ -68,7 +68,7 @@ class SettledModel:
     contact_points: dict[str, NDArray[np.float64]]
     """Per free body the positions of its active contact points [m], shape (k, 3)."""
     forces: PointForces
-    """What holds the bodies."""
+    """Forces that hold the bodies."""
     certificate: Certificate
     history: History
     frames: DropFrames
@@ -130,9 +130,9 @@ def carried(model: Model, touching: set[tuple[int, int]]) -> set[int]:
     return out
 
 
-def beside(model: Model, surface: NDArray[np.float64], center: NDArray[np.float64]) -> bool:
-    """A body with these surface points (n, 3) lies wholly below everything fixed, or its centre of mass (3,) is beside
-    it: nothing there can carry it."""
+def has_left(model: Model, surface: NDArray[np.float64], center: NDArray[np.float64]) -> bool:
+    """Whether a body with these surface points (n, 3) lies wholly below everything fixed, or its centre of mass (3,)
+    outside the plan of it, so that nothing can carry it."""
     fixed = [b.vertices for b in model.bodies if b.fixed]
     if not fixed:
         return False

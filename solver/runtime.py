@@ -33,7 +33,7 @@ _started: dict[str, str] = {}
 
 
 def available_arch(wanted: str) -> str:
-    """What `auto`, `cpu` or `cuda` stands for on this machine: `cpu` or `cuda`; auto is cuda where that works.
+    """Resolve `auto`, `cpu` or `cuda` to `cpu` or `cuda` on this machine; auto is cuda where that works.
 
     Raises ArchError for cuda where it does not: nothing is replaced silently.
     """

@@ -20,7 +20,7 @@ from solver.model.bodies import Model
 from solver.model.state import State
 from solver.onward import refuse_overlap
 from solver.rest import Progress
-from solver.result import FinalState, RestBody, SettledModel, beside, build_result, carried
+from solver.result import FinalState, RestBody, SettledModel, build_result, carried, has_left
 from solver.runtime import start
 from solver.tl.accuracy import depth_error
 from solver.tl.disturbance import kick
@@ -107,7 +107,7 @@ class ImplicitDrop(Simulation):
         return self._result(end, rows, kicked, stability)
 
     def _stability(self, end: Approach, progress: Progress | None) -> StabilityGrade | NotDone | None:
-        """What the certificate says about pushes, nothing where nobody asked."""
+        """Stability grade for the certificate, None where it was not requested."""
         if not self.config.stability:
             return None
         if end.verdict is not Verdict.AT_REST or not self.free:
@@ -117,7 +117,7 @@ class ImplicitDrop(Simulation):
         return graded
 
     def _verdict(self, state: State, contacts: Contacts) -> Verdict | None:
-        """What ends an approach, None where it goes on."""
+        """Verdict that ends an approach, None where it goes on."""
         if self._left(state, contacts):
             return Verdict.LEFT_TARGET
         if self.monitor.quiet():
@@ -128,7 +128,7 @@ class ImplicitDrop(Simulation):
         """A free body has left everything that could carry it."""
         pairs = set(zip(contacts.a.tolist(), contacts.b.tolist(), strict=True))
         loose = set(self.free) - carried(self.model, pairs)
-        return any(beside(self.model, self.query.surface(state, i), self.center(state, i)) for i in loose)
+        return any(has_left(self.model, self.query.surface(state, i), self.center(state, i)) for i in loose)
 
     def _after_failed_kick(
         self, state: State, control: StepControl, first: KickCheck, progress: Progress | None
@@ -191,7 +191,7 @@ class ImplicitDrop(Simulation):
         return depth_error(self.soft, end.state, self.weight)
 
     def _final(self, state: State, report: StepReport) -> FinalState:
-        """What the result says of the last state."""
+        """Summary of the last state for the result."""
         contacts = report.contacts
         return FinalState(
             seconds=state.time,

@@ -123,11 +123,11 @@ class Contacts:
     unlocated: int
     """Points that are in a soft body's cells while no place in its start pose was found for them; no contact there."""
     memory: ContactMemory
-    """What is remembered of a step that ends here: anchors of touching points; others forget theirs."""
+    """Contact memory after a step that ends here: the anchors of touching points; other points forget theirs."""
 
     def carried_load(self, bodies: int) -> NDArray[np.float64]:
-        """What each body carries from one side to another [N], shape (bodies,): half of what the sizes of its contact
-        forces add up to beyond the size of their sum; nothing for a body that only stands or hits."""
+        """Load that each body carries from one side to another [N], shape (bodies,): half of the difference between
+        the sum of the sizes of its contact forces and the size of their sum; 0 for a body that only stands or hits."""
         size, total = np.zeros(bodies), np.zeros((bodies, 3))
         for which, sign in ((self.a, 1.0), (self.b, -1.0)):
             size += np.bincount(which, np.linalg.norm(self.force, axis=1), bodies)

@@ -35,7 +35,7 @@ def contact_pairs(model: Model, soft: SoftSystem, config: SolverConfig, gravity:
 
 
 def most_stiffness(one: Body, two: Body, config: SolverConfig, gravity: float) -> float:
-    """What each of three points needs to carry the load at the penetration that is aimed at [N/m]: more only makes
+    """Stiffness that each of three points needs to carry the load at the target penetration [N/m]: more only makes
     impacts hard."""
     load = max(body.mass for body in (one, two) if not body.fixed) * max(gravity, 1.0)
     return load / (3.0 * config.penetration_target)

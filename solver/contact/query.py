@@ -86,7 +86,7 @@ class ContactQuery:
         """Surface points from nodes, shape (points, n)."""
 
     def fresh_memory(self) -> ContactMemory:
-        """What contacts remember before any step."""
+        """Contact memory before the first step."""
         return ContactMemory({pair.key: pair.fresh_memory() for pair in self.pairs})
 
     def surface(self, state: State, index: int) -> NDArray[np.float64]:
@@ -284,7 +284,7 @@ class ContactQuery:
         start: StepStart,
         found: Mapping[tuple[int, int], Located],
     ) -> ContactMemory:
-        """What is remembered of a step that ends at `state`."""
+        """Contact memory after a step that ends at `state`."""
         points = {}
         for key, old in start.state.memory.points.items():
             material_point, here = state.memory.points[key].material_point, found[key]

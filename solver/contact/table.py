@@ -1,4 +1,4 @@
-"""What is told of the contacts of a state: a row per pair of bodies, and every force."""
+"""Report of the contacts of a state: a row per pair of bodies, and every force."""
 
 from collections.abc import Callable, Sequence
 
@@ -45,8 +45,8 @@ def facing_area(
     body: Body, points: NDArray[np.float64], chosen: NDArray[np.int64], normal: NDArray[np.float64]
 ) -> float:
     """Area of a surface that some of its points (k,) stand for, seen along their normals (k, 3) [m^2]: a third of the
-    adjacent faces' area vectors each. Points at an edge stand for the faces that look at the other body, not for those
-    beside them."""
+    adjacent faces' area vectors each. Points at an edge stand for the faces that look at the other body, not for
+    adjacent ones."""
     corner = points[body.faces]
     vector = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]) / 6.0
     total = np.stack(

@@ -1,4 +1,4 @@
-"""What layers add to the forces and tangents of elastic.py and tangents.py; law and constants in model/layers.py.
+"""Forces and tangents that layers add to elastic.py and tangents.py; law and constants in model/layers.py.
 
 Symbols: f_1, f_2, f_3 = F T, the columns of the deformation gradient along the layers' frame T (two directions in
 them, their normal); A = |f_1 x f_2| and m = f_1 x f_2 / A, area and normal of the layers now; H = f_3 . m their
@@ -128,7 +128,7 @@ def layer_measures(f: mat3):
 
 @ti.func
 def conjugate(added: ti.types.ndarray(), p: ti.i32, v: vec6) -> vec6:
-    """What K_aa, K_aw, K_ww, k_d and k_s of a particle make of its measures."""
+    """Apply K_aa, K_aw, K_ww, k_d and k_s of a particle to its strain measures."""
     kd, ks = added[p, 3], added[p, 4]
     return vec6(added[p, 0] * v[0] + added[p, 1] * v[1], added[p, 1] * v[0] + added[p, 2] * v[1], kd * v[2], kd * v[3],
                 ks * v[4], ks * v[5])  # fmt: skip

@@ -193,7 +193,7 @@ def momentum_to_velocity(
 
 @ti.func
 def moments(x: vec3, u: vec3, C: mat3, D: mat3, m: ti.f64):
-    """What one particle adds to the first MOMENTS sums of its block: a small body with second moment m D about its
+    """Share of one particle in the first MOMENTS sums of its block: a small body with second moment m D about its
     middle x, where the velocity is u and grows by C."""
     B = C @ D
     L = m * (x.cross(u) + vec3(B[2, 1] - B[1, 2], B[0, 2] - B[2, 0], B[1, 0] - B[0, 1]))

@@ -466,7 +466,7 @@ class SurfaceContacts:
     # what is told
 
     def hand_over(self, seconds: float) -> ContactReport:
-        """What has acted over some time, as mean forces; sums begin anew."""
+        """Mean forces since the last call; resets the sums."""
         report = ContactReport([], [])
         for touch in self.touches:
             on = np.flatnonzero(touch.load > 0.0)

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Acting:
-    """What a pair of bodies, touching or bonded, does to each other in this step."""
+    """Interaction of two bodies, touching or bonded, in this step."""
 
     a: int
     b: int

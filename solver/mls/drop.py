@@ -32,7 +32,7 @@ from solver.model import soft as soft_system
 from solver.model.bodies import Model, RigidBody
 from solver.model.state import best_rigid_motion
 from solver.rest import Progress, RestMonitor, Signals
-from solver.result import FinalState, RestBody, SettledModel, beside, build_result, carried
+from solver.result import FinalState, RestBody, SettledModel, build_result, carried, has_left
 
 Array = NDArray[np.float64]
 
@@ -181,7 +181,7 @@ class ExplicitDrop:
         return out
 
     def _signals(self, before: dict[int, Momentum], after: dict[int, Momentum], seconds: float, steps: int) -> Signals:
-        """What an interval says of rest. The unbalanced force on a body is the change of its momentum over the time, so
+        """Rest signals of an interval. The unbalanced force on a body is the change of its momentum over the time, so
         nothing that acted on it is left out. The largest of several is a NaN if one of them is."""
         linear = angular = force_worst = torque_worst = np.float64(0.0)
         for i in self.watched:
@@ -222,7 +222,7 @@ class ExplicitDrop:
             pairs |= set(zip(self.rigid.contacts.a.tolist(), self.rigid.contacts.b.tolist(), strict=True))
         for i in set(self.free) - carried(self.model, pairs):
             center = self.soft[i].motion().center if i in self.soft else self.rigid.state.center[i]
-            if beside(self.model, self.contacts.surface(i), center):
+            if has_left(self.model, self.contacts.surface(i), center):
                 return True
         return False
 
@@ -272,7 +272,7 @@ class ExplicitDrop:
         ]
 
     def _final(self, report: ContactReport) -> FinalState:
-        """What the result says of the last state."""
+        """Summary of the last state for the result."""
         bodies = self._bodies()
         surfaces = {i: body.vertices for i, body in enumerate(bodies)}
         forces, touching = report.forces(), [*report.touching]

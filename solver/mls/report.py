@@ -1,4 +1,4 @@
-"""What has acted on bodies over an interval of explicit steps, as mean forces."""
+"""Mean forces on bodies over an interval of explicit steps."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ContactReport:
-    """What acted over an interval."""
+    """Mean forces over an interval."""
 
     touching: list[TouchingPoints]
     bonded: list[tuple[BondedPair, Array, Array, Array]]

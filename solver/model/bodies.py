@@ -44,7 +44,7 @@ class SignedDistance:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Interior:
-    """What fills a soft body: material points, which are the quadrature points, and their background grid."""
+    """Interior of a soft body: material points, which are the quadrature points, and their background grid."""
 
     position: NDArray[np.float64]
     """Particle rest positions X_p [m], shape (p, 3)."""
@@ -68,7 +68,7 @@ class Interior:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _CommonBody:
-    """What rigid and soft bodies share."""
+    """Fields common to rigid and soft bodies."""
 
     name: str
     fixed: bool

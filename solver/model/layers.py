@@ -31,7 +31,7 @@ UNIT = 1e-6  # of a normal's length
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Layers:
-    """What else describes material points whose E and nu are those across layers; isotropic ones repeat E and nu."""
+    """The other constants of material points whose E and nu are those across layers; isotropic ones repeat E and nu."""
 
     youngs_modulus: Array
     """Young's moduli E_p in the layers [Pa], shape (p,)."""

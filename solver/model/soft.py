@@ -80,7 +80,7 @@ class SoftSystem:
     lam: NDArray[np.float64]
     """First Lame parameter [Pa] likewise, shape (p,)."""
     added: NDArray[np.float64]
-    """What layers add [Pa], solver/model/layers.py, shape (p, 5)."""
+    """Additional constants of layers [Pa], solver/model/layers.py, shape (p, 5)."""
     frame: NDArray[np.float64]
     """Directions of the layers and their normal, columns of a rotation by rows, shape (p, 9)."""
     layered: NDArray[np.int32]
@@ -88,7 +88,7 @@ class SoftSystem:
     real: NDArray[np.bool_]
     """True for particles of material, False for fictitious ones, shape (p,)."""
     relief: NDArray[np.float64]
-    """What bends each cell like a plate [N/m], solver/model/bending.py, shape (c, 9)."""
+    """Relief of each cell in plate-like bending [N/m], solver/model/bending.py, shape (c, 9)."""
 
 
 def lame(

@@ -17,7 +17,7 @@ from solver.model.soft import SoftSystem
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PointMemory:
-    """What the surface points of one pair of bodies remember from step to step."""
+    """Memory of the surface points of one pair of bodies from step to step."""
 
     stiffness: NDArray[np.float64]
     """Normal stiffness per point [N/m], shape (n,)."""
@@ -33,7 +33,7 @@ class PointMemory:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ContactMemory:
-    """What contacts remember of the way to a state. A value: a step makes a new one and edits none."""
+    """Memory of all contacts at a state. A value: a step makes a new one and edits none."""
 
     points: Mapping[tuple[int, int], PointMemory] = field(default_factory=dict)
     """By pair: the body of the points, the body that they touch."""

@@ -1,4 +1,4 @@
-"""What a rest state does when it is disturbed: followed until it is quiet again, has gone, or the time is up.
+"""Disturb a rest state and follow it until it is quiet again, has gone, or the time is up.
 
 A rest state is verified with a small kick; a graded push (stability.py) ends in the same way: let go and watch.
 """

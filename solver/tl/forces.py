@@ -83,7 +83,7 @@ class ElasticForces:
             state.polar[:] = self.polar
 
     def strain(self, state: State, dt: float) -> StepStrain | None:
-        """What material damping in a step from this state is measured from, None without it."""
+        """Reference state of material damping in a step from this state, None without damping."""
         if self.damping == 0.0 or not len(state.x):
             return None
         self.evaluate(state)

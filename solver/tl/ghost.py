@@ -13,7 +13,7 @@ sliver from folding. The energy vanishes for every affine motion and is the same
 turned body. So it is a constant matrix G on node positions: its forces -G x have no resultant and no moment, and its
 tangent is G.
 
-A tie reaches over two cells, beyond the 27-point stencil of the elastic tangent, so G is kept beside it.
+A tie reaches over two cells, beyond the 27-point stencil of the elastic tangent, so G is kept apart from it.
 
 [B10] Burman: Ghost penalty. Comptes Rendus Mathematique 348, 2010.
 [B15] Burman, Claus, Hansbo, Larson, Massing: CutFEM: discretizing geometry and partial differential equations. Int. J.

@@ -1,4 +1,4 @@
-"""What is measured after every implicit step, and the table of rolling resistance at the end."""
+"""Measurements after every implicit step, and the table of rolling resistance at the end."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -34,7 +34,7 @@ STEP_GROWTH = 1.25  # growth of the step when Newton converges easily
 
 @dataclass(frozen=True, slots=True)
 class StepControl:
-    """What a step takes over from those before it: how long it may be, and how well it is solved."""
+    """Step length and accuracy, carried over from step to step."""
 
     dt: float
     """Longest step that is tried [s]."""

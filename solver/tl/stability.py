@@ -104,7 +104,7 @@ def grade(
     simulation: Simulation, rest: State, tolerance_factor: float, progress: Progress | None
 ) -> tuple[StabilityGrade | NotDone, list[str]]:
     """For every free body and direction the largest push held and the smallest lost, over the body's weight (lost is
-    None where the largest one tried was held), and the smallest of all held ones; beside it the trials' warnings.
+    None where the largest one tried was held), and the smallest of all held ones; and the trials' warnings.
 
     Every trial has a history of its own. `tolerance_factor` is that to which the rest state was solved (StepControl).
     """

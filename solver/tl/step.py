@@ -36,7 +36,7 @@ LEAST_SHARE = 0.1  # of the interval by which a search narrows it [-]
 
 @dataclass(eq=False, slots=True)
 class StepReport:
-    """What one step cost and how well it was solved."""
+    """Cost and accuracy of one step."""
 
     newton: int
     linear: int
@@ -54,7 +54,7 @@ class StepReport:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class StepProblem:
-    """What one step is to solve."""
+    """Problem of one step."""
 
     start: StepStart
     push: NDArray[np.float64]
@@ -81,14 +81,14 @@ class Trial:
     contacts: Contacts
     system: TangentSystem
     right: Flat
-    """What is out of balance: forces on nodes [N], forces [N] and torques [N m] on frames, shape (3 n + 6 b,)."""
+    """Residual: forces on nodes [N], forces [N] and torques [N m] on frames, shape (3 n + 6 b,)."""
     residual: float
     """Its size as in StepReport [-]."""
     worst: int
 
 
 def carried_weights(weights: NDArray[np.float64], contacts: Contacts) -> NDArray[np.float64]:
-    """What residuals of each body are measured by [N], shape (b,): its weight, or what it carries where that is more,
+    """Scale of the residuals of each body [N], shape (b,): its weight, or the load it carries where that is more,
     at most the largest weight. A sheet under a book is in balance as far as the book is."""
     return np.asarray(np.clip(contacts.carried_load(len(weights)), weights, weights.max()))
 
@@ -197,7 +197,7 @@ class Stepper:
         trial.system.prepare()
 
     def _after_move(self, trial: Trial, move: Flat, problem: StepProblem) -> Trial:
-        """What a Newton move leads to, or a share of it where the whole goes too far.
+        """Trial state after a Newton move, or after a share of it where the whole goes too far.
 
         Forces derive from a potential but for the limits of friction, so what is out of balance does work along a
         move until the potential is least, and negative work beyond. Where that has become OVERSHOT of the work at its
