@@ -240,11 +240,14 @@ class ContactProof:
     within a millimetre of the surfaces, inside the cone of friction, or by bonds [-]."""
     overlap_m: CertificateRow
     """How much deeper than at the start a surface lies in a closed piece of another one."""
+    smallest_area_m2: float | None = None
+    """Of the contacts that carry force between two bodies of which one is soft; None where there are none."""
 
     @property
     def holds(self) -> bool:
         """Whether every body rests on what it touches."""
-        return self.gap_m.holds and self.imbalance.holds and self.overlap_m.holds
+        rows = self.gap_m.holds and self.imbalance.holds and self.overlap_m.holds
+        return rows and (self.smallest_area_m2 is None or self.smallest_area_m2 > 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,35 +8,62 @@ from numpy.typing import NDArray
 from dcap.geometry.deform import in_box
 from dcap.geometry.distance import MeshDistance
 from dcap.geometry.pieces import numbered_pieces
+from dcap.geometry.raycast import Raycaster
 from dcap.scene.types.mesh import Mesh
+from solver.certificate import CertificateRow
 from solver.model.bodies import Model
+from tasks.bodies.surface_places import nearest
 
 Array = NDArray[np.float64]
 
-SPACING_M, SHARE = 3e-3, 1.0 / 60.0
-"""How far apart points of a surface are that are looked for in another body: so far [m], or so much of the region in
-which both lie [-]."""
+SPACING = 0.01
+"""Distance between the points of a surface that are sought in another body, over the size of the region in which both
+lie [-]."""
+LEAST_M = 1e-6
+"""Bodies whose boxes have less in common than this do not overlap [m]."""
+THICKNESS_SHARE = 0.25
+"""How deep a surface may lie in something thin, over the thickness of that [-]."""
+STEP_U, STEP_V = 0.7548776662466927, 0.5698402909980532
+"""Steps of the additive recurrence with the lowest discrepancy in a square [-]."""
 
 
-def largest_overlap(model: Model, surfaces: Sequence[Mesh]) -> float:
-    """How much deeper than at the start a surface lies in a closed piece of another one [m].
+def overlap_row(model: Model, surfaces: Sequence[Mesh], least: float, most: float) -> CertificateRow:
+    """How much deeper than at the start a surface lies in a closed piece of another one [m], where that exceeds what is
+    allowed by most: a quarter of the thickness there, within the bounds `least` and `most` [m].
 
     Pairs of which nothing can move do not count, nor do bonded ones, which may lie in each other.
     """
     bonded = {frozenset(pair) for pair in model.bonds}
-    largest = 0.0
+    worst = CertificateRow.at_most(0.0, most)
     for other, end in zip(model.bodies, surfaces, strict=True):
+        pairs = [
+            (body, surface)
+            for body, surface in zip(model.bodies, surfaces, strict=True)
+            if body is not other
+            and not (body.fixed and other.fixed)
+            and frozenset((body.name, other.name)) not in bonded
+        ]
         closed = closed_pieces(end)
-        if len(closed.faces) == 0:
+        found = [points_in(surface, body.vertices, closed) for body, surface in pairs if len(closed.faces)]
+        place, start = (np.concatenate(one) for one in zip(*found, strict=True)) if found else (np.zeros((0, 3)),) * 2
+        if len(place) == 0:
             continue
-        now, before = MeshDistance(closed), MeshDistance(Mesh.of(other.vertices, closed.faces))
-        for body, surface in zip(model.bodies, surfaces, strict=True):
-            if body is other or (body.fixed and other.fixed) or frozenset((body.name, other.name)) in bonded:
-                continue
-            place, start = points_in(surface, body.vertices, closed.triangles)
-            deeper = np.maximum(-now(place), 0.0) - np.maximum(-before(start), 0.0)
-            largest = max(largest, float(deeper.max(initial=0.0)))
-    return largest
+        deep = -MeshDistance(closed)(place)
+        inside = deep > least
+        if inside.any():
+            before = MeshDistance(Mesh.of(other.vertices, closed.faces))
+            deeper = deep[inside] - np.maximum(-before(start[inside]), 0.0)
+            allowed = np.clip(THICKNESS_SHARE * thickness(closed, place[inside]), least, most)
+            largest = int(np.argmax(deeper / allowed))
+            worst = min(worst, CertificateRow.at_most(float(deeper[largest]), float(allowed[largest])), key=margin)
+        else:
+            worst = min(worst, CertificateRow.at_most(max(float(deep.max()), 0.0), most), key=margin)
+    return worst
+
+
+def margin(row: CertificateRow) -> float:
+    """By which rows are compared."""
+    return row.margin
 
 
 def closed_pieces(surface: Mesh) -> Mesh:
@@ -45,23 +72,39 @@ def closed_pieces(surface: Mesh) -> Mesh:
     return Mesh.of(surface.vertices, surface.faces[~is_open[piece]])
 
 
-def points_in(surface: Mesh, start: Array, triangles: Array) -> tuple[Array, Array]:
-    """Points of a surface in the box of other triangles (m, 3, 3), close together, and where they were when its
-    vertices (n, 3) were at `start`, shape (k, 3) each [m]."""
+def thickness(closed: Mesh, inside: Array) -> Array:
+    """How thick a solid is at points (k, 3) inside it, across the nearest place of its surface [m], shape (k,)."""
+    near = nearest(closed, inside)
+    inward = (inside - near.place) / near.distance[:, None]
+    return near.distance + Raycaster(closed).cast(inside, inward).distance
+
+
+def points_in(surface: Mesh, start: Array, closed: Mesh) -> tuple[Array, Array]:
+    """Points of a surface in the box of a closed one, close together, and where they were when its vertices (n, 3) were
+    at `start`, shape (k, 3) each [m]."""
     from trimesh.remesh import subdivide_to_size
 
-    low = np.maximum(triangles.min(axis=(0, 1)), surface.triangles.min(axis=(0, 1)))
-    high = np.minimum(triangles.max(axis=(0, 1)), surface.triangles.max(axis=(0, 1)))
-    if (low > high).any():
+    low = np.maximum(closed.triangles.min(axis=(0, 1)), surface.triangles.min(axis=(0, 1)))
+    high = np.minimum(closed.triangles.max(axis=(0, 1)), surface.triangles.max(axis=(0, 1)))
+    across = float(np.linalg.norm(high - low))
+    if (low > high).any() or across < LEAST_M:
         return np.zeros((0, 3)), np.zeros((0, 3))
-    both, faces = np.hstack([surface.vertices, start]), surface.faces
-    step = max(SPACING_M, SHARE * float(np.linalg.norm(high - low)))
-    while True:  # halve edges, and forget at once what lies beside the box
+    both, faces, step = np.hstack([surface.vertices, start]), surface.faces, SPACING * across
+    while True:  # halve edges that are longer than the box, and drop triangles outside of it at once
+        faces = faces[in_box(both[faces, :3], low, high)]
         corner = both[faces, :3]
-        faces = faces[in_box(corner, low, high)]
         edge = np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=2).max(initial=0.0)
-        if edge <= step:
+        if edge <= across:
             break
-        both, faces = subdivide_to_size(both, faces, max(0.5 * edge, step))  # type: ignore[no-untyped-call]
-    points = both[np.unique(faces)]
+        both, faces = subdivide_to_size(both, faces, max(0.5 * edge, across))  # type: ignore[no-untyped-call]
+    a, b, c = both[faces].transpose(1, 0, 2)
+    area = 0.5 * np.linalg.norm(np.cross((b - a)[:, :3], (c - a)[:, :3]), axis=1)
+    face = np.repeat(np.arange(len(faces)), np.ceil(area / step**2).astype(int))
+    number = np.arange(len(face))
+    u, v = (STEP_U * number) % 1.0, (STEP_V * number) % 1.0
+    u, v = np.where(u + v > 1.0, [1.0 - u, 1.0 - v], [u, v])
+    within = a[face] + u[:, None] * (b - a)[face] + v[:, None] * (c - a)[face]
+    points = np.concatenate([both[np.unique(faces)], within])
+    points = points[((points[:, :3] >= low) & (points[:, :3] <= high)).all(axis=1)]
+    points = points[np.unique(np.floor((points[:, :3] - low) / step), axis=0, return_index=True)[1]]
     return points[:, :3], points[:, 3:]

@@ -1,8 +1,8 @@
 """Whether the forces that hold bodies at rest act through contacts that exist on their final surfaces.
 
 In: the outcome of a drop, whichever method computed it. Out: the same with a `ContactProof`, and with no verdict of
-rest where that fails. Distances are measured to the triangles that are shown, by code that no method of the solver
-uses while it computes.
+rest where that fails. Distances are measured to the triangles on which contact was evaluated, by code that no method of
+the solver uses while it computes.
 """
 
 from collections.abc import Iterator, Sequence
@@ -11,8 +11,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.geometry.pieces import numbered_pieces, outward
-from dcap.geometry.raycast import tensor
 from dcap.scene.types.caution import Cause, Caution
 from dcap.scene.types.mesh import Mesh
 from solver.certificate import Certificate, CertificateRow, ContactProof, PointForces, Verdict
@@ -20,7 +18,8 @@ from solver.errors import UnstableStep
 from solver.model.bodies import Body, Model, SoftBody, free_motions
 from solver.model.state import best_rigid_motion
 from solver.result import SettledModel
-from tasks.bodies.overlap import largest_overlap
+from tasks.bodies.overlap import overlap_row
+from tasks.bodies.surface_places import Nearest, Sides, largest_push, nearest, sides_of
 
 Array = NDArray[np.float64]
 
@@ -34,17 +33,15 @@ COUNTED = 0.9
 """Share of the force between two bodies whose points are force-carrying [-]: where a rim bends a surface, its triangles
 are chords, some tenths of a millimetre beside it."""
 SIDE_SHARE = 0.03
-"""How far the triangles of a soft body's surface may lie beside the curved surface that contact sees, over their sides
-[-]."""
-ON_AN_EDGE = 1e-3
-"""A nearest place with a corner's weight below this lies on an edge of its triangle [-]."""
+"""Largest distance between a triangle of a soft body and the curved surface that contact sees, over its side [-]: an
+eighth of the angle with the adjacent triangles, but no more at a sharp edge."""
 STRAIN = 0.2
 """How far a place inside a soft body may have moved beside what its surface there did, over its depth [-]."""
 FARTHEST_M = 1e-3
 """A force that acts farther from a surface than this holds nothing, and no surface may lie deeper in a body [m]."""
 
 PULL = 0.2
-"""Share of a force that may pull at a face where two faces touch: their normals are not quite opposite [-]."""
+"""Share of a force that may pull at the first body's faces: normals of two faces are not quite opposite [-]."""
 CONE, UNEVEN = 2.0, 0.1
 """Triangles are flat where surfaces are curved: the friction that is allowed over that of the bodies, and the share by
 which forces may push less than that says [-]."""
@@ -58,11 +55,19 @@ def proven(model: Model, result: SettledModel) -> SettledModel:
     require_finite(model, result)
     surfaces = [Mesh.of(end.vertices, body.faces) for end, body in zip(result.bodies, model.bodies, strict=True)]
     proof = contact_proof(model, surfaces, result.forces, largest_gap(result.certificate))
+    proof = replace(proof, smallest_area_m2=smallest_area(model, result))
     certificate = replace(result.certificate, proof=proof)
     if result.verdict is not Verdict.AT_REST or proof.holds:
         return replace(result, certificate=certificate)
     warnings = (*result.warnings, Caution(Cause.NOT_MET, refutation(proof)))
     return replace(result, certificate=certificate, verdict=Verdict.NO_EQUILIBRIUM, warnings=warnings)
+
+
+def smallest_area(model: Model, result: SettledModel) -> float | None:
+    """Of the contacts that carry force between two bodies of which one is soft [m^2]; None where there are none."""
+    soft = {body.name for body in model.bodies if isinstance(body, SoftBody)}
+    areas = [row.area_m2 for row in result.contacts if row.normal_force_n > 0.0 and {row.a, row.b} & soft]
+    return min(areas, default=None)
 
 
 def require_finite(model: Model, result: SettledModel) -> None:
@@ -92,6 +97,8 @@ def refutation(proof: ContactProof) -> str:
     if not proof.overlap_m.holds:
         deep, most = 1e3 * proof.overlap_m.value, 1e3 * proof.overlap_m.threshold
         return f"a surface lies {deep:.3g} mm deep in another body (at most {most:.3g} mm)"
+    if proof.smallest_area_m2 is not None and not proof.smallest_area_m2 > 0.0:
+        return "a contact that carries a soft body, or is carried by one, has no area"
     if not proof.imbalance.holds and proof.points == 0:
         return "no known force holds it where it is"
     if not proof.imbalance.holds:
@@ -111,7 +118,7 @@ def contact_proof(model: Model, surfaces: Sequence[Mesh], forces: PointForces, l
         int(touching.sum()),
         largest_gap_row(forces, at, largest_gap),
         CertificateRow.at_most(rest, LARGEST_IMBALANCE),
-        CertificateRow.at_most(largest_overlap(model, surfaces), FARTHEST_M),
+        overlap_row(model, surfaces, largest_gap, FARTHEST_M),
     )
 
 
@@ -124,11 +131,7 @@ class Places:
     allowed: Array
     """How far that may be [m], shape (k,)."""
     push: Array
-    """The forces along the inward normal of `a`, or the outward one of `b` [N], shape (2, k)."""
-    flat: NDArray[np.bool_]
-    """On a face of the surface and not on an edge, shape (2, k)."""
-    known: NDArray[np.bool_]
-    """Whether the outside of the surface is, shape (2, k)."""
+    """The force on `a`, or on `b`, along the inward normal there [N], shape (2, k)."""
     start: Array
     """Where the places were at the start, if they moved with the surface [m], shape (2, k, 3)."""
 
@@ -136,33 +139,38 @@ class Places:
 def places(model: Model, surfaces: Sequence[Mesh], forces: PointForces, largest_gap: float) -> Places:
     """Find where forces act on the final surfaces."""
     count = len(forces.force)
-    at = Places(np.zeros(count), np.full(count, largest_gap), np.zeros((2, count)), np.zeros((2, count), dtype=bool),
-                np.zeros((2, count), dtype=bool), np.zeros((2, count, 3)))  # fmt: skip
+    at = Places(np.zeros(count), np.full(count, largest_gap), np.zeros((2, count)), np.zeros((2, count, 3)))
     acting = forces.bonded | (forces.force != 0.0).any(axis=1)
-    for side, (which, sign) in enumerate(((forces.a, -1.0), (forces.b, 1.0))):
+    sides: dict[int, Sides] = {}
+    for row, (which, sign) in enumerate(((forces.a, 1.0), (forces.b, -1.0))):
         for index in np.unique(which[acting]).tolist():
             mine = np.flatnonzero(acting & (which == index))
             body, surface, points = model.bodies[index], surfaces[index], forces.position[mine]
+            if index not in sides:
+                sides[index] = sides_of(Mesh.of(body.vertices, surface.faces), surface)
             near = nearest(surface, points)
-            outside, at.known[side, mine] = sides_of(Mesh.of(body.vertices, surface.faces), near.face)
-            at.push[side, mine] = sign * outside * np.einsum("ki,ki->k", forces.force[mine], near.normal)
-            at.flat[side, mine] = near.weight.min(axis=1) > ON_AN_EDGE
-            at.start[side, mine] = started(body, surface, points, near)
+            at.push[row, mine] = largest_push(sides[index], near, sign * forces.force[mine])
+            at.start[row, mine] = started(body, surface, points, near)
             at.distance[mine] = np.maximum(at.distance[mine], near.distance)
             if isinstance(body, SoftBody):
-                at.allowed[mine] = np.maximum(at.allowed[mine], np.minimum(SIDE_SHARE * near.side, FARTHEST_M))
+                chord = np.minimum(SIDE_SHARE, sides[index].bend[near.face] / 8.0) * near.side
+                at.allowed[mine] = np.maximum(at.allowed[mine], np.minimum(chord, FARTHEST_M))
     return at
 
 
 def pushing_points(model: Model, forces: PointForces, at: Places) -> NDArray[np.bool_]:
-    """Tell which forces push at the surfaces of their two bodies, shape (k,)."""
-    size, pushed = np.linalg.norm(forces.force, axis=1), np.zeros(len(forces.force), dtype=bool)
+    """Tell which forces push at the surfaces of their two bodies, shape (k,): in their sum inside the cone of friction
+    of both."""
+    size = np.linalg.norm(forces.force, axis=1)
     ordered = np.column_stack([forces.a, forces.b])
     touching = ~forces.bonded & (size > 0.0)
+    pushed: NDArray[np.bool_] = touching & (at.push[0] >= -PULL * size) & (at.push[1] >= 0.0)
     for pair in np.unique(ordered[touching], axis=0):
-        mine = np.flatnonzero(touching & (ordered == pair).all(axis=1))
         friction = model.friction(*(model.bodies[index] for index in pair.tolist()))[0]
-        pushed[mine] = pushing(at.push[:, mine], at.flat[:, mine], at.known[:, mine], size[mine], friction)
+        steepest = 1.0 / np.hypot(1.0, CONE * friction) - UNEVEN
+        mine = pushed & (ordered == pair).all(axis=1)
+        if (at.push[:, mine].sum(axis=1) < steepest * size[mine].sum()).any():
+            pushed &= ~mine
     return pushed
 
 
@@ -181,60 +189,6 @@ def largest_gap_row(forces: PointForces, at: Places, largest_gap: float) -> Cert
     return min(rows, key=lambda row: row.margin)
 
 
-def pushing(
-    push: Array, flat: NDArray[np.bool_], known: NDArray[np.bool_], size: Array, friction: float
-) -> NDArray[np.bool_]:
-    """Tell which forces of one body on another push at a surface, shape (k,).
-
-    In: their parts along the inward normals of the first and the outward normals of the second body [N], where these
-    are normals of faces, not of edges, and where the outside of the surface is known, shape (2, k) each; their sizes
-    [N], shape (k,), and the static friction of the two bodies [-].
-
-    The second body's face decides, as the place is a point of the first; where that is an edge, the first one's. A
-    face of the first that has a known outside must not be pulled either. An open surface at which forces pull while
-    they push at the other one is inside out, as scans may be. At each of the two surfaces the forces together lie in
-    the cone of friction.
-    """
-    first, second = (np.where(there, along, 0.0) for along, there in zip(push, flat, strict=True))
-    if first.sum() < 0.0 < second.sum() and not known[0].any():
-        first = -first
-    elif second.sum() < 0.0 < first.sum() and not known[1].any():
-        second = -second
-    deciding = np.where(flat[1], second, first)
-    holds: NDArray[np.bool_] = (deciding >= 0.0) & ~(flat[0] & known[0] & (first < -PULL * size))
-    steepest = 1.0 / np.hypot(1.0, CONE * friction) - UNEVEN
-    for along, told in ((first, flat[0] & known[0]), (second, flat[1])):
-        told = told & holds
-        if along[told].sum() < steepest * size[told].sum():
-            holds = holds & ~told
-    return holds
-
-
-def sides_of(surface: Mesh, face: NDArray[np.int64]) -> tuple[Array, NDArray[np.bool_]]:
-    """Whether the normals of some faces (k,) of a surface point out of it, 1, or into it, -1, and whether that is
-    known: by the volume that their piece of the surface encloses, which an open piece does not."""
-    piece, is_open = numbered_pieces(surface)
-    turned = (outward(surface).faces[face] != surface.faces[face]).any(axis=1)
-    known = ~is_open[piece[face]]
-    return np.where(turned & known, -1.0, 1.0), known
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Nearest:
-    """The triangles of a surface that points are nearest to."""
-
-    distance: Array
-    """[m], shape (k,)."""
-    normal: Array
-    """Outward unit normals, shape (k, 3)."""
-    side: Array
-    """Longest sides [m], shape (k,)."""
-    face: NDArray[np.int64]
-    """Their indices, shape (k,)."""
-    weight: Array
-    """Weights of their corners at the nearest places, shape (k, 3)."""
-
-
 def started(body: Body, surface: Mesh, points: Array, near: Nearest) -> Array:
     """Where places (k, 3) that move with the nearest triangle of a body were at the start [m]."""
     corners = body.faces[near.face]
@@ -251,23 +205,6 @@ def frames(corner: Array) -> Array:
     normal = np.cross(side, other)
     one, two = (v / np.maximum(np.linalg.norm(v, axis=1, keepdims=True), TINY) for v in (side, normal))
     return np.stack([one, two, np.cross(one, two)], axis=2)
-
-
-def nearest(mesh: Mesh, points: Array) -> Nearest:
-    """Where points (k, 3) are nearest to a surface."""
-    import open3d
-
-    middle = points.mean(axis=0)  # single precision is finest around the origin
-    scene = open3d.t.geometry.RaycastingScene()
-    scene.add_triangles(tensor(mesh.vertices - middle, np.float32), tensor(mesh.faces, np.uint32))
-    found = scene.compute_closest_points(tensor(points - middle, np.float32), nthreads=1)
-    away = np.linalg.norm(found["points"].numpy().astype(np.float64) - (points - middle), axis=1)
-    face = found["primitive_ids"].numpy().astype(np.int64)
-    corner = mesh.vertices[mesh.faces[face]]
-    side = np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=2).max(axis=1)
-    u, v = found["primitive_uvs"].numpy().astype(np.float64).T
-    normal = found["primitive_normals"].numpy().astype(np.float64)
-    return Nearest(away, normal, side, face, np.column_stack([1.0 - u - v, u, v]))
 
 
 def imbalances(
