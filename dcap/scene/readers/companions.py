@@ -38,7 +38,7 @@ def companions(path: Path) -> Iterator[str]:
 
 
 def _of_obj(path: Path, data: mmap) -> Iterator[str]:
-    for name in library_names(data):
+    for name in library_names(path.parent, data):
         library = beside(path.parent, name)
         if library is None:
             continue

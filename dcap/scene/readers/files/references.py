@@ -13,8 +13,11 @@ from pathlib import Path
 
 from dcap.scene.errors import InputError
 
-LIBRARY = re.compile(rb"(?:^|[\r\n])[ \t]*mtllib[ \t]+([^\r\n]+)")
-"""A line of an OBJ that names an MTL file."""
+LIBRARY = re.compile(rb"(?:^(?:\xef\xbb\xbf)?|[\r\n])[ \t]*mtllib[ \t]+([^\r\n]+)")
+"""A line of an OBJ that names an MTL file; the first one may follow a byte order mark."""
+
+COMMENT = re.compile(r"(?:^|\s)#")
+"""Where a comment behind a name may begin; a name may hold the sign too ("Material #25")."""
 
 MTL_TEXTURES = ("map_Kd", "map_d", "map_Ke", "norm")
 """Keywords of an MTL file whose images are read."""
@@ -76,15 +79,33 @@ def _leads_out(tidy: str) -> bool:
     return tidy.startswith("/") or tidy.split("/")[0] == ".."
 
 
-def library_names(data: bytes | mmap) -> list[str]:
-    """Names after `mtllib` in an OBJ, in order, each once."""
-    names = (match.group(1).decode("utf-8", "replace").strip() for match in LIBRARY.finditer(data))
-    return [name for name in dict.fromkeys(names) if name]
+def library_names(folder: Path, data: bytes | mmap) -> list[str]:
+    """Names after `mtllib` in an OBJ of `folder`, in order, each once.
+
+    A line is one name if there is such a file, with or without its comment: names hold blanks. Otherwise it is several
+    names if there is one of them, as the format has it.
+    """
+    lines = (match.group(1).decode("utf-8", "replace").strip() for match in LIBRARY.finditer(data))
+    return list(dict.fromkeys(name for line in dict.fromkeys(lines) if line for name in _names_of(folder, line)))
+
+
+def _names_of(folder: Path, line: str) -> list[str]:
+    meant = meanings(line)
+    whole = next((name for name in meant if beside(folder, name) is not None), None)
+    if whole is not None:
+        return [whole]
+    words = meant[-1].split()
+    return words if any(beside(folder, word) is not None for word in words) else [line]
+
+
+def meanings(text: str) -> list[str]:
+    """The names that the end of a line may mean: all of it, then without what may be a comment, the longest first."""
+    return [text, *(text[: match.start()].strip() for match in reversed(list(COMMENT.finditer(text))))]
 
 
 def material_lines(path: Path) -> Iterator[tuple[int, str, str]]:
     """Line number, keyword and the rest of each line of an MTL file."""
-    for number, line in enumerate(path.read_text("utf-8", errors="replace").splitlines(), start=1):
+    for number, line in enumerate(path.read_text("utf-8-sig", errors="replace").splitlines(), start=1):
         key, _, rest = line.strip().replace("\t", " ").partition(" ")
         yield number, key, rest.strip()
 

@@ -108,6 +108,8 @@ def read_mtl(folder: Path, name: str, notes: list[str], *, all_maps: bool = Fals
             current.emission = _light(rest)
         elif key in MTL_TEXTURES:
             _attach_map(images, key, rest, current, notes)
+    if not materials:
+        notes.append(f"{library} has no materials: grey is used")
     for one in materials.values():
         if CUTOUT in one.images:
             _cut_out(images, one, one.images.pop(CUTOUT))

@@ -4,18 +4,20 @@ Every index is checked; polygons are kept whole until `polygons.triangulate` cut
 """
 
 import re
-from collections.abc import Iterator
+from codecs import BOM_UTF8, BOM_UTF16_BE, BOM_UTF16_LE
+from collections import Counter
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.scene.errors import InputError
+from dcap.scene.errors import FormatError, InputError
 from dcap.scene.given_text import short_name
 from dcap.scene.problems import Report, error, refusing
 from dcap.scene.readers.files.content import read_bytes
-from dcap.scene.readers.files.references import library_names
+from dcap.scene.readers.files.references import library_names, meanings
 from dcap.scene.readers.mesh.mtl import MtlMaterial, read_mtl
 from dcap.scene.readers.mesh.obj_materials import with_materials
 from dcap.scene.readers.mesh.polygons import triangulate
@@ -28,6 +30,8 @@ NUMERIC = (b"v", b"vt", b"f")
 """Lines that may end in a comment; a name may hold the sign."""
 SHOWN = 80
 """Characters of a broken line that a message quotes."""
+TOLD = 3
+"""Names of missing materials that a message quotes."""
 
 
 @dataclass
@@ -52,6 +56,9 @@ def read_obj(path: Path, report: Report | None = None, *, all_maps: bool = False
     """
     report = report or refusing(path)
     data = read_bytes(path)
+    if data.startswith((BOM_UTF16_LE, BOM_UTF16_BE)):
+        raise FormatError(f"{path}: its text is UTF-16; save it as UTF-8")
+    data = data.removeprefix(BOM_UTF8)
     lines = _sort_lines(data)
     check_face_count(path, len(lines.face))
     check_vertex_count(path, max(len(lines.vertex), len(lines.texture)))
@@ -65,8 +72,9 @@ def read_obj(path: Path, report: Report | None = None, *, all_maps: bool = False
     face_node, names = _spread(named, len(lines.face))
     notes: list[str] = []
     library: dict[str, MtlMaterial] = {}
-    for name in library_names(data):
+    for name in library_names(path.parent, data):
         library |= read_mtl(path.parent, name, notes, all_maps=all_maps)
+    library = _used_materials(lines, library, notes)
     paint = _paint(lines, library, uv, face_uv, owner)
     if all_maps and paint is not None:
         has_uv = (face_uv >= 0).all(axis=1) & (uv.shape[1] >= 2)
@@ -224,6 +232,30 @@ def _spread(switches: list[tuple[int, str]], count: int) -> tuple[NDArray[np.int
     starts = np.array([0, *(start for start, _ in switches), count])
     index = np.array([-1, *(number[name] for _, name in switches)], dtype=np.int32)
     return np.repeat(index, np.diff(starts)), tuple(name for name in number if name)
+
+
+def _used_materials(lines: Lines, library: Mapping[str, MtlMaterial], notes: list[str]) -> dict[str, MtlMaterial]:
+    """Materials by the names that faces use them under; a note tells those that no library has.
+
+    A comment may follow either name, but "Material #25" is not "Material #26".
+    """
+    if not library:
+        return {}
+    exact = {short_name(name): one for name, one in library.items()}
+    times = Counter(name for full in exact for name in meanings(full)[1:])
+    bare = {name: one for full, one in exact.items() for name in meanings(full)[1:] if times[name] == 1}
+    known = bare | exact
+    found = {}
+    names = dict.fromkeys(name for _, name in lines.switches["usemtl"] if name)
+    for name in names:
+        one = known.get(name) or next((exact[short] for short in meanings(name)[1:] if short in exact), None)
+        if one is not None:
+            found[name] = one
+    missing = [repr(name) for name in names if name not in found]
+    if missing:
+        more = f" and {len(missing) - TOLD} more" if len(missing) > TOLD else ""
+        notes.append(f"no MTL file has the material {', '.join(missing[:TOLD])}{more}: grey is used")
+    return found
 
 
 def _paint(

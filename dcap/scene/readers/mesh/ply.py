@@ -1,5 +1,6 @@
 """PLY meshes: vertex or face colours, any polygons."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,9 @@ from dcap.scene.types.paint import Paint
 
 INDEX_NAMES = ("vertex_indices", "vertex_index")
 
+TEXTURE = re.compile(rb"comment[ \t]+TextureFile[ \t]+([^\r\n]+)")
+"""A line of the header that names an image, as some programs write it."""
+
 
 def read_ply(path: Path, report: Report | None = None) -> RawMesh:
     """Read a PLY triangle or polygon mesh; with a `report`, faces that are broken are told and left out."""
@@ -35,6 +39,8 @@ def read_ply(path: Path, report: Report | None = None) -> RawMesh:
     vertex, face = tables["vertex"], tables.get("face", {})
     vertices = np.stack([scalar(path, vertex, axis) for axis in "xyz"], axis=1).astype(np.float64)
     index = next((face[name] for name in INDEX_NAMES if name in face), None)
+    if index is None and header.counts.get("tristrips", 0):
+        raise FormatError(f"{path}: its faces are triangle strips, which are not read; save it with a face element")
     if index is None or not len(index):
         raise InputError(f"{path}: no faces ({len(vertices)} vertices): a point cloud, not a mesh")
     if is_scalar(index):
@@ -44,8 +50,15 @@ def read_ply(path: Path, report: Report | None = None) -> RawMesh:
     return RawMesh(
         path=path, vertices=vertices, faces=faces, colors=colors_of(vertex),
         paint=None if face_color is None or colors_of(vertex) is not None else _face_paint(face_color[owner]),
-        face_node=np.full(len(faces), -1, dtype=np.int32), node_names=(), up="", unit_metres=0.0, notes=(),
+        face_node=np.full(len(faces), -1, dtype=np.int32), node_names=(), up="", unit_metres=0.0,
+        notes=_unread_textures(header),
     )  # fmt: skip
+
+
+def _unread_textures(header: PlyHeader) -> tuple[str, ...]:
+    """A note for each image that the header names: the format itself has colours of vertices and faces alone."""
+    names = dict.fromkeys(match.group(1).decode().strip() for match in TEXTURE.finditer(header.text))
+    return tuple(f"texture {name!r} of a PLY is not read; save the mesh as OBJ or GLB to keep it" for name in names)
 
 
 def _refuse_splats(path: Path, header: PlyHeader) -> None:

@@ -50,6 +50,9 @@ def red_image(path: Path) -> None:
         ("mtllib mug.mtl", r"map_Kd textures\skin.png"),
         ("mtllib mug.mtl", r"map_Kd C:\Users\me\textures\skin.png"),
         (r"mtllib textures\..\mug.mtl", "map_Kd ./textures//skin.png"),
+        ("mtllib mug.mtl # materials", "map_Kd skin.png"),
+        ("mtllib gone.mtl mug.mtl", "map_Kd skin.png"),
+        ("\ufeffmtllib mug.mtl", "map_Kd skin.png"),
     ],
 )  # fmt: skip
 def test_a_texture_survives_the_store_however_it_is_named(tmp_path: Path, library: str, texture: str) -> None:

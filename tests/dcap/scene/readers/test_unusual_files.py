@@ -26,6 +26,71 @@ def test_obj_lines_may_end_in_a_comment(tmp_path: Path) -> None:
     assert scan.node_names == ("crate #1",)
 
 
+def test_a_byte_order_mark_hides_nothing(tmp_path: Path) -> None:
+    """Neither the first vertex, by which all faces would count from the next one, nor the first material."""
+    path = write_obj(tmp_path / "cube.obj", CUBE, QUADS)
+    text = path.read_text()
+    path.write_text(text.replace("f ", "usemtl red\nf ", 1) + "\nv 9 9 9\nmtllib cube.mtl\n", encoding="utf-8-sig")
+    (tmp_path / "cube.mtl").write_text("newmtl red\nKd 1 0 0\n", encoding="utf-8-sig")
+    mesh = scan_of(path).mesh
+    assert volume(mesh) == pytest.approx(1.0)
+    assert (mesh.colors == [255, 0, 0]).all()
+    path.write_text(text, encoding="utf-16")
+    assert "UTF-16" in refusal(path)
+
+
+MATERIALS = "newmtl Material #1\nKd 1 0 0\nnewmtl Material #2\nKd 0 1 0\nnewmtl sky # at noon\nKd 0 0 1\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "color"),
+    [
+        ("Material #1", (255, 0, 0)),
+        ("Material #1 # of the lid", (255, 0, 0)),
+        ("Material #2", (0, 255, 0)),
+        ("sky", (0, 0, 255)),
+        ("sky # at noon", (0, 0, 255)),
+        ("Material #3", None),
+        ("Material", None),
+        ("SKY", None),
+    ],
+)
+def test_a_material_is_found_by_its_name_or_missing_by_name(
+    tmp_path: Path, name: str, color: tuple[int, int, int] | None
+) -> None:
+    """With a comment behind it on one side; what no library has is grey and told, never the colour of another."""
+    path = write_obj(tmp_path / "cube.obj", CUBE, QUADS)
+    path.write_text(f"mtllib cube.mtl\nusemtl {name}\n" + path.read_text())
+    (tmp_path / "cube.mtl").write_text(MATERIALS)
+    scan = scan_of(path)
+    assert (scan.mesh.colors == (color or (200, 200, 200))).all()
+    assert any(repr(name) in note for note in scan.notes) == (color is None)
+
+
+def test_a_library_without_materials_is_told(tmp_path: Path) -> None:
+    """An empty one, or one in another encoding."""
+    path = write_obj(tmp_path / "cube.obj", CUBE, QUADS)
+    path.write_text("mtllib cube.mtl\nusemtl sky\n" + path.read_text())
+    (tmp_path / "cube.mtl").write_text(MATERIALS, encoding="utf-16")
+    assert any("cube.mtl has no materials" in note for note in scan_of(path).notes)
+
+
+def test_the_image_that_a_ply_names_is_told(tmp_path: Path) -> None:
+    """The mesh is read without it."""
+    path = write_ply(tmp_path / "cube.ply", "<", CUBE, QUADS)
+    path.write_bytes(path.read_bytes().replace(b"comment made by a test", b"comment TextureFile oak planks.png"))
+    assert any("'oak planks.png'" in note for note in scan_of(path).notes)
+
+
+def test_triangle_strips_of_a_ply_are_refused_by_name(tmp_path: Path) -> None:
+    """They are faces, so that the file is no point cloud."""
+    path = tmp_path / "strip.ply"
+    head = "ply\nformat ascii 1.0\nelement vertex 3\n" + "".join(f"property float {axis}\n" for axis in "xyz")
+    head += "element tristrips 1\nproperty list int int vertex_indices\nend_header\n"
+    path.write_text(head + "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n")
+    assert "triangle strips" in refusal(path)
+
+
 def test_a_vertex_that_no_face_uses_does_not_count(tmp_path: Path) -> None:
     """Neither in the size of the thing nor in what the file's unit is taken to be."""
     path = write_obj(tmp_path / "cube.obj", CUBE, QUADS)
