@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from dcap.geometry.boundary import boundary_edges, hole_loops, is_closed
 from dcap.geometry.distance import MeshDistance
+from dcap.geometry.solid.cleaning import split_at_junctions
 from dcap.geometry.solid.repair import (
     FILL_SAMPLES,
     RELIEF,
@@ -214,3 +215,12 @@ def test_simplifying_keeps_the_shape() -> None:
     # chords below the sphere by at most edge^2 / (6 R); volume follows the radius threefold
     assert abs(volume(small) / volume(ball) - 1.0) < 3.0 * edge**2 / (6.0 * 0.1**2)
     assert simplified(ball, 10**6) is ball
+
+
+def test_a_face_that_is_only_a_line_of_its_own_edge_is_left_out():
+    """Its third corner lies on its own open edge, so that nothing of it is left when that is split there."""
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [0.5, 1, 0], [0.5, -1, 0], [0.5, 0, 0]], dtype=float)
+    faces = np.array([[0, 4, 1], [0, 1, 2], [1, 0, 3]], dtype=np.int32)
+    mesh, count = split_at_junctions(Mesh.of(vertices, faces))
+    assert count == 1
+    assert mesh.faces.shape == (2, 3)
