@@ -46,17 +46,26 @@ def on(body: SoftSimulationBody, *column: ColumnLayer, foreseen: np.ndarray | No
 def test_a_layer_with_too_few_particles_is_refused() -> None:
     """The line says how many there are and what cells would do; those cells do."""
     refuse_coarse_layers(on(bed(0.01), BLANKET, MATTRESS))
-    with pytest.raises(GeometryError, match=r"1\.2 particles through blanket \(30 mm\).*--resolution 0\.02 or finer"):
+    with pytest.raises(
+        GeometryError,
+        match=r"1\.2 particles through blanket under the contact \(30 mm thick\).*--resolution 0\.02 or finer",
+    ):
         refuse_coarse_layers(on(bed(0.05), BLANKET, MATTRESS))
     refuse_coarse_layers(on(bed(0.02), BLANKET, MATTRESS))
     refuse_coarse_layers(on(bed(0.05), MATTRESS))
 
 
 def test_other_bodies_are_not_asked() -> None:
-    """The object itself, what is beside the contact, and a rigid base."""
-    refuse_coarse_layers(on(bed(0.05, "object"), BLANKET))
+    """A support that the contact does not reach, and a rigid base."""
     refuse_coarse_layers(on(bed(0.05), BLANKET, foreseen=HERE + 5.0))
     refuse_coarse_layers(on(bed(0.05), foreseen=None))
+
+
+def test_a_soft_object_needs_as_many_particles() -> None:
+    """Through all of it, wherever it touches."""
+    refuse_coarse_layers(on(bed(0.1, "object"), BLANKET))
+    with pytest.raises(GeometryError, match=r"2\.0 particles through the object \(200 mm thick\).*object_cells"):
+        refuse_coarse_layers(on(bed(0.2, "object"), foreseen=None))
 
 
 def test_points_in_boxes() -> None:
