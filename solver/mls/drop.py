@@ -155,15 +155,18 @@ class ExplicitDrop:
             )
 
     def _refuse_coarse(self) -> None:
-        """ModelError for a body that steps would not see bend: fewer than three particles across its box."""
+        """ModelError for a body that steps would not see bend: fewer than three particles across all of it. Its surface
+        may be the part of it that can be touched, so it is the particles that count."""
         for _, body in self.model.soft_bodies:
-            ends = np.stack([body.vertices.min(axis=0), body.vertices.max(axis=0)])
             for axis, planes in enumerate(body.interior.planes):
-                count = PER_CELL * float(np.diff(np.interp(ends[:, axis], planes, np.arange(len(planes))))[0])
+                number = np.arange(len(planes))
+                half = np.floor(PER_CELL * np.interp(body.interior.position[:, axis], planes, number))
+                ends = np.array([half.min(), half.max() + 1.0])
+                count = float(np.diff(ends)[0])
                 if count < LEAST_PARTICLES:
-                    size = float(np.ptp(ends[:, axis]))
+                    size = float(np.diff(np.interp(ends / PER_CELL, number, planes))[0])
                     raise ModelError(
-                        f"mls: {count:.1f} particles across body {body.name!r} ({1e3 * size:.3g} mm along "
+                        f"mls: {count:.0f} particles across body {body.name!r} ({1e3 * size:.3g} mm along "
                         f"{'xyz'[axis]}), and explicit steps need {LEAST_PARTICLES:g}: give a resolution of "
                         f"{PER_CELL * size / LEAST_PARTICLES:.2g} m or finer, or use method tl"
                     )

@@ -388,6 +388,18 @@ def test_bodies_that_start_inside_each_other_are_refused(lab):
         drop(lab, blob(lab, 0.03), lab.floor())
 
 
+def test_a_body_with_too_few_particles_is_refused_and_one_that_shows_only_its_top_is_not(lab):
+    """Two particles through a pad of 10 mm in one cell; a block of which only the flat top can be touched has many."""
+    low = np.array([0.0, 0.01])
+    with pytest.raises(ModelError, match=r"2 particles across body 'pad' \(10 mm along z\).* 0\.0067 m or finer"):
+        stepping(lab, lab.soft("pad", lab.Box(np.array([0.06, 0.06, 0.01])), [0, 0, 0.005], E=2e4,
+                               planes=(*[np.linspace(-0.03, 0.03, 7)] * 2, low)))  # fmt: skip
+    block = lab.soft("block", lab.Box(np.full(3, 0.06)), [0, 0, 0.03], E=2e4, cell=0.01)
+    top = block.faces[(block.vertices[block.faces][..., 2] > 0.06 - 1e-9).all(axis=1)]
+    used, faces = np.unique(top, return_inverse=True)
+    stepping(lab, replace(block, vertices=block.vertices[used], faces=faces.reshape(-1, 3).astype(np.int32)))
+
+
 @pytest.mark.slow
 def test_the_stress_of_a_block_carries_its_weight(lab):
     """A block on a clamp that sags under itself: the virial of its stress, the integral of sigma_zz over its volume, is
