@@ -1,1 +1,1 @@
-"""What a person starts: one placement, a benchmark, the command line."""
+"""Entry points for people: one placement, a benchmark, the command line."""

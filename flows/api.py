@@ -1,7 +1,7 @@
-"""What `import dcap` offers to notebooks and other programs; nothing is printed, every error is raised.
+"""Python interface behind `import dcap`, for notebooks and other programs. Nothing is printed; every error is raised.
 
-Options are those of the command line, with underscores in their names (`DropOptions`, `PlaceOptions`); what is not
-given may stand in `dcap.yaml` or the environment, as there.
+Options are those of the command line, with underscores in their names (`DropOptions`, `PlaceOptions`); omitted
+options are read from `dcap.yaml` or the environment, as there.
 """
 
 import os
@@ -24,7 +24,7 @@ Function = TypeVar("Function", bound=Callable[..., object])
 
 
 def with_help(kind: type[Options]) -> Callable[[Function], Function]:
-    """Add every option of a model, with its meaning, to what `help` shows of a function."""
+    """Decorate a function so that `help` lists every option of a model with its meaning."""
 
     def decorate(function: Function) -> Function:
         rows = [f"- `{name}`: {field.description}" for name, field in kind.model_fields.items()]
@@ -80,5 +80,5 @@ def drop(case: AnyPath | Mapping[str, object], **options: object) -> Result:
 
 
 def new_folder(kind: str) -> Path:
-    """A folder below the runs that nobody has yet, and that is not made before there is a result."""
+    """Unused folder name below the runs; the folder is created once there is a result."""
     return runs_root() / "python" / f"{kind}-{datetime.now():%Y%m%d-%H%M%S}-{secrets.token_hex(3)}"

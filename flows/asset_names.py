@@ -1,7 +1,7 @@
-"""What the meshes of a folder are, from an `assets.csv` in it: columns file, name, category.
+"""Labels of the meshes in a folder, from its `assets.csv` with columns file, name, category.
 
-`file` is a mesh, relative to the folder. `name` is what sentences call it, `category` a kind that the lexicon knows;
-either may be empty. The label that comes of both is read as the stem of a file's name is.
+`file` is a mesh, relative to the folder. `name` is the word for it in sentences, `category` a kind that the lexicon
+knows; either may be empty. The label made from both is read like the stem of a file name.
 """
 
 import csv
@@ -56,8 +56,8 @@ def asset_labels(folder: Path, meshes: Collection[Path]) -> dict[Path, str]:
 
 
 def label_of(name: str, category: str) -> str:
-    """A name of which the lexicon knows the kind: `gundam`, a figurine, is a `gundam figurine`. Where that would be
-    taken for another kind it is the category alone."""
+    """Name that the lexicon can classify: `gundam` of category figurine becomes `gundam figurine`, or the category
+    alone where the lexicon would take the combined name for another kind."""
     if not category or is_kind(name, category):
         return name
     both = f"{name} {category}"
@@ -65,6 +65,6 @@ def label_of(name: str, category: str) -> str:
 
 
 def is_kind(label: str, category: str) -> bool:
-    """Whether the lexicon takes a label for a thing of a category, which it knows."""
+    """Whether the lexicon classifies a label as a thing of a category that it knows."""
     thing, kind = thing_of(label), thing_of(category)
     return thing is not None and kind is not None and is_a(thing.id, kind.id)

@@ -1,7 +1,7 @@
 """A dataset run: plan, run what is missing, keep going, and report.
 
 A run is a folder `data/runs/NAME` with one folder per sample (placement.json, object.ply, scene.glb, pictures),
-`run.json` (what was asked), `results.parquet` (one row per sample) and `report.html`. Intended outcomes are read only
+`run.json` (the request), `results.parquet` (one row per sample) and `report.html`. Intended outcomes are read only
 after the last sample has finished, and only for the report.
 """
 
@@ -37,14 +37,14 @@ from dcap.scene.types.sample import Sample
 from dcap.scene.whole_files import write_whole
 from flows.display import Display, console_on_stderr, print_lines, print_table, summary_line
 from flows.failed_before import failed_before
-from flows.find_run import ASKED_VERSION, RUN, find_run, read_asked, read_keys, undamaged
+from flows.find_run import ASKED_VERSION, RUN, find_run, input_errors, read_keys, read_request
 from flows.judge_run import judge_run, judged_rows, write_rows
 from flows.language_options import LEDGER, LanguageOptions
 from flows.measures_file import write_measures
 from flows.output import readable_json, write_placement
 from flows.place import PlaceConfig
 from flows.place_one import stage_lines
-from flows.run_files import asked_of_run, located, read_result, sample_from_json
+from flows.run_files import load_run_request, located, read_result, sample_from_json
 from flows.run_names import benchmark_tags
 from flows.runners import RunnerName, SampleRunner
 from flows.sample_run import OVERVIEW, STAGE_NAMES, FailedSample, FinishedSample, plan_sample
@@ -63,17 +63,17 @@ if TYPE_CHECKING:
 DATASET_SEED = 0
 LOCAL = SampleRunner()
 MESH, BOTH_MESHES = "mesh", {mesh_scene_task.name, mesh_object_task.name}
-"""What a person calls the two stages together."""
+"""Name by which people refer to the two stages together."""
 SPLATS = 500_000
-"""Gaussians per room of the embedded dataset of splats; a scene of InteriorGS has as many."""
+"""Gaussians per room of the embedded splat dataset, as many as in a scene of InteriorGS."""
 
 MOST_WAITING = 32
-"""Samples whose questions gather for one batch, or that workers of the pool may take; each waits in a thread."""
+"""Most samples that collect questions for one batch or wait for workers of the pool; each occupies a thread."""
 LIBRARIES = (
     "numpy", "scipy", "taichi", "open3d", "libigl", "manifold3d", "shapely", "trimesh", "scikit-image", "pyarrow",
     "prefect", "anthropic", "openai",
 )  # fmt: skip
-"""Whose versions run.json tells."""
+"""Libraries whose versions run.json records."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,25 +84,25 @@ class Run:
     rows: tuple[SampleOutcome, ...]
     summary: RunSummary
     table: MethodTable | None = None
-    """Of scores; None where methods cannot be compared."""
+    """Table of scores; None where methods cannot be compared."""
 
     @property
     def failed(self) -> int:
-        """Number of samples that did not get through."""
+        """Number of samples that failed."""
         return sum(row.error != "" for row in self.rows)
 
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    """Which samples of a dataset are placed."""
+    """Choice of samples from a dataset."""
 
     limit: int | None = None
     spread: bool = False
-    """Whether a limit takes samples that differ as much as they can, rather than the first ones."""
+    """Whether a limit picks samples that differ as much as possible, rather than the first ones."""
     scenes: str = ""
     only_failed: bool = False
     sugar: Path | None = None
-    """Folder of SuGaR, which makes meshes of scenes that only have splats."""
+    """Folder of SuGaR, which reconstructs meshes for scenes that only have splats."""
 
 
 def run_benchmark(
@@ -117,8 +117,8 @@ def run_benchmark(
     judge: LanguageOptions | None = None,
     into: Path | None = None,
 ) -> Run:
-    """Place the samples of a dataset by each method and write the run's folder; `judge` is a model that judges it,
-    `into` the folder, which may hold an earlier run of the same samples; by default a new one."""
+    """Place the samples of a dataset by each method and write the run's folder. `judge` is the model that judges it.
+    `into` is the folder, by default a new one; it may hold an earlier run of the same samples."""
     begin = time.monotonic()
     config = measured_config(config, methods)
     selection = selection or Selection()
@@ -126,7 +126,7 @@ def run_benchmark(
     if selection.only_failed:
         samples = failed_before(path, samples, config)
     language = language or LanguageOptions()
-    # a run begins once its server answers: what is refused before leaves none behind
+    # a run begins once its server answers, so that a refused one leaves no folder behind
     with prefect_server() as url:
         from flows.watched import BenchmarkPage, SampleJob, benchmark, in_flow, run_step
 
@@ -167,7 +167,7 @@ def run_all(
     page: "BenchmarkPage",
     runner: SampleRunner,
 ) -> set[str]:
-    """Place the samples and leave in the run's folder what each ended with; the ids of those that were cached."""
+    """Place the samples and write each result into the run's folder. Returns the ids of cached samples."""
     from flows.watched import place_all
 
     cached = set[str]()
@@ -187,7 +187,7 @@ def run_all(
 
 
 def keep_result(folder: Path, sample: Sample, result: FinishedSample | BaseException) -> tuple[JsonObject | None, str]:
-    """Write what a sample came to into the run: its placement.json, or why it failed."""
+    """Write a sample's outcome into the run: its placement.json, or why it failed."""
     out = sample_folder(folder, sample.id)
     if isinstance(result, FinishedSample):
         try:
@@ -216,7 +216,7 @@ def shown_row(row: SampleOutcome) -> dict[str, object]:
 
 
 def check_access() -> None:
-    """Raise what the server answers to those who do not sign in, before a run begins."""
+    """Send the server one request before a run begins, so that missing authentication is an error at once."""
     from prefect.client.orchestration import get_client
 
     with get_client(sync_client=True) as client:
@@ -224,7 +224,7 @@ def check_access() -> None:
 
 
 def set_limits(limits: Mapping[str, int]) -> frozenset[str]:
-    """Tell the server how many stages of a kind may compute at a time; the names of these limits."""
+    """Tell the server how many stages of a kind may compute at a time. Returns the names of these limits."""
     from prefect.client.orchestration import get_client
 
     if limits:
@@ -235,7 +235,8 @@ def set_limits(limits: Mapping[str, int]) -> frozenset[str]:
 
 
 def scored_rows(folder: Path, samples: Sequence[Sample], dataset: Path) -> tuple[SampleOutcome, ...]:
-    """A row for each sample of a run, from its files, method by method; what was meant stands beside the dataset."""
+    """A row for each sample of a run, from its files, method by method. Intended outcomes come from the dataset's
+    folder."""
     rows = []
     for sample, truth in zip(samples, truths_of(dataset, samples), strict=True):
         out = sample_folder(folder, sample.id)
@@ -248,8 +249,8 @@ def scored_rows(folder: Path, samples: Sequence[Sample], dataset: Path) -> tuple
 
 
 def dataset_samples(dataset: Path | None, methods: Sequence[str], selection: Selection) -> tuple[Path, list[Sample]]:
-    """The dataset's file and those of its samples that are selected, as each method places them; the embedded rooms are
-    generated if they are missing."""
+    """The dataset's file and the selected samples, one per method. The embedded rooms are generated if they are
+    missing."""
     path = dataset or EMBEDDED
     if path.resolve() == EMBEDDED:
         ensure_dataset(data_root(), DATASET_SEED)
@@ -268,7 +269,7 @@ def dataset_samples(dataset: Path | None, methods: Sequence[str], selection: Sel
 
 
 def sugar_samples(samples: Sequence[Sample], sugar: Path) -> list[Sample]:
-    """Samples in the meshes that SuGaR makes of scenes which only have splats."""
+    """Samples whose splat-only scenes are replaced by meshes from SuGaR."""
     meshed = with_sugar({one.scene: one for one in samples}, sugar, threads=0, quiet=False)
     return [
         replace(one, scene=meshed[one.scene].scene, scene_options=meshed[one.scene].scene_options) for one in samples
@@ -276,7 +277,7 @@ def sugar_samples(samples: Sequence[Sample], sugar: Path) -> list[Sample]:
 
 
 def ensure_dataset(folder: Path, seed: int, *, rooms: Sequence[str] = (), splats: int = 0, scenes: int = 0) -> Path:
-    """Generate the embedded rooms and objects that are not there whole."""
+    """Generate the embedded rooms and objects that are missing or incomplete."""
     from dcap.synthetic.dataset import make_dataset
 
     make_dataset(folder, seed, rooms=rooms, splats=splats, scenes=scenes)
@@ -290,7 +291,7 @@ def new_run_folder(
     language: LanguageOptions,
     into: Path | None = None,
 ) -> Path:
-    """A folder that says what was asked, by default a new one; `runs/last` points at it."""
+    """Create the run's folder, by default a new one, with `run.json` in it; `runs/last` points at it."""
     folder = into or free_folder(dataset.stem)
     folder.mkdir(parents=True, exist_ok=True)
     asked = {
@@ -337,14 +338,14 @@ def make_folder(folder: Path) -> bool:
 
 
 def versions() -> dict[str, str]:
-    """What the run is computed with; a library that is not installed is left out."""
+    """Versions of the libraries that compute the run; a library that is not installed is left out."""
     found = {name: installed_version(name) for name in LIBRARIES}
     told = {name: one for name, one in found.items() if one}
     return {"dcap": version(), "python": platform.python_version(), "machine": platform.machine(), **told}
 
 
 def finish(folder: Path, rows: Sequence[SampleOutcome], seconds: float) -> Run:
-    """Write tables, summary and report; a run of several methods has its judge's scores then."""
+    """Write tables, summary and report, with the judge's scores for a run of several methods."""
     write_rows(folder, rows)
     rows, table = judged_rows(folder, rows)
     language = spending_of(folder / LEDGER) if (folder / LEDGER).is_file() else None
@@ -355,21 +356,21 @@ def finish(folder: Path, rows: Sequence[SampleOutcome], seconds: float) -> Run:
 
 
 def truths_of(dataset: Path, samples: Sequence[Sample]) -> list[ExpectedOutcome | None]:
-    """Intended outcomes beside the dataset, None where there are none."""
+    """Intended outcomes from the dataset's folder, None where there are none."""
     path = dataset.parent / TRUTH
     known = read_truth(load_yaml(path), str(path)) if path.is_file() else {}
     return [known.get(split_id(sample.id)[1]) for sample in samples]
 
 
 def measured_config(config: PlaceConfig, methods: Sequence[str]) -> PlaceConfig:
-    """With what is measured of one method, or of several that are compared."""
+    """Configuration with the measurements switched on that one method, or a comparison of several, needs."""
     return config.model_copy(update={"measured": True, "compared": len(set(methods)) > 1})
 
 
 def rerun_sample(run: str, sample_id: str, stage: str, max_cost: float | None = None) -> tuple[JsonObject, Path]:
-    """Compute one stage of one sample again; its placement.json and the run's report, both written anew."""
+    """Compute one stage of one sample again and rewrite its placement.json and the run's report."""
     folder = find_run(run)
-    asked = asked_of_run(folder)
+    asked = load_run_request(folder)
     sample, config = asked.sample(sample_id), asked.config
     refreshed = stages_to_refresh(stage, sample, config)
     budget = asked.language.max_cost if max_cost is None else max_cost
@@ -388,7 +389,7 @@ def rerun_sample(run: str, sample_id: str, stage: str, max_cost: float | None = 
             result = place_in_flow(sample, config, context, console.print, folder.name)
         except Exception as error:
             if is_server_error(error):
-                raise  # it says nothing about the sample, which may be finished
+                raise  # an interruption says nothing about the sample, which may be finished
             result = error
     tree, _ = keep_result(folder, sample, result)
     page = rewrite_report(run)
@@ -399,7 +400,7 @@ def rerun_sample(run: str, sample_id: str, stage: str, max_cost: float | None = 
 
 
 def stages_to_refresh(stage: str, sample: Sample, config: PlaceConfig) -> frozenset[str]:
-    """The stages that a person means by a name; those that measure or propose are known from the sample itself."""
+    """Stages that a name stands for. Stages that measure or propose follow from the sample itself."""
     refreshed = frozenset(BOTH_MESHES if stage == MESH else {stage})
     known = dict.fromkeys((*STAGE_NAMES, OVERVIEW))
     if not refreshed.issubset(known):
@@ -410,16 +411,16 @@ def stages_to_refresh(stage: str, sample: Sample, config: PlaceConfig) -> frozen
 
 
 def rewrite_report(run: str) -> Path:
-    """Read a run's folder again and write its table and report."""
+    """Rewrite the table and report of a run from its folder."""
     folder = find_run(run)
-    asked = read_asked(folder / RUN)
-    with undamaged(folder / RUN):
+    asked = read_request(folder / RUN)
+    with input_errors(folder / RUN):
         dataset, samples = Path(asked["dataset"]), [sample_from_json(one) for one in asked["samples"]]
     return rewrite_page(folder, scored_rows(folder, samples, dataset))
 
 
 def rewrite_page(folder: Path, rows: Sequence[SampleOutcome]) -> Path:
-    """Write tables, summary and report of known rows again."""
+    """Rewrite tables, summary and report from known rows."""
     before = read_keys(folder / "summary.json") if (folder / "summary.json").is_file() else {}
     finish(folder, rows, float(before.get("wall_s", 0.0)))
     return folder / "report.html"

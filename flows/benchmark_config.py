@@ -1,4 +1,4 @@
-"""What the options of a benchmark come to: its stages' settings, who is asked, who places, and the run."""
+"""Turns the options of a benchmark into settings of stages, a language client, a runner and a run."""
 
 import hashlib
 import json
@@ -22,7 +22,7 @@ from tasks.arch import chosen_arch
 from tasks.cache import MODEL_CALLS, SIMULATIONS
 
 DIGITS = 8
-"""Hexadecimal digits that tell what was asked apart in the name of a folder [-]."""
+"""Hexadecimal digits of the request's digest in a folder's name [-]."""
 
 
 def place_dataset(options: BenchmarkOptions) -> Run:
@@ -43,14 +43,14 @@ def place_dataset(options: BenchmarkOptions) -> Run:
 
 
 def selection_of(options: BenchmarkOptions, *, sampled: bool, spread: bool = False) -> Selection:
-    """Return which samples are placed; those that were sampled lie in the named scenes already."""
+    """Return the selection of samples; sampled ones are from the named scenes already."""
     scenes = "" if sampled else options.scenes
     return Selection(options.limit, spread, scenes, options.only_failed, options.sugar)
 
 
 def dataset_file(options: BenchmarkOptions, out: Path | None = None) -> tuple[Path | None, SampledDataset | None]:
-    """Return the file of the samples: the one that is given, lies in the folder that is given, or is made of the scenes
-    there, by default below data/runs/samples; and what was made. InputError for a folder without objects to place."""
+    """Return the file of the samples and, where it was made here, how. `--dataset` names the file, a folder that holds
+    it, or a folder of scenes to sample (by default below data/runs/samples). InputError for scenes without objects."""
     given = options.dataset
     if given is None or not given.is_dir() or (given / SAMPLES_FILE).is_file():
         if options.objects is not None:
@@ -61,7 +61,7 @@ def dataset_file(options: BenchmarkOptions, out: Path | None = None) -> tuple[Pa
         raise InputError(
             f"--dataset {given}: a folder of scenes without {SAMPLES_FILE}; name the meshes to place: --objects FOLDER"
         )
-    path = out or runs_root() / "samples" / f"{slug(given.resolve().name)}-{asked_digest(options)}" / SAMPLES_FILE
+    path = out or runs_root() / "samples" / f"{slug(given.resolve().name)}-{request_digest(options)}" / SAMPLES_FILE
     sampling = SamplingOptions(options.per_scene, scenes=options.scenes, sugar=options.sugar, skip=True)
     shared = {name: getattr(options, name) for name in (*StageOptions.model_fields, "max_cost")}
     made = sample_dataset(given, options.objects, path, sampling, PlaceOptions(**shared), quiet=False)
@@ -69,8 +69,9 @@ def dataset_file(options: BenchmarkOptions, out: Path | None = None) -> tuple[Pa
     return path, made
 
 
-def asked_digest(options: BenchmarkOptions) -> str:
-    """Return a digest of all that decides which samples are placed, and how; neither of who judges, nor of workers."""
+def request_digest(options: BenchmarkOptions) -> str:
+    """Return a digest of the options that decide which samples are placed and how, without the judge and the
+    workers."""
     config, _ = benchmark_config(options)
     asked: dict[str, object] = {
         name: str(path.resolve()) if (path := getattr(options, name)) is not None else ""
@@ -82,7 +83,7 @@ def asked_digest(options: BenchmarkOptions) -> str:
 
 
 def judge_options(options: BenchmarkOptions) -> LanguageOptions | None:
-    """Return how a model that judges is asked; None where none does. InputError where it cannot be asked."""
+    """Return the options of the judging model, None without one. InputError where it cannot be asked."""
     name = options.judge or ("replay" if options.judge_replay else "")
     if name in ("", "offline"):
         if options.judge_model or options.judge_record:
@@ -97,15 +98,15 @@ def judge_options(options: BenchmarkOptions) -> LanguageOptions | None:
         raise InputError(f"--judge {name}: a judge compares methods, and --methods {options.methods} is one")
     try:
         judge.config()
-    except InputError as refused:  # it names the options of whoever reads the sentences
+    except InputError as refused:  # the message names the options of the language model, not the judge's
         words = re.sub(r"--(model|replay|record)\b", r"--judge-\1", str(refused)).replace("--language", "--judge")
         raise InputError(words) from None
     return judge
 
 
 def benchmark_config(options: BenchmarkOptions) -> tuple[PlaceConfig, LanguageOptions]:
-    """Return the settings of the stages, and who is asked; workers beside each other share the cores of a machine."""
-    # drops side by side must not fight for the cores; a worker of the pool has others, and divides them itself
+    """Return the settings of the stages and the language session; parallel workers share the cores of a machine."""
+    # parallel drops must not compete for the cores; a worker of the pool has its own cores and divides them itself
     share = 0 if options.runner == RunnerName.POOL.value else max(1, available_cores() // options.workers)
     asking = language_options(options)
     shared = options.model_copy(update={"threads": options.threads or share})
@@ -113,7 +114,7 @@ def benchmark_config(options: BenchmarkOptions) -> tuple[PlaceConfig, LanguageOp
 
 
 def runner_of(options: BenchmarkOptions) -> SampleRunner:
-    """Return who places the samples; InputError for one that cannot work here."""
+    """Return the runner of the samples; InputError for one that cannot work here."""
     name = RunnerName(options.runner)
     check_runner(name, options.cluster, batch=options.batch)
     limits = {SIMULATIONS: options.simulations, MODEL_CALLS: options.model_calls}

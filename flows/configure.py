@@ -16,8 +16,8 @@ Config = TypeVar("Config", bound=BaseModel)
 def configured(options: StageOptions, *, language: LanguageConfig | None = None, arch: str = "cpu") -> PlaceConfig:
     """Return the stages' settings (flows/settings) with a person's choices in them.
 
-    `arch` is cpu or cuda, what `options.arch` stands for on this machine: a key of the cache must not depend on what
-    this machine has. Who is asked (`language`) follows from several options (flows/language_options.py).
+    `arch` is cpu or cuda, to which `options.arch` resolves on this machine: keys of the cache must not depend on the
+    hardware in another way. `language` follows from several options (flows/language_options.py).
     """
     default = stage_settings()
     asking = {"language": language or LanguageConfig()}

@@ -1,7 +1,7 @@
-"""`dcap dataset check`: every problem of a dataset by path and line, and what its scenes hold.
+"""`dcap dataset check`: every problem of a dataset by path and line, and the contents of its scenes.
 
 In: a dataset file (YAML), a folder of scenes, one scene or one mesh. Nothing is written. The scenes' own checks are in
-dcap/scene/checks; here are those of the dataset file and of the intended outcomes beside it.
+dcap/scene/checks; here are those of the dataset file and of the intended outcomes next to it.
 """
 
 import os
@@ -36,11 +36,11 @@ class SceneRow:
     kinds: Counter[str]
     """Deformable supports by kind."""
     things: int
-    """Instances that are no part of the building."""
+    """Instances that are not part of the building."""
     problems: int
     """Errors and warnings in its files."""
     counted: bool
-    """Whether what it holds is known: some of it was read, or no error hides it."""
+    """Whether its contents are known: some of them were read, or no error hides them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,16 +52,16 @@ class DatasetReport:
     counts: Mapping[Severity, int]
     scenes: tuple[SceneRow, ...]
     objects: tuple[SceneFacts, ...]
-    """Meshes to place: those that a dataset file names as objects, and those that lie side by side in a folder."""
+    """Meshes to place: those that a dataset file names as objects, or several in one folder."""
 
     @property
     def failed(self) -> bool:
-        """Whether anything cannot be used."""
+        """Whether any finding is an error."""
         return self.counts[Severity.ERROR] > 0
 
 
 def check_dataset(path: Path | None) -> DatasetReport:
-    """Check what lies at a path, the embedded dataset by default."""
+    """Check a dataset file, folder, scene or mesh; by default the embedded dataset."""
     if path is None and not (data_root() / "rooms").is_dir():
         raise InputError(f"{data_root()}: the embedded dataset is not there; make it with `dcap dataset make`")
     path = path or EMBEDDED
@@ -77,7 +77,7 @@ def check_dataset(path: Path | None) -> DatasetReport:
 
 
 def _found(path: Path, findings: Findings) -> tuple[list[Path], list[Path]]:
-    """Scenes and objects of a folder; a mesh that is given by itself is a scene."""
+    """Scenes and objects of a folder; a single mesh is a scene."""
     found = layout_of(path, findings)
     return (found.meshes, []) if not path.is_dir() else (found.scenes, found.meshes)
 
@@ -91,13 +91,13 @@ def _named(path: Path, findings: Findings) -> tuple[list[Path], list[Path]]:
         for key, kind in (("room", "rooms"), ("scene", "rooms"), ("object", "objects")):
             given = row.get(key) if isinstance(row, Mapping) else None
             if not isinstance(given, str) or not given.strip():
-                continue  # absent, or told as no text
+                continue  # absent, or already reported as not being text
             place = find(given, path.parent, kind)
             if os.path.exists(place):
                 found[kind][Path(place)] = None
                 continue
             hint = _nearest(given, kind) or "; `dcap dataset make` makes the embedded ones"
-            what = f"{key} {short(given)} is neither beside the file nor in {data_root() / kind}{hint}"
+            what = f"{key} {short(given)} is neither next to the file nor in {data_root() / kind}{hint}"
             report(error(f"sample {index}: {what}", (index, key)))
     _check_truth(path.with_name(TRUTH), [sample for _, sample in samples], findings)
     return list(found["rooms"]), list(found["objects"])
@@ -110,7 +110,7 @@ def _nearest(name: str, kind: str) -> str:
 
 
 def _yaml(path: Path, findings: Findings) -> tuple[object | None, Report]:
-    """The tree of a YAML file, None where it cannot be read, and a report that knows its lines."""
+    """The tree of a YAML file, None where it cannot be read, and a report with its line numbers."""
     try:
         tree = load_yaml(path)
     except InputError as broken:

@@ -1,8 +1,8 @@
 """A run as a dataset for others: settled meshes, maps, prompts and placements, with a manifest and a datasheet.
 
 In: a run, or the folder of one placement. Out: a folder or a .tar.gz whose bytes depend on the packed files alone:
-names are sorted, times, owners and modes fixed. It is made beside its place and moved there, so it appears whole or not
-at all. Nothing of this machine is in it: sources have their names, not their paths.
+names are sorted, times, owners and modes fixed. It is written to a draft and moved into place, so it appears whole or
+not at all. It holds no paths of this machine: sources have their names alone.
 """
 
 import gzip
@@ -24,11 +24,11 @@ from flows.find_run import RUN, find_run
 from flows.output import PICTURES, SCHEMA, readable_json
 from flows.pack_readme import readme
 from flows.placement_json import AT_REST
-from flows.run_files import PLACEMENT, Asked, asked_of, asked_of_run
+from flows.run_files import PLACEMENT, RunRequest, find_request, load_run_request
 from flows.samples import EMBEDDED, SPLAT_ROOMS, licences_in
 
 FORMAT, VERSION = "dcap dataset", 1
-"""What a manifest says that it is of."""
+"""Format name in a manifest."""
 MANIFEST, README, DEFAULT = "manifest.json", "README.md", "dataset.tar.gz"
 ARCHIVES = (".tar.gz", ".tgz")
 RESULT = "placement.json"
@@ -36,7 +36,7 @@ PACKED = (
     RESULT, "object.ply", "object.glb", "scene.glb", "scene.json", "scene_settled.ply", "deformed_*.ply", "maps/**/*",
     *(f"{name}.png" for name in PICTURES),
 )  # fmt: skip
-"""What of a placement's folder is packed, as patterns."""
+"""Patterns of the files that are packed from a placement's folder."""
 OWN = "Apache-2.0 (made by dcap from its own recipes)"
 """Licence of the embedded rooms and objects."""
 UNKNOWN = "unknown"
@@ -45,7 +45,7 @@ MODE = 0o644
 
 @dataclass(frozen=True, slots=True)
 class LeftOut:
-    """A sample that is not packed."""
+    """A sample left out of the pack, and why."""
 
     id: str
     why: str
@@ -53,17 +53,17 @@ class LeftOut:
 
 @dataclass(frozen=True, slots=True)
 class Pack:
-    """What was written."""
+    """A written pack."""
 
     path: Path
     manifest: JsonObject
     warnings: tuple[str, ...]
-    """What whoever gives it to others should see to."""
+    """Points to settle before the pack is passed on, one sentence each."""
 
 
 def pack_run(run: str, out: Path | None) -> Pack:
     """Pack a run; InputError where nothing of it can be packed."""
-    asked = asked_for(run)
+    asked = load_request(run)
     target = out or asked.folder / DEFAULT
     refuse_place(target)
     found, left = packable(asked)
@@ -77,23 +77,23 @@ def pack_run(run: str, out: Path | None) -> Pack:
         draft.mkdir()
         manifest = write_draft(draft, asked, found, left, known)
         if is_archive(target):
-            archived(draft, Path(name) / "archive")
+            write_archive(draft, Path(name) / "archive")
             os.replace(Path(name) / "archive", target)
         else:
-            moved_in(draft, target, Path(name) / "old")
+            replace_folder(draft, target, Path(name) / "old")
     return Pack(target, manifest, warnings_of(known, found, left))
 
 
-def asked_for(run: str) -> Asked:
-    """What was asked of a run, or of one placement."""
+def load_request(run: str) -> RunRequest:
+    """Request of a run, or of one placement."""
     folder = Path(run)
     if (folder / PLACEMENT).is_file() and not (folder / RUN).is_file():
-        return asked_of(run, None)[0]
-    return asked_of_run(find_run(run))
+        return find_request(run, None)[0]
+    return load_run_request(find_run(run))
 
 
 def refuse_place(target: Path) -> None:
-    """Refuse to write where other things are, before anything is copied."""
+    """Raise InputError for a target that holds other files, before anything is copied."""
     if is_archive(target):
         if target.is_dir():
             raise InputError(f"--out {target}: a folder; give a file name, or a folder without {ARCHIVES[0]}")
@@ -108,7 +108,7 @@ def refuse_place(target: Path) -> None:
 
 
 def is_archive(path: Path) -> bool:
-    """Whether an archive is asked for, by its name."""
+    """Whether a target's name is that of an archive."""
     return path.name.endswith(ARCHIVES)
 
 
@@ -129,11 +129,11 @@ def stem_of(target: Path) -> str:
     return name or "dataset"
 
 
-# what is packed -------------------------------------------------------------------------------------------------------
+# contents of a pack ---------------------------------------------------------------------------------------------------
 
 
-def packable(asked: Asked) -> tuple[list[Sample], list[LeftOut]]:
-    """The samples that have a result, and those that have none, by id."""
+def packable(asked: RunRequest) -> tuple[list[Sample], list[LeftOut]]:
+    """Samples with a result, and those without, by id."""
     found, left = [], []
     for name in sorted(asked.samples):
         folder = asked.folder_of(name)
@@ -175,7 +175,7 @@ def files_in(folder: Path) -> list[str]:
     return sorted(name.as_posix() for name in found if os.path.realpath(folder / name) == os.path.join(home, name))
 
 
-def licences_of(asked: Asked) -> dict[str, str]:
+def licences_of(asked: RunRequest) -> dict[str, str]:
     """The licence of each sample's scene and object as far as it is known, by id."""
     try:
         given = json.loads((asked.folder / RUN).read_bytes()).get("dataset", "")
@@ -189,14 +189,14 @@ def licences_of(asked: Asked) -> dict[str, str]:
 
 
 def warnings_of(known: Mapping[str, str], found: Sequence[Sample], left: Sequence[LeftOut]) -> tuple[str, ...]:
-    """What to see to before giving the pack to others."""
+    """Warnings for the person who passes the pack on."""
     unknown = [one.id for one in found if known[one.id] == UNKNOWN]
     told = []
     if unknown:
         more = f" and {len(unknown) - 3} more" if len(unknown) > 3 else ""
         told.append(
             f"the licence of the sources of {', '.join(unknown[:3])}{more} is unknown; find out before you pass it on, "
-            "and say it as `licence` of the sample in the dataset's file"
+            "and state it as `licence` of the sample in the dataset's file"
         )
     return (*told, *(f"left out: {one.id}: {one.why}" for one in left))
 
@@ -205,7 +205,7 @@ def warnings_of(known: Mapping[str, str], found: Sequence[Sample], left: Sequenc
 
 
 def write_draft(
-    draft: Path, asked: Asked, found: Sequence[Sample], left: Sequence[LeftOut], known: Mapping[str, str]
+    draft: Path, asked: RunRequest, found: Sequence[Sample], left: Sequence[LeftOut], known: Mapping[str, str]
 ) -> JsonObject:
     """All files of the pack; returns its manifest."""
     rows: list[JsonValue] = []
@@ -255,7 +255,7 @@ def json_line(value: object) -> bytes:
 
 
 def sample_row(sample: Sample, own: Path, folder: Path, names: Sequence[str], licence: str) -> JsonObject:
-    """What the manifest says of a sample."""
+    """Manifest entry of a sample."""
     tree = result_of(folder) or {}
     return {
         "id": sample.id,
@@ -286,7 +286,7 @@ def names_below(folder: Path) -> list[str]:
     return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
 
 
-def archived(folder: Path, target: Path) -> None:
+def write_archive(folder: Path, target: Path) -> None:
     """Write a .tar.gz of a folder; same files, same bytes."""
     with (
         target.open("wb") as raw,
@@ -300,8 +300,8 @@ def archived(folder: Path, target: Path) -> None:
                 tar.addfile(entry, file)
 
 
-def moved_in(draft: Path, target: Path, old: Path) -> None:
-    """Put a folder in its place; an earlier pack there goes."""
+def replace_folder(draft: Path, target: Path, old: Path) -> None:
+    """Move a finished draft into place; an earlier pack there is deleted."""
     for path in draft.rglob("*"):
         path.chmod(0o755 if path.is_dir() else MODE)
     draft.chmod(0o755)

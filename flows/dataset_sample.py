@@ -1,7 +1,7 @@
 """`dcap dataset sample`: makes a data set of placements for a folder of scenes and a folder of objects.
 
-In: the folders, how many per scene, a seed. Out: a dataset file with its truth beside it, lists of the splits, and the
-deformable supports of the scenes as a table and a plot. What is written appears whole or not at all.
+In: the folders, how many per scene, a seed. Out: a dataset file, its truth in the same folder, lists of the splits, and
+the deformable supports of the scenes as a table and a plot. The files appear whole or not at all.
 """
 
 import os
@@ -50,16 +50,16 @@ from tasks.requests.views import instance_views, object_view, room_center
 SAMPLES_FILE = "samples.yaml"
 SUPPORTS_TABLE, SUPPORTS_PLOT = "supports.csv", "supports.png"
 LARGEST_SEED = 1_000_000
-"""Seeds of samples are below [-]."""
+"""Upper bound of the seeds of samples, excluded [-]."""
 LONGEST_NOUN = 3
-"""Words of a file's name that are said as they are [-]."""
+"""Most words of a file's name that are used as the object's name [-]."""
 TOLD = 3
-"""So many of what is left out are named in a line [-]."""
+"""Most left-out items that one line names [-]."""
 
 
 @dataclass(frozen=True, slots=True)
 class SamplingOptions:
-    """How a data set is made."""
+    """How to sample a data set."""
 
     per_scene: int
     seed: int = 0
@@ -68,14 +68,14 @@ class SamplingOptions:
     splits: str = ""
     scenes: str = ""
     skip: bool = False
-    """Leave out what cannot be used."""
+    """Leave unusable scenes and objects out."""
     sugar: Path | None = None
-    """Folder of SuGaR, which makes meshes of scenes that only have splats; None: their surface is our own."""
+    """Folder of SuGaR, which reconstructs meshes for splat-only scenes; None: dcap extracts their surface itself."""
 
 
 @dataclass(frozen=True, slots=True)
 class SampledDataset:
-    """What was made."""
+    """A sampled data set."""
 
     path: str
     scenes: int
@@ -89,26 +89,26 @@ class SampledDataset:
     left_out: Mapping[str, str] = field(default_factory=dict)
     """Scenes and objects that were not used, and why."""
     misses: Mapping[str, str] = field(default_factory=dict)
-    """What the embedded reader makes of the other sentences, by sample."""
+    """Readings of the other sentences by the embedded reader, by sample."""
 
 
 @dataclass(frozen=True, slots=True)
 class SampledScene:
-    """A scene and what was made of it."""
+    """A scene and its samples."""
 
     name: str
     source: Sample
-    """Where it lies and how it is read."""
+    """Its path, and how to read it."""
     contents: Segmentation
     request: SamplesRequest
-    """What was asked for it."""
+    """Request for its samples."""
     drafts: tuple[SampleDraft, ...]
 
 
 def sample_dataset(
     scenes: Path, objects: Path, out: Path | None, sampling: SamplingOptions, options: PlaceOptions, *, quiet: bool
 ) -> SampledDataset:
-    """Make a data set; InputError for what cannot be used, unless it is to be left out."""
+    """Sample a data set; InputError for an unusable scene or object, unless `sampling.skip`."""
     check_sampling(sampling)
     shares = shares_of(sampling.splits) if sampling.splits else {}
     found, items = chosen_scenes(scenes, sampling.scenes), found_objects(objects)
@@ -123,7 +123,7 @@ def sample_dataset(
     things = {name: sample_for(name, "", one, options, called.get(one, "")) for name, one in items.items()}
     read = read_all(sources, things, config, session, quiet=quiet)
     left_out = dict(read.failed)
-    told_or_refused(left_out, sampling.skip, len(found) + len(items))
+    report_unusable(left_out, sampling.skip, len(found) + len(items))
     store = Store.default()
     views, assets = {}, []
     for name, ref in read.objects.items():
@@ -137,9 +137,7 @@ def sample_dataset(
         views[name] = object_view(item)
         assets.append(asset)
     if not assets:
-        raise InputError(
-            f"{objects}: no object of which the lexicon knows what it is; name the files: mug.glb, red_ball.obj"
-        )
+        raise InputError(f"{objects}: no object that the lexicon can classify; name the files: mug.glb, red_ball.obj")
     client = connect(config.intent.language, session)
     made, short = [], {}
     for name, scene_ref in read.scenes.items():
@@ -154,7 +152,7 @@ def sample_dataset(
             short[name] = " ".join(str(poor).split())
             continue
         made.append(SampledScene(name, sources[name], contents, request, drafts))
-    told_or_refused(short, sampling.skip, len(found))
+    report_unusable(short, sampling.skip, len(found))
     left_out.update(short)
     if not made:
         raise InputError(f"{scenes}: no scene is left; the first: {next(iter(left_out.values()), 'none')}")
@@ -162,15 +160,15 @@ def sample_dataset(
 
 
 def check_sampling(sampling: SamplingOptions) -> None:
-    """InputError for numbers that cannot be."""
+    """Raise InputError for numbers out of range."""
     if not 1 <= sampling.per_scene <= MOST_SAMPLES:
         raise InputError(f"--per-scene {sampling.per_scene} is not between 1 and {MOST_SAMPLES}")
     if not 0.0 <= sampling.infeasible < 1.0:
         raise InputError(f"--infeasible {sampling.infeasible:g} is not a share, from 0 to below 1")
 
 
-def told_or_refused(bad: Mapping[str, str], skip: bool, count: int) -> None:
-    """InputError where something cannot be used and shall not be left out."""
+def report_unusable(bad: Mapping[str, str], skip: bool, count: int) -> None:
+    """Raise InputError if scenes or objects are unusable and must not be left out."""
     if not bad or skip:
         return
     first = next(iter(bad.values()))
@@ -182,7 +180,7 @@ def told_or_refused(bad: Mapping[str, str], skip: bool, count: int) -> None:
 
 
 def chosen_scenes(folder: Path, listed: str) -> dict[str, Path]:
-    """The scenes below a folder that a list names, by name; InputError where there are none."""
+    """Scenes below a folder that a list names, by name; InputError where there are none."""
     if not folder.exists():
         raise InputError(f"{folder}: no such file or folder")
     findings = Findings()
@@ -233,7 +231,7 @@ def sample_for(name: str, scene: Path | str, thing: Path | str, options: PlaceOp
 
 
 def asset_of(name: str, item: Segmentation) -> PlacedAsset | None:
-    """An object in the size in which it would be placed; None if the lexicon does not know what it is."""
+    """An object in the size in which it would be placed; None if the lexicon does not know its kind."""
     label, extents = item.instances[0].label, np.ptp(item.mesh.bounds, axis=0)
     thing = thing_of(label)
     if thing is None:
@@ -253,7 +251,8 @@ def asset_of(name: str, item: Segmentation) -> PlacedAsset | None:
 def samples_request(
     name: str, contents: Segmentation, assets: Sequence[PlacedAsset], sampling: SamplingOptions
 ) -> SamplesRequest:
-    """What is asked for one scene; the share of those to be refused holds on average, each scene rounds by chance."""
+    """Request for the samples of one scene. The share of infeasible ones holds on average: each scene rounds
+    randomly."""
     refused = int(sampling.per_scene * sampling.infeasible + chance(sampling.seed, name, "infeasible"))
     return SamplesRequest(
         scene=name,
@@ -267,7 +266,7 @@ def samples_request(
 
 
 def drafts_for(request: SamplesRequest, client: Client) -> tuple[SampleDraft, ...]:
-    """The samples of one scene; InputError where they cannot be made."""
+    """Samples of one scene; InputError where they cannot be made."""
     try:
         return client.ask(SAMPLES, request).samples
     except ValueError as error:
@@ -283,7 +282,7 @@ def write_dataset(
     shares: Mapping[str, float],
     left_out: Mapping[str, str],
 ) -> SampledDataset:
-    """Write all files beside each other, and what they hold."""
+    """Write all files into one folder. Returns a summary of them."""
     splits = split_scenes([one.name for one in made], shares, sampling.seed) if shares else {}
     rows: list[SampledRow] = []
     misses: dict[str, str] = {}
@@ -326,7 +325,7 @@ def write_dataset(
 
 
 def id_of(scene: str, draft: SampleDraft, truth: ExpectedOutcome, taken: set[str]) -> str:
-    """A readable id that no other sample has."""
+    """A readable, unused id."""
     facing = "facing" if draft.facing_id else ""
     words = [scene, draft.object, truth.base or "absent", *draft.regions, truth.top, facing]
     name = slug("-".join(word for word in words if word))

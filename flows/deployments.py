@@ -1,4 +1,4 @@
-"""What workers run besides samples (pool.py): the entry points of the deployments in prefect.yaml. Imports Prefect.
+"""Entry points of the deployments in prefect.yaml; samples have one of their own (pool.py). Imports Prefect.
 
 Parameters are plain values with defaults, because Prefect's pages make a form of them. A worker has its place of data,
 store and server from its own environment and `dcap.yaml`.
@@ -32,7 +32,7 @@ def benchmark(
     only_failed: bool = False,
 ) -> State[Any]:
     """Place the samples of a data set (a path of the worker's machine; empty: the embedded rooms) and write the run's
-    folder there. What is left empty is as the worker's `dcap.yaml` says."""
+    folder there. Empty parameters are read from the worker's `dcap.yaml`."""
 
     def work() -> State[Any]:
         asked: dict[str, object] = {
@@ -60,7 +60,8 @@ def rerun(run: str = "last", sample: str = "", stage: str = "drop") -> State[Any
 
 
 def state_of(work: Callable[[], State[Any]]) -> State[Any]:
-    """Return what some work comes to; what a person can mend is a line in the state, as it is in a terminal."""
+    """Do some work and return its final state; an error that a user can fix is one line in the state, as in a
+    terminal."""
     try:
         with as_machine_errors():
             return work()

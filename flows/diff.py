@@ -1,4 +1,4 @@
-"""Reads what two runs, or two folders that `place` wrote, say, for a comparison."""
+"""Reads the facts of two runs, or of two folders that `place` wrote, for a comparison."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict
@@ -14,7 +14,7 @@ from dcap.evaluation.run_folder import sample_folder
 from dcap.scene.errors import InputError
 from dcap.scene.settings import runs_root
 from dcap.scene.types.sample import Sample
-from flows.find_run import RUN, find_run, read_asked, read_keys, undamaged
+from flows.find_run import RUN, find_run, input_errors, read_keys, read_request
 from flows.output import RESULT
 from flows.run_files import PLACEMENT, UNFINISHED, sample_from_json
 from flows.scoring import pose_at_rest, scored_row
@@ -23,9 +23,9 @@ from tasks.why import flattened
 
 TABLE = "results.parquet"
 NO_WORDS = frozenset({"sample", "method", "scene", "object", "prompt", "message", "seconds"})
-"""Columns that tell what was asked, how long it took, or numbers in a sentence."""
+"""Columns that are not compared: the request, durations, and numbers within a sentence."""
 FILES = ("scene", "object", "labels")
-"""What was asked as a path: the same file may lie elsewhere, so that its name counts."""
+"""Inputs that are paths: the same file may lie elsewhere, so only its name is compared."""
 UNASKED = frozenset({"id", "method", "examples"})
 
 
@@ -48,21 +48,21 @@ def placed_folder(run: str) -> Path:
 
 
 def run_facts(folder: Path) -> RunFacts:
-    """What a folder says."""
+    """Facts of the run or placement in a folder."""
     if not (folder / RUN).is_file():
         return placement_facts(folder)
-    tree = read_asked(folder / RUN)
+    tree = read_request(folder / RUN)
     rows = rows_of(folder)
-    with undamaged(folder / RUN):
+    with input_errors(folder / RUN):
         asked = [sample_from_json(one) for one in tree["samples"]]
     samples = {one.id: sample_facts(one, rows.get(one.id), sample_folder(folder, one.id)) for one in asked}
     return RunFacts(str(folder), samples, settings_of(tree), tree.get("versions") or {})
 
 
 def placement_facts(folder: Path) -> RunFacts:
-    """What the folder of one placement says."""
-    tree = read_asked(folder / PLACEMENT) if (folder / PLACEMENT).is_file() else {}
-    with undamaged(folder / PLACEMENT):
+    """Facts of the placement in a folder."""
+    tree = read_request(folder / PLACEMENT) if (folder / PLACEMENT).is_file() else {}
+    with input_errors(folder / PLACEMENT):
         asked = sample_from_json(tree["sample"]) if tree else None
     facts = {asked.id if asked else "placement": sample_facts(asked, None, folder)}
     return RunFacts(str(folder), facts, settings_of(tree) if tree else {}, {})
@@ -87,16 +87,16 @@ def sample_id(row: Mapping[str, Any]) -> str:
 
 
 def sample_facts(asked: Sample | None, row: Mapping[str, Any] | None, folder: Path) -> SampleFacts:
-    """What is said of a sample, whose files lie in a folder."""
+    """Facts of a sample whose files lie in a folder."""
     tree = read_keys(folder / RESULT) if (folder / RESULT).is_file() else None
     if row is None:
-        row = row_without_table(asked, tree, folder)
-    with undamaged(folder / RESULT):
+        row = row_from_files(asked, tree, folder)
+    with input_errors(folder / RESULT):
         pose = pose_of(tree)
         times = {name: float(one) for name, one in ((tree or {}).get("timings") or {}).items()}
     told = {name: value for name, value in row.items() if name not in NO_WORDS}
     return SampleFacts(
-        asked=dict(asked_words(asked)) if asked else {},
+        asked=dict(request_facts(asked)) if asked else {},
         outcome={name: value for name, value in told.items() if isinstance(value, str | bool)},
         pose=pose,
         numbers={name: value for name, value in told.items() if not isinstance(value, str | bool)},
@@ -104,15 +104,15 @@ def sample_facts(asked: Sample | None, row: Mapping[str, Any] | None, folder: Pa
     )
 
 
-def row_without_table(asked: Sample | None, tree: dict[str, Any] | None, folder: Path) -> Mapping[str, Any]:
+def row_from_files(asked: Sample | None, tree: dict[str, Any] | None, folder: Path) -> Mapping[str, Any]:
     """The row of a sample by its own files."""
     if asked is None:
         return {"verdict": (tree or {}).get("verdict", "failed"), "reason": (tree or {}).get("reason") or ""}
     return asdict(scored_row(asked, tree, UNFINISHED, None, folder))
 
 
-def asked_words(asked: Sample) -> Iterator[tuple[str, object]]:
-    """What was asked of a sample, by dotted keys."""
+def request_facts(asked: Sample) -> Iterator[tuple[str, object]]:
+    """Request of a sample, by dotted keys."""
     for key, value in flattened({name: one for name, one in asdict(asked).items() if name not in UNASKED}):
         yield key, Path(str(value)).name if key in FILES else value
 

@@ -1,4 +1,4 @@
-"""What a benchmark shows while it runs, and the tables it ends with, on standard error."""
+"""Progress of a benchmark while it runs, and its final tables, on standard error."""
 
 import sys
 import threading
@@ -26,7 +26,7 @@ WIDTH = 160
 
 
 def console_on(stream: TextIO, *, quiet: bool = False) -> Console:
-    """A console that shows words as they are and does not break lines where nobody looks at a terminal."""
+    """A console that shows text literally, and breaks no lines unless the stream is a terminal."""
     asks = getattr(stream, "isatty", None)  # a program may have no stream, or one that can only be written to
     width = None if asks is not None and asks() else WIDTH
     return Console(
@@ -35,7 +35,7 @@ def console_on(stream: TextIO, *, quiet: bool = False) -> Console:
 
 
 def console_on_stderr() -> Console:
-    """For all but what a command was asked for."""
+    """Console for everything but a command's result."""
     return console_on(sys.stderr)
 
 
@@ -68,7 +68,7 @@ class Display:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.live.stop()
-        if not self.console.is_terminal:  # where its last line has no end
+        if not self.console.is_terminal:  # end the last line, which has no newline yet
             self.console.line()
 
     def rendered(self) -> RenderableType:
@@ -79,7 +79,7 @@ class Display:
         return Group(self.progress, *lines)
 
     def listener(self, sample: Sample) -> OnEvent:
-        """Return where the stages of one sample report."""
+        """Return a listener for the stages of one sample."""
 
         def on_event(event: StageEvent) -> None:
             with self.lock:
@@ -94,7 +94,7 @@ class Display:
 
     @property
     def share(self) -> float:
-        """How much of the work is done, 0..1."""
+        """Share of the work that is done, 0..1."""
         return self.done / self.count
 
     @property
@@ -119,13 +119,13 @@ class Display:
 
 
 def work_line(sample: str, stage: str, text: str, since: float) -> str:
-    """A sample at work in a line."""
+    """A line for a sample at work."""
     seconds = time.monotonic() - since
     return f"  {sample[:SHOWN_WIDTH]:<{SHOWN_WIDTH}} {stage:<14} {seconds:5.0f} s  {text[:40]}"
 
 
 def print_table(rows: Sequence[SampleOutcome], summary: RunSummary, folder: Path, cached: Collection[str] = ()) -> None:
-    """The results of a run; of samples that were `cached`, by their ids, no time is told, since they took none."""
+    """Print the results of a run. `cached` samples, by their ids, have no time because they took none."""
     console = console_on_stderr()
     several = len({row.method for row in rows}) > 1
     table = Table(*(("method",) if several else ()), "sample", "verdict", "on", "expected", "", "s", box=None)
@@ -145,7 +145,7 @@ def print_table(rows: Sequence[SampleOutcome], summary: RunSummary, folder: Path
 
 
 def print_lines(lines: Sequence[str]) -> None:
-    """Lines as they are."""
+    """Print lines without markup."""
     console = console_on_stderr()
     for line in lines:
         console.print(line)

@@ -31,7 +31,7 @@ def drop_case(case: Path | Mapping[str, object], options: DropOptions, out: Path
 
 
 def solver_settings() -> Mapping[str, object]:
-    """What was given of the solver's settings, checked with the other stages' that stand beside them."""
+    """The solver's settings from `dcap.yaml` and the environment, checked together with those of the stages."""
     given = [key for key in given_settings() if key.partition(".")[0] not in OWN]
     if not given:
         return {}

@@ -1,6 +1,6 @@
 """A folder of exported files, written whole or not at all.
 
-`export.json` lists what was written: of that an earlier export is cleared, anything else in the folder stays.
+`export.json` lists the written files. A new export removes those of an earlier one; other files in the folder stay.
 """
 
 import json
@@ -43,7 +43,7 @@ def write_files(folder: Path, files: Files, kind: str) -> None:
 
 
 def check_free(folder: Path, files: Files) -> None:
-    """InputError where a folder stands in the place of a file, or a file in that of a folder."""
+    """Raise InputError if a folder is in the way of a file, or a file in the way of a folder."""
     for name in files:
         if (folder / name).is_dir():
             raise InputError(f"{folder / name} is a folder where a file goes; move it or give another folder (--out)")
@@ -70,7 +70,7 @@ def clear_export(folder: Path) -> None:
 
 
 def clear_exports(out: Path) -> None:
-    """Remove what was exported of an earlier placement in the same folder."""
+    """Remove the exports of an earlier placement in the same folder."""
     folders = [path for path in (out / FOLDER).glob("*") if path.is_dir()]
     for folder in folders:
         clear_export(folder)

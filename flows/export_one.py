@@ -3,24 +3,26 @@
 In: a finished placement. Out: its folder, with the files of the format and `export.json`, which lists them.
 """
 
+import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from dcap.scene.errors import InputError
 from dcap.scene.spelling import not_one_of
 from dcap.scene.types.export_scene import ExportScene
+from dcap.scene.whole_files import draft_folder
 from dcap.scene.writers.mjcf import mjcf_files
 from dcap.scene.writers.urdf import urdf_files
 from dcap.scene.writers.usda import usda_files
 from flows.export_files import FOLDER, SPLATS, Files, write_files
 from flows.options import check_out
 from flows.run_files import FinishedPlacement, finished_placement
-from flows.splat_output import write_settled_splats
+from flows.scene_splats import SETTLED_SPLATS, settled_scene_splats, write_made
 from tasks.export.settled_export import export_scene
 
 
 def exported_scene(placement: FinishedPlacement) -> ExportScene:
-    """What is exported of a placement; InputError where it has no rest state."""
+    """The scene to export from a placement; InputError if it has no rest state."""
     values = placement.values
     scene, item, anchor, settled, particles = (
         values.scene, values.item, values.anchor, values.settled, values.particles
@@ -58,3 +60,13 @@ def export_sample(run: str, sample: str | None, kind: str, out: Path | None) -> 
     else:
         write_files(folder, FORMATS[kind](placement), kind)
     return folder
+
+
+def write_settled_splats(placement: FinishedPlacement, folder: Path) -> Path:
+    """Write scene_settled.ply into a folder; InputError where the scene has no Gaussians or nothing rests in it."""
+    check_out(folder)
+    made = settled_scene_splats(placement.finished, placement.values)
+    with draft_folder(folder) as draft:
+        write_made(made, draft)
+        os.replace(draft / SETTLED_SPLATS, folder / SETTLED_SPLATS)
+    return folder / SETTLED_SPLATS

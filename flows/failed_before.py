@@ -1,4 +1,4 @@
-"""Which samples `benchmark --only-failed` takes: of the newest run of the same dataset by the same methods."""
+"""Samples of `benchmark --only-failed`, from the newest run of the same dataset by the same methods."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -10,18 +10,18 @@ from dcap.scene.settings import runs_root
 from dcap.scene.spelling import first_of
 from dcap.scene.types.sample import Sample
 from flows.display import print_lines
-from flows.find_run import RUN, read_asked
+from flows.find_run import RUN, read_request
 from flows.place import PlaceConfig
 from flows.run_files import UNFINISHED, read_result
 from flows.sample_run import plan_sample
 
 SHOWN = 5
-"""Ids that a line names."""
+"""Most ids that one line names."""
 
 
 def failed_before(dataset: Path, samples: Sequence[Sample], config: PlaceConfig) -> list[Sample]:
-    """The samples that failed or did not finish in the last run; and those that finished, for the table of the new run,
-    as far as nothing of them would have to run."""
+    """Samples that failed or did not finish in the last run; and, for the table of the new run, finished ones whose
+    stages are all still cached."""
     folder, asked = last_run(dataset, methods_of_samples(samples))
     known = [sample for sample in samples if sample.id in asked]
     results = {one.id: read_result(sample_folder(folder, one.id)) for one in known}
@@ -35,7 +35,7 @@ def failed_before(dataset: Path, samples: Sequence[Sample], config: PlaceConfig)
 
 
 def methods_of_samples(samples: Sequence[Sample]) -> set[str]:
-    """The methods that place them."""
+    """The methods that place the samples."""
     return {sample.method for sample in samples}
 
 
@@ -56,15 +56,16 @@ def last_run(dataset: Path, methods: set[str]) -> tuple[Path, set[str]]:
 
 
 def readable_run(path: Path) -> dict[str, Any]:
-    """Read what was asked of a run; nothing where it cannot be read, or another version made it."""
+    """Read the request of a run; empty if it cannot be read, or another version wrote it."""
     try:
-        return read_asked(path)
+        return read_request(path)
     except (InputError, OSError):
         return {}
 
 
 def taken_lines(run: str, left: Mapping[str, str], cached: int, changed: int) -> list[str]:
-    """What is taken, and what is not and why; `left` are the samples without a result, and what went wrong."""
+    """Lines that say which samples are taken, and which are not and why. `left` are the samples without a result, with
+    their errors."""
     broken = [name for name, error in left.items() if error != UNFINISHED]
     unfinished = [name for name, error in left.items() if error == UNFINISHED]
     groups = (("failed", broken), (UNFINISHED, unfinished))

@@ -19,7 +19,7 @@ SIZE = 720
 """Side of the film [pixel]."""
 PER_SECOND = 24
 HELD = 24
-"""How often the last picture is repeated, so that one sees the rest state."""
+"""How often the last picture is repeated, so that the rest state stays in view."""
 FARTHER = 1.25
 """Distance of the camera over that of the close-up [-]: the object starts above its place."""
 CODEC = "libx264"

@@ -1,4 +1,4 @@
-"""Which folder a run has: what a command can tell at once, before anything is imported that computes."""
+"""Finds the folder of a run and reads its request, without importing anything heavy."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,15 +13,15 @@ from dcap.scene.readers.files.json_text import read_json
 from dcap.scene.settings import runs_root
 
 RUN = "run.json"
-"""What was asked of a run."""
+"""File with the request of a run."""
 ASKED_VERSION = 2
-"""Of `run.json` and `sample.json`: raised where what earlier versions wrote can no longer be read."""
+"""Version of `run.json` and `sample.json`; raised when files of earlier versions can no longer be read."""
 DAMAGED = "the file is damaged, or of another version of dcap; run it again"
 SHOWN = 200
-"""Characters of what is wrong with a file that are shown."""
+"""Most characters of a file's error that are shown."""
 
 
-class AskedKeys(BaseModel):
+class RequestKeys(BaseModel):
     """The keys of `run.json` and `sample.json` with the types of their values."""
 
     dataset: str = ""
@@ -43,13 +43,13 @@ def find_run(run: str) -> Path:
     of dcap wrote it."""
     for folder in (runs_root() / run, Path(run)):
         if (folder / RUN).is_file():
-            read_asked(folder / RUN)
+            read_request(folder / RUN)
             return folder.resolve()
     known = sorted(path.parent.name for path in runs_root().glob(f"*/{RUN}"))
     raise InputError(f"{run!r} is not a run; there are {', '.join(known) or 'none'} in {runs_root()}")
 
 
-def read_asked(path: Path) -> dict[str, Any]:
+def read_request(path: Path) -> dict[str, Any]:
     """Read a `run.json` or `sample.json`; InputError where it is damaged or another version of dcap wrote it."""
     tree = read_keys(path)
     version = tree.get("version", 0)
@@ -57,7 +57,7 @@ def read_asked(path: Path) -> dict[str, Any]:
         kind = EarlierRunError if isinstance(version, int) and version < ASKED_VERSION else InputError
         raise kind(f"{path}: another version of dcap made this; run it again")
     try:
-        AskedKeys.model_validate(tree)
+        RequestKeys.model_validate(tree)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         raise InputError(f"{path}: {'.'.join(map(str, first['loc']))}: {first['msg']}; {DAMAGED}") from None
@@ -73,8 +73,8 @@ def read_keys(path: Path) -> dict[str, Any]:
 
 
 @contextmanager
-def undamaged(path: Path) -> Iterator[None]:
-    """InputError where a file does not hold what we write into such."""
+def input_errors(path: Path) -> Iterator[None]:
+    """Convert errors from a file with unexpected content into InputError."""
     try:
         yield
     except (LookupError, TypeError, ValueError, AttributeError, AssertionError) as error:

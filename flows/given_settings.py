@@ -1,9 +1,9 @@
-"""What `dcap.yaml` and the environment say, by dotted keys, each with the place where it stands.
+"""Settings from `dcap.yaml` and the environment, by dotted keys, each with its file and line or its variable.
 
 The file is $DCAP_CONFIG; else `dcap.yaml` of the working directory; else that of the clone, or of the user's data
-folder where dcap is installed. The first one that is there counts alone. A key `drop.solver.step_limit` is
-$DCAP_DROP__SOLVER__STEP_LIMIT in the environment, which wins over the file. Whether keys and values can be is checked
-by those who use them; `refused` words it.
+folder where dcap is installed. Only the first one that exists is read. A key `drop.solver.step_limit` is
+$DCAP_DROP__SOLVER__STEP_LIMIT in the environment, which wins over the file. The users of
+keys and values check them; `refused` builds their error.
 """
 
 import os
@@ -24,19 +24,19 @@ FILE = "dcap.yaml"
 FILE_VARIABLE = "DCAP_CONFIG"
 PREFIX, BETWEEN = "DCAP_", "__"
 VARIABLES = {"paths.data": "DCAP_DATA", "paths.store": "DCAP_STORE", "server.api_url": API_URL}
-"""Keys whose environment variables are called otherwise."""
+"""Keys whose environment variables do not follow the pattern."""
 EXPORTED: dict[str, str] = {}
-"""What this process has put into such variables from the file, for all that it starts."""
+"""Values from the file that this process has exported into such variables for its child processes."""
 PATHS = ("run.record", "run.replay", "run.dataset", "run.objects", "run.sugar", "paths.data", "paths.store")
 """Keys whose values in the file are relative to the file's folder."""
 DEEPEST = 4
-"""Keys above each other; no section is that deep."""
+"""Deepest nesting of keys that is read; no section is that deep."""
 MOST_BYTES = 1 << 20
 MOST_VALUES = 1000
 
 
 class Origin(StrEnum):
-    """Where a value comes from; each wins over those before it."""
+    """Origin of a value; each wins over those before it."""
 
     DEFAULT = "default"
     FILE = "file"
@@ -46,7 +46,7 @@ class Origin(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class GivenSetting:
-    """One value that somebody gave."""
+    """One value from the file, the environment or a flag."""
 
     key: str
     value: object
@@ -59,7 +59,7 @@ Given = Mapping[str, GivenSetting]
 
 
 def settings_file() -> Path | None:
-    """Return the file that counts; None where there is none."""
+    """Return the settings file in force; None without one."""
     named = os.environ.get(FILE_VARIABLE)
     if named is not None:
         if named and not Path(named).is_file():
@@ -69,7 +69,7 @@ def settings_file() -> Path | None:
 
 
 def given_settings() -> Given:
-    """Return everything that was given; the environment wins."""
+    """Return all values of the file and the environment; the environment wins."""
     path = settings_file()
     found = {one.key: one for one in in_file(path)} if path else {}
     return found | {one.key: one for one in in_environment()}
@@ -93,7 +93,7 @@ def in_file(path: Path) -> Iterator[GivenSetting]:
         if count == MOST_VALUES:
             raise InputError(f"{path}: more than {MOST_VALUES} values; there are not that many settings")
         key = ".".join(place)
-        yield GivenSetting(key, beside(path, key, value), Origin.FILE, f"{path}:{line_of(place)}")
+        yield GivenSetting(key, resolve_path(path, key, value), Origin.FILE, f"{path}:{line_of(place)}")
 
 
 def leaves(tree: Mapping[object, object], place: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], object]]:
@@ -106,8 +106,8 @@ def leaves(tree: Mapping[object, object], place: tuple[str, ...] = ()) -> Iterat
             yield here, value
 
 
-def beside(path: Path, key: str, value: object) -> object:
-    """Return a value of a file; a path that is relative to its folder becomes absolute."""
+def resolve_path(path: Path, key: str, value: object) -> object:
+    """Return a value of the file; a path relative to the file's folder becomes absolute."""
     if key not in PATHS or not isinstance(value, str) or not value or "://" in value:
         return value
     return str((path.parent / value).resolve())
@@ -126,7 +126,7 @@ def in_environment() -> Iterator[GivenSetting]:
         if (key := key_of(name)) in VARIABLES:
             raise InputError(f"{name}: set {VARIABLES[key]} for {key}")
         if os.environ[name]:
-            yield GivenSetting(key, parsed(name, os.environ[name]), Origin.ENVIRONMENT, name)
+            yield GivenSetting(key, parse_variable(name, os.environ[name]), Origin.ENVIRONMENT, name)
 
 
 def check_spelling(name: str) -> None:
@@ -138,8 +138,8 @@ def check_spelling(name: str) -> None:
 
 
 def check_underscores(keys: Iterable[str]) -> None:
-    """Refuse an environment variable that is a key's but for the second underscore between its words. What a
-    cluster says of a service called dcap-server is none (DCAP_SERVER_PORT=tcp://...)."""
+    """Refuse an environment variable that would name a key if it had two underscores between the words. Variables that
+    a cluster sets for a service called dcap-server are not meant (DCAP_SERVER_PORT=tcp://...)."""
     for one in map(variable_of, keys):
         single = one.replace(BETWEEN, "_")
         value = os.environ.get(single, "")
@@ -157,7 +157,7 @@ def variable_of(key: str) -> str:
     return VARIABLES.get(key) or PREFIX + key.upper().replace(".", BETWEEN)
 
 
-def parsed(name: str, text: str) -> object:
+def parse_variable(name: str, text: str) -> object:
     """Return the value of a variable, written as in the file."""
     try:
         return parse_yaml(text)
@@ -165,7 +165,7 @@ def parsed(name: str, text: str) -> object:
         raise InputError(f"{name}={text}: cannot be read as a value of YAML: {yaml_fault(broken)}") from broken
 
 
-def unknown(one: GivenSetting, known: Iterable[str]) -> InputError:
+def unknown_key(one: GivenSetting, known: Iterable[str]) -> InputError:
     """Return the error for an unknown key; it names the nearest one, preferably the same name in another section."""
     known = list(known)
     namesakes = [key for key in known if last_word(key) == last_word(one.key)]
@@ -185,6 +185,6 @@ def last_word(key: str) -> str:
     return key.rpartition(".")[2]
 
 
-def refused(one: GivenSetting, why: str) -> InputError:
-    """Return the error for a value that cannot be."""
+def invalid_value(one: GivenSetting, why: str) -> InputError:
+    """Return the error for an invalid value."""
     return InputError(f"{one.where}: {one.key} is {short(one.value)}: {why}")

@@ -1,7 +1,7 @@
-"""Ctrl-C and SIGTERM end the program whatever it does just then.
+"""Ends the program on Ctrl-C and SIGTERM, whatever it is doing.
 
-Several libraries import what is optional within an `except` for everything and lose the exception, and threads that
-compute cannot be interrupted; so a signal also sets an alarm after which the process ends.
+Several libraries wrap optional imports in an `except` for everything and so swallow the exception, and threads that
+compute cannot be interrupted. A signal therefore also sets an alarm after which the process ends.
 """
 
 import os
@@ -15,19 +15,19 @@ from typing import NoReturn
 INTERRUPTED = 130
 """Exit code."""
 LONGEST_SECONDS = 3.0
-"""How long the program may take to end in an orderly way: states of runs are told, drafts are removed."""
+"""Time for an orderly end, in which states of runs are reported and drafts removed [s]."""
 _once = threading.Event()
 
 
 def end_on_signals() -> None:
-    """Handle Ctrl-C and SIGTERM in this process; what whoever started it wants ignored stays ignored."""
+    """Handle Ctrl-C and SIGTERM in this process, except for signals that the parent process has set to be ignored."""
     for number in (signal.SIGINT, signal.SIGTERM):
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _interrupt)
 
 
 def was_interrupted() -> bool:
-    """Return whether somebody has interrupted the program; libraries may turn that into an error of their own."""
+    """Return whether the program was interrupted; libraries may turn the interruption into an error of their own."""
     return _once.is_set()
 
 
@@ -35,7 +35,7 @@ def _interrupt(number: int, frame: FrameType | None) -> NoReturn:
     if _once.is_set():
         end_now()
     _once.set()
-    threading.excepthook = lambda _: None  # what is cut off now is no error to tell
+    threading.excepthook = lambda _: None  # errors caused by the interruption are not reported
     sys.unraisablehook = lambda _: None
     alarm = threading.Timer(LONGEST_SECONDS, end_now)
     alarm.daemon = True
@@ -47,7 +47,7 @@ def _interrupt(number: int, frame: FrameType | None) -> NoReturn:
 
 
 def say_interrupted() -> None:
-    """Say that somebody has interrupted the program."""
+    """Print that the program was interrupted."""
     with suppress(OSError, AttributeError, ValueError):  # a pipe that nobody reads, closed, or none at all
         sys.stderr.write("dcap: interrupted\n")
 

@@ -1,4 +1,4 @@
-"""How good a judge is: pairs of placements whose better one is known, asked in both orders."""
+"""Accuracy of a judge on pairs of placements whose better one is known, asked in both orders."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
@@ -19,7 +19,7 @@ from flows.language_options import LanguageOptions
 from flows.output import readable_json
 
 ROOMS = ("bedroom_01", "bedroom_02", "bedroom_03", "kids_01", "kids_02")
-"""Embedded rooms with a bed and free floor beside it."""
+"""Embedded rooms with a bed and free floor next to it."""
 VALIDATION = "validation.json"
 WITHOUT_RUN = "judge"
 """Folder among the runs for a judge that is validated without one."""
@@ -27,7 +27,7 @@ WITHOUT_RUN = "judge"
 
 @dataclass(frozen=True, slots=True)
 class JudgeValidation:
-    """How a judge did, and where that is written."""
+    """Accuracy of a judge, and the file that records it."""
 
     accuracy: JudgeAccuracy
     path: Path
@@ -39,15 +39,15 @@ def validate_judge(
     say: Callable[[str], None] = lambda text: None,
     rooms: Sequence[str] = ROOMS,
 ) -> JudgeValidation:
-    """Ask a judge about the known answers of some rooms; validation.json goes into the run's `judging`, if one is
-    named, else into `judge` beside the runs."""
+    """Ask a judge questions with known answers about some rooms. validation.json goes into the `judging` of a run, if
+    one is named, else into the folder `judge` next to the runs."""
     folder = find_run(run) / JUDGING if run else runs_root() / WITHOUT_RUN
     config = options.config()
     session = Session() if config.client is ClientName.OFFLINE else options.session(folder)
     with asking(session, say):
         client, judge = connect(config, session), judge_name(config)
         answers = list(known_answers(rooms[0]))
-        if not options.batch:  # whoever cannot be asked says so before all rooms are prepared
+        if not options.batch:  # a model that cannot be asked is an error before all rooms are prepared
             judge_accuracy(client, answers[:1], judge)
         answers += [one for name in rooms[1:] for one in known_answers(name)]
         found = judge_accuracy(client, answers, judge)

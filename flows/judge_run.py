@@ -1,9 +1,9 @@
 """Judge a run: scores of its placements, comparisons of its methods, and the table: Table 1 if a model judged.
 
-In: a run of several methods with its rows, and who judges. Out: `judging/` (scores, comparisons, judge.json), the three
+In: a run of several methods with its rows, and a judge. Out: `judging/` (scores, comparisons, judge.json), the three
 columns of results.parquet that a judge makes, `tables/table1.csv|tex` of a model, `tables/metric_scores.csv|tex` of the
 rubric, and `tables/comparisons_by_method.csv|tex`.
-Which samples are judged, and what the others get, stands in dcap/evaluation/judging/standing.py. Nothing is written
+dcap/evaluation/judging/standing.py decides which samples are judged, and the scores of the others. Nothing is written
 before every question is answered.
 """
 
@@ -52,7 +52,7 @@ from dcap.language.protocol.session import Session
 from dcap.scene.errors import FormatError, InputError
 from dcap.scene.types.judged_views import BEFORE, PLACED
 from dcap.scene.whole_files import whole_file
-from flows.find_run import RUN, find_run, read_asked, undamaged
+from flows.find_run import RUN, find_run, input_errors, read_request
 from flows.judge_views import VIEWS, take_views
 from flows.language_options import LanguageOptions
 from flows.measures_file import changed_since, states_of
@@ -63,14 +63,14 @@ RESULTS = "results.parquet"
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Judgement:
-    """What a judge made of a run."""
+    """Scores and comparisons of a run by one judge."""
 
     record: JudgeRecord
     scores: tuple[JudgedScore, ...]
     """By sample and method."""
     comparisons: tuple[Comparison, ...]
     spending: Spending | None
-    """What the questions of all judges of the run took; None if no model was asked."""
+    """Tokens and cost of the questions of all judges of the run; None if no model was asked."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -97,8 +97,7 @@ def judge_run(run: str, options: LanguageOptions, say: Callable[[str], None] = l
 
 
 def judged_rows(folder: Path, rows: Sequence[SampleOutcome]) -> tuple[tuple[SampleOutcome, ...], MethodTable | None]:
-    """Rows of a run with the scores of the judge that it has, by default the metric rubric, and the table, both
-    written.
+    """Write and return the rows of a run with the scores of its judge, by default the metric rubric, and their table.
 
     A run of one method stays as it is, and so does one that the rubric cannot judge: nothing is compared there.
     """
@@ -162,7 +161,7 @@ def record_of(
     placements: Sequence[JudgedPlacement],
     lowest: int,
 ) -> JudgeRecord:
-    """Who judged, and what."""
+    """Record of the judge and of the judged samples."""
     chooser = chooser_of(folder)
     judged = sorted(joined_id(one.method, one.sample) for one in placements)
     return JudgeRecord(
@@ -179,12 +178,12 @@ def record_of(
 
 
 def asking(session: Session, say: Callable[[str], None]) -> AbstractContextManager[None]:
-    """A queue for the questions where they go in batches."""
+    """Batch queue for the questions, if they are asked in batches."""
     return batch_queue(Path(session.batch), session, say) if session.batch else nullcontext()
 
 
 def with_metrics(rows: Sequence[SampleOutcome]) -> list[JudgedPlacement]:
-    """What the metric rubric judges: final states of which metrics of an axis, or of both, are known."""
+    """Final states that the metric rubric can score: those with known metrics on at least one axis."""
     found = []
     for row in rows:
         metrics = row_metrics(row)
@@ -194,7 +193,7 @@ def with_metrics(rows: Sequence[SampleOutcome]) -> list[JudgedPlacement]:
 
 
 def with_pictures(folder: Path, rows: Sequence[SampleOutcome], methods: Sequence[str]) -> list[JudgedPlacement]:
-    """What a model judges: final states with their pictures; InputError for one that is not there."""
+    """Final states with the pictures that a model judges; InputError for a missing picture."""
     judged = [row for row in rows if standing_of(row) is Standing.JUDGED]
     first: dict[str, tuple[Picture, ...]] = {}
     names = object_names(folder)
@@ -214,22 +213,22 @@ def with_pictures(folder: Path, rows: Sequence[SampleOutcome], methods: Sequence
 
 
 def object_names(folder: Path) -> dict[str, str]:
-    """What the objects of a run are called by whoever asked for them, by sample, as far as they are."""
-    tree = read_asked(folder / RUN)
-    with undamaged(folder / RUN):
+    """Names of the objects in the requests of a run, by sample; samples without a name are left out."""
+    tree = read_request(folder / RUN)
+    with input_errors(folder / RUN):
         labels = {split_id(one["id"])[1]: one.get("object_options", {}).get("label", "") for one in tree["samples"]}
     return {sample: label for sample, label in labels.items() if label}
 
 
 def views_of(folder: Path, row: SampleOutcome) -> Path:
-    """Where the pictures of a row lie."""
+    """Folder with the pictures of a row."""
     return sample_folder(folder, joined_id(row.method, row.sample)) / VIEWS
 
 
 def judged_placement(
     row: SampleOutcome, metrics: Metrics, before: tuple[Picture, ...], views: tuple[Picture, ...], name: str = ""
 ) -> JudgedPlacement:
-    """A row as a judge gets it."""
+    """A row in the form that a judge takes."""
     thing = object_name(Path(row.object), row.prompt, name)
     return JudgedPlacement(row.sample, row.method, row.prompt, thing, metrics, before, views)
 
@@ -238,7 +237,7 @@ def write_tables(
     folder: Path, rows: Sequence[SampleOutcome], compared: Sequence[Comparison], record: JudgeRecord,
     changed: tuple[str, ...] = (),
 ) -> tuple[MethodTable, Path]:  # fmt: skip
-    """The table of scores, and what the comparisons come to, written."""
+    """Write the table of scores and the table of comparisons."""
     offline = chooser_of(folder).client is ClientName.OFFLINE
     table = method_table(rows, compared, record, offline=offline, changed=changed)
     write_comparison_table(folder, comparison_table(compared, record, offline=offline))
@@ -252,7 +251,7 @@ def write_rows(folder: Path, rows: Sequence[SampleOutcome]) -> None:
 
 
 def read_rows(folder: Path) -> tuple[SampleOutcome, ...]:
-    """The rows of results.parquet; FormatError where it is none of this version."""
+    """Rows of results.parquet; FormatError for a file of another version."""
     path = folder / RESULTS
     if not path.is_file():
         raise FormatError(f"{folder.name}: the run did not finish, it has no {RESULTS}; run the benchmark again")

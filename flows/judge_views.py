@@ -1,8 +1,8 @@
-"""The pictures that judges and raters see of a run's placements, taken once somebody judges or a study is served.
+"""Pictures of a run's placements for judges and raters, taken when somebody judges or a study is served.
 
 In: a run's folder and its rows. Out: `views/` in the folder of each placement that is compared: the pictures, and
-`cameras.json`, which says from where they were taken and of which final states. What is there and still shows these is
-left alone; what was taken before comes from the store. Cameras are those of a sample, alike for all of its methods.
+`cameras.json`, which records their cameras and final states. Pictures that still show these states are kept; pictures
+taken before come from the store. All methods of a sample share its cameras.
 """
 
 import json
@@ -18,10 +18,10 @@ from dcap.evaluation.run_folder import sample_folder
 from dcap.scene.errors import InputError
 from dcap.scene.types.judged_views import BEFORE, PLACED, JudgedViews, SceneBefore, Sights, Viewpoint
 from dcap.scene.whole_files import write_whole
-from flows.find_run import read_keys, undamaged
+from flows.find_run import input_errors, read_keys
 from flows.measures_file import states_of
 from flows.output import load, readable_json
-from flows.run_files import Asked, asked_of_run, finished_sample
+from flows.run_files import RunRequest, finished_sample, load_run_request
 from flows.sample_run import FinishedSample, sample_context
 from tasks.artifact import Ref, Store
 from tasks.measure.views import judged_views_task, scene_before_task, sights_task
@@ -32,16 +32,16 @@ VIEWS, CAMERAS = "views", "cameras.json"
 
 @dataclass(frozen=True, slots=True)
 class TakenFrom:
-    """From where the pictures of a placement were taken."""
+    """Cameras of a placement's pictures."""
 
     cameras: SampleCameras
     contact: tuple[float, float, float]
-    """What its close-up is centred on [m]."""
+    """Centre of its close-up [m]."""
 
 
 def take_views(run: Path, rows: Sequence[SampleOutcome], say: Callable[[str], None]) -> None:
-    """Take the pictures of every placement that is judged, as far as they are not there; InputError where stages of one
-    are no longer in the cache."""
+    """Take the missing pictures of every placement that is judged; InputError where stages of one are no longer in the
+    cache."""
     samples: dict[str, list[str]] = {}
     for row in rows:
         if standing_of(row) is Standing.JUDGED:
@@ -50,7 +50,7 @@ def take_views(run: Path, rows: Sequence[SampleOutcome], say: Callable[[str], No
     if not missing:
         return
     try:
-        asked = asked_of_run(run)
+        asked = load_run_request(run)
         for number, (sample, names) in enumerate(missing.items(), 1):
             say(f"pictures of {sample} ({number} of {len(missing)})")
             take(run, asked, names)
@@ -60,7 +60,7 @@ def take_views(run: Path, rows: Sequence[SampleOutcome], say: Callable[[str], No
 
 
 def outdated(run: Path, names: Sequence[str]) -> Path | None:
-    """The first file of a sample's pictures that is not there, or not of the final states; None where all are."""
+    """First picture of a sample that is missing or does not show the final states; None where all are up to date."""
     states = states_of(run, names)
     for name in names:
         folder = sample_folder(run, name) / VIEWS
@@ -72,7 +72,7 @@ def outdated(run: Path, names: Sequence[str]) -> Path | None:
     return None
 
 
-def take(run: Path, asked: Asked, names: Sequence[str]) -> None:
+def take(run: Path, asked: RunRequest, names: Sequence[str]) -> None:
     """Take the pictures of a sample as each method placed it."""
     found = {name: finished_sample(asked, name) for name in names}
     seen = {name: sights_of_sample(one) for name, one in found.items()}
@@ -90,7 +90,7 @@ def take(run: Path, asked: Asked, names: Sequence[str]) -> None:
 
 
 def sights_of_sample(finished: FinishedSample) -> Sights:
-    """What can be seen of a placement, from the cache or computed."""
+    """Sights of a placement, from the cache or computed."""
     refs = finished.placement
     with sample_context(finished.sample, RunContext()):
         ref = sights_task(refs.scene, refs.item, refs.intent, refs.anchor, refs.settled)
@@ -113,12 +113,12 @@ def pictures_of(
 
 
 def taken_from(folder: Path) -> TakenFrom:
-    """From where the pictures in the folder of a placement were taken; InputError where that is not known."""
+    """Read the cameras of the pictures in a placement's folder; InputError where they are not known."""
     path = folder / VIEWS / CAMERAS
     if not path.is_file():
         raise InputError(f"{path}: not there; move {folder / VIEWS} away and start again")
     tree: Mapping[str, object] = read_keys(path)
-    with undamaged(path):
+    with input_errors(path):
         x, y, z = (float(one) for one in json.loads(json.dumps(tree["contact"])))
         view = tree["overview"]
         assert isinstance(view, Mapping)

@@ -1,4 +1,4 @@
-"""The things of a scene for a person: runs mesh and segment alone, writes labels.json and a page of pictures."""
+"""Labels the things of a scene: runs only the stages mesh and segment, writes labels.json and a page of pictures."""
 
 import os
 import sys
@@ -34,13 +34,13 @@ from tasks.run_context import RunContext
 
 LABELS, PAGE, PLAN = "labels.json", "labels.html", "plan.png"
 LEAST_GUESS, MOST_GUESSES = 0.05, 3
-"""Other labels of a thing that the page shows: their least probability, and how many [-]."""
+"""Alternative labels of a thing on the page: least probability, and largest number [-]."""
 VIEWS = 2
 """Views of the room on the page [-]."""
 
 
 def label_scene(scene: str, out: Path | None, options: PlaceOptions, *, quiet: bool) -> tuple[Path, JsonObject]:
-    """Write the things of a scene into a folder; the folder and what labels.json holds."""
+    """Write the things of a scene into a folder. Returns the folder and the content of labels.json."""
     folder = out or runs_root() / "labels" / Path(scene.rstrip("/")).stem
     asking = language_options(options)
     sample = sample_of(scene, "things", "", options)
@@ -93,7 +93,7 @@ def found_things(scene: Segmentation) -> list[FoundThing]:
 
 
 def others_of(one: Instance) -> str:
-    """What else a thing may be, the likeliest first."""
+    """Alternative labels of a thing, the likeliest first."""
     others = [(label, share) for label, share in one.guesses if label != one.label and share >= LEAST_GUESS]
     return ", ".join(f"{label} {share:.0%}" for label, share in others[:MOST_GUESSES])
 
@@ -125,7 +125,7 @@ def page_of(
 
 
 def write_all(folder: Path, files: dict[str, bytes], plan: NDArray[np.uint8]) -> None:
-    """Write the files beside the folder's others and move them in; the plan as a picture of its own too."""
+    """Write the files as drafts and move them into the folder; the plan is also a picture of its own."""
     with draft_folder(folder) as draft:
         for file, data in files.items():
             (draft / file).write_bytes(data)

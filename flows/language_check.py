@@ -49,7 +49,7 @@ ROOM = "bedroom_01"
 
 @dataclass(frozen=True, slots=True)
 class KnownPlacement:
-    """A sentence about the room, and a person's reading of it."""
+    """A sentence about the room, with its correct reading."""
 
     object: str
     prompt: str
@@ -57,7 +57,7 @@ class KnownPlacement:
     """Label of the support."""
     part: str
     up: float
-    """Height of the object's own upward axis in the pose that is asked: 1 upright, -1 upside down."""
+    """Height of the object's own upward axis in the requested pose: 1 upright, -1 upside down."""
     model: BodyModel
     """Whether the object is rigid."""
 
@@ -70,7 +70,7 @@ PLACEMENTS = (
 
 @dataclass(frozen=True, slots=True)
 class CheckedAnswer:
-    """One question, and how it was answered."""
+    """One question with its expected and its actual answer."""
 
     question: str
     expected: str
@@ -85,7 +85,7 @@ class CheckedAnswer:
 
 @dataclass(slots=True)
 class Meter:
-    """A client that measures what was asked since the last row."""
+    """A client that measures tokens, time and cost since the last row."""
 
     client: Client
     ledger: Path
@@ -105,7 +105,7 @@ class Meter:
         return [self.ask(question, one) for one in requests]
 
     def row(self, question: str, expected: str, answer: Callable[[], tuple[str, bool]]) -> CheckedAnswer:
-        """Ask, and return the answer and whether it is right with what it took; an invalid answer is a wrong one."""
+        """Ask; return the answer, whether it is right, and its cost. An invalid answer counts as wrong."""
         try:
             answered, right = answer()
         except RefusedError:
@@ -125,7 +125,7 @@ class Meter:
 
 @dataclass(slots=True)
 class Listener:
-    """Answers like the embedded reader, and remembers what was asked about things and parts."""
+    """Answers like the embedded reader, and records the questions about things and parts."""
 
     asked: list[LabelRequest | PartsRequest] = field(default_factory=list)
 
@@ -143,11 +143,11 @@ class Listener:
 def check_language(
     options: LanguageOptions, folder: Path, say: Callable[[CheckedAnswer], None] = lambda row: None
 ) -> list[CheckedAnswer]:
-    """Ask all of them; LanguageError at the first that the API refuses, InputError where no model is asked."""
+    """Ask all questions; LanguageError at the first that the API refuses, InputError if no model was named."""
     config = options.config()
     if config.client not in (ClientName.ANTHROPIC, ClientName.OPENAI):
         raise InputError("dcap language check needs --language anthropic or openai: offline and replay ask no model")
-    # of its own: what is kept would prove nothing, and these answers are for no placement
+    # a folder of its own: kept replies would prove nothing, and these answers belong to no placement
     session = replace(options.session(folder), fresh=True, kept=str(folder / "replies"), record="", replay="")
     Path(session.ledger).unlink(missing_ok=True)
     meter = Meter(connect(config, session), Path(session.ledger))
@@ -175,8 +175,8 @@ def answers(data: Path, meter: Meter) -> Iterator[CheckedAnswer]:
 def placement_answers(
     scene: SegmentedScene, item: SegmentedObject, known: KnownPlacement, meter: Meter
 ) -> Iterator[CheckedAnswer]:
-    """The four questions of a placement. Each is asked with the right answer to those before it, which the embedded
-    reader gives."""
+    """The four questions of a placement. Each is asked with the right answers to the earlier ones, taken from the
+    embedded reader."""
     reader = OfflineClient()
     meant = stage_result(Intent, intent(scene, item, known.prompt, None, IntentConfig(ambiguous="best"), reader))
     turned = stage_result(Rotation, rotation(scene, item, meant, known.prompt, RotationConfig(), reader))
@@ -213,7 +213,7 @@ def placement_answers(
 
 
 def stage_result(kind: type[ResultT], result: object) -> ResultT:
-    """A stage's result; the embedded reader places both objects, as a test says."""
+    """A stage's result; a test makes sure that the embedded reader places both objects."""
     if not isinstance(result, kind):
         raise TypeError(f"expected {kind.__name__}, found {result}")
     return result
@@ -245,7 +245,7 @@ def label_answer(meter: Meter, request: LabelRequest, wanted: str) -> tuple[str,
 
 
 def judge_answer(meter: Meter) -> CheckedAnswer:
-    """Two placements of which one hovers, in both orders: who always says "right" is wrong."""
+    """Two placements, one of them hovering, in both orders: a model that always answers "right" fails."""
     known = known_answers(ROOM)[0]
 
     def better() -> tuple[str, bool]:
@@ -267,7 +267,7 @@ def row_in_words(row: CheckedAnswer) -> str:
 
 
 def totals_in_words(rows: Sequence[CheckedAnswer]) -> str:
-    """What all of them took."""
+    """Totals of all rows."""
     costs = [row.usd for row in rows if row.usd is not None]
     cost = f"{sum(costs):.4f} USD" if len(costs) == len(rows) else "at an unknown price"
     right, tokens, seconds = (

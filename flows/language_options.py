@@ -1,4 +1,4 @@
-"""What options say about language: who answers, what is recorded, what may be spent.
+"""Language options: the model, recordings and the spending limit.
 
 In: the options. Out: the part that decides results (`LanguageConfig`) and the part that does not (`Session`).
 """
@@ -24,7 +24,7 @@ QUEUE = "batch-queue"
 
 @dataclass(frozen=True, slots=True)
 class LanguageOptions:
-    """The options as they were given."""
+    """The options as typed."""
 
     language: str = ""
     """offline, anthropic, openai or replay; empty: replay where a recording is named, else offline."""
@@ -43,7 +43,7 @@ class LanguageOptions:
 
     @property
     def client(self) -> ClientName:
-        """Who answers; InputError for options that contradict each other."""
+        """Name of the client; InputError for options that contradict each other."""
         name = self.language or (ClientName.REPLAY if self.replay else ClientName.OFFLINE)
         if name not in list(ClientName):
             raise InputError(f"--language {name!r} {not_one_of(name, ClientName)}")
@@ -71,7 +71,7 @@ class LanguageOptions:
         return client
 
     def config(self, *, plan: bool = False) -> LanguageConfig:
-        """What decides the stages' results; for a `plan` nothing is written."""
+        """The part that decides the stages' results; for a `plan` nothing is written."""
         client = self.client
         if client is ClientName.OFFLINE:
             return LanguageConfig()
@@ -84,7 +84,7 @@ class LanguageOptions:
             )
         model, api = self.model or DEFAULT_MODEL, APIS[client]
         api.check()
-        if model.startswith("."):  # it names a folder
+        if model.startswith("."):  # the name becomes that of a folder
             raise InputError(f"--model {model!r} is not the name of a model")
         check_budget(model, self.max_cost)
         return LanguageConfig(
@@ -93,7 +93,7 @@ class LanguageOptions:
         )  # fmt: skip
 
     def session(self, folder: Path) -> Session:
-        """What does not; ledger and batch queue lie in the run's folder."""
+        """The part that does not decide results; ledger and batch queue lie in the run's folder."""
         if self.client is ClientName.OFFLINE:
             return Session()
         return Session(
@@ -108,14 +108,13 @@ class LanguageOptions:
 
 
 def language_options(options: Options) -> LanguageOptions:
-    """Return what the options of a command say about language; a command that has no such option leaves it out."""
+    """Return the language options among the options of a command, which need not have all of them."""
     names = [one.name for one in fields(LanguageOptions)]
     return LanguageOptions(**{name: getattr(options, name) for name in names if hasattr(options, name)})
 
 
 def recorded_model(folder: ReplyFolder, wanted: str, effort: str = "") -> str:
-    """The model whose replies a recording holds, without an effort if that is wanted by name alone; InputError if there
-    is none or the choice is open."""
+    """The model whose replies a recording holds. InputError if it holds none that fit, or those of several models."""
     models = folder.models()
     if not models:
         raise InputError(f"--replay {folder.root}: no recorded replies there; record some with --record DIR")
@@ -131,7 +130,8 @@ def recorded_model(folder: ReplyFolder, wanted: str, effort: str = "") -> str:
 
 
 def recording_of(folder: str, *, plan: bool) -> str:
-    """Name of the recording in a folder, empty for none; InputError if it cannot be written. A plan's is not begun."""
+    """Name of the recording in a folder, empty for none; InputError if it cannot be written. A plan starts no
+    recording."""
     if not folder:
         return ""
     if plan and not (Path(folder) / MARK).exists():

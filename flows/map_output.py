@@ -1,6 +1,6 @@
 """Writes the conditioning maps of a finished placement into a folder: into a draft there, then file by file.
 
-In: what the stages returned, a camera and perhaps a photograph. Out: the folder; what else is in it stays.
+In: the results of the stages, a camera and perhaps a photograph. Out: the folder; other files in it stay.
 """
 
 import io
@@ -22,7 +22,7 @@ from dcap.scene.readers.files.image import FORMATS, read_image
 from dcap.scene.whole_files import draft_folder
 from flows.options import check_out
 from flows.placement_json import Values
-from flows.run_files import FinishedPlacement
+from flows.run_files import FinishedPlacement, finished_placement
 from tasks.render.config import RenderConfig
 from tasks.render.maps import conditioning_maps, placed
 
@@ -80,9 +80,23 @@ def read_photo(path: Path) -> NDArray[np.uint8]:
         data = read_bytes(path)
     except OSError as error:
         raise InputError(f"--over {path}: {error.strerror or error}") from None
-    plain = read_image(data, str(path))  # says what is wrong with what is no picture
+    plain = read_image(data, str(path))  # raises InputError for a file that is no picture
     with Image.open(io.BytesIO(data), formats=FORMATS) as photo:
         if photo.mode.startswith(("I", "F")):
             raise InputError(f"--over {path}: {photo.mode} has more than 8 bits a channel; give an 8-bit sRGB picture")
         turned = photo.getexif().get(ExifTags.Base.Orientation, 1) != 1
         return np.array(ImageOps.exif_transpose(photo).convert("RGB")) if turned else plain
+
+
+def maps_of_sample(run: str, sample: str | None, camera: Path | None, photo: Path | None, out: Path | None) -> Path:
+    """Write the maps of one sample of a run; returns their folder, by default `maps` in the sample's own."""
+    if photo is not None and camera is None:
+        raise InputError(f"--over {photo}: a photo needs its camera: --camera FILE (camera.json, docs/formats.md)")
+    found = finished_placement(run, sample)
+    return write_maps_of(found, out or found.folder / FOLDER, camera, photo)
+
+
+def note_of(folder: Path) -> str:
+    """Note for maps that are correct but useless; empty if there is nothing to note."""
+    seen = np.asarray(Image.open(folder / "object_mask.png")).any()
+    return "" if seen else "nothing of the object is visible from this camera: object_mask.png is empty"

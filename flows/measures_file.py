@@ -1,4 +1,4 @@
-"""`measures.json` of a sample: what was measured of its final state, whoever made it."""
+"""`measures.json` of a sample: measurements of its final state, by any method."""
 
 import hashlib
 from collections.abc import Iterable, Mapping
@@ -17,7 +17,7 @@ MEASURES = "measures.json"
 
 
 def write_measures(finished: FinishedSample, out: Path) -> JsonObject | None:
-    """Write what was measured beside placement.json; None where nothing was, and an earlier file is removed."""
+    """Write the measurements next to placement.json; None without any, after removing an earlier file."""
     refs, store = finished.placement, Store.default()
     path = out / MEASURES
     if refs.measures is None:
@@ -32,7 +32,7 @@ def write_measures(finished: FinishedSample, out: Path) -> JsonObject | None:
 
 
 def fingerprint(folder: Path) -> str:
-    """What tells two final states of a sample apart: a digest of what was measured of it; empty where nothing was."""
+    """Digest of the measurements of a final state, which tells two final states apart; empty without measurements."""
     path = folder / MEASURES
     return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
 
@@ -43,12 +43,12 @@ def states_of(run: Path, names: Iterable[str]) -> dict[str, str]:
 
 
 def changed_since(run: Path, states: Mapping[str, str]) -> tuple[str, ...]:
-    """Samples of a run whose final states are not those of which `states` has the fingerprints."""
+    """Samples of a run whose final states differ from the fingerprints in `states`."""
     now = states_of(run, states)
     return tuple(name for name, state in states.items() if now[name] != state)
 
 
 def read_measures(out: Path) -> Mapping[str, JsonValue]:
-    """Read what `write_measures` wrote; empty where there is nothing, InputError where it is damaged."""
+    """Read the file of `write_measures`; empty without one, InputError where it is damaged."""
     path = out / MEASURES
     return read_keys(path) if path.is_file() else {}

@@ -1,7 +1,7 @@
 """How each method places a sample: DCAP's stages, DCAP's stages with one idea left out, or a baseline's proposal.
 
-Every method gets the same scene, object, scale and mass, and what it made is measured by the same stages on its final
-meshes. The final pose of a baseline is taken as it stands.
+Every method gets the same scene, object, scale and mass, and the same stages measure its final meshes. The final pose
+of a baseline is not changed.
 """
 
 from collections.abc import Callable, Hashable, Mapping
@@ -39,12 +39,12 @@ from tasks.rotation.stage import rotation_task
 from tasks.segment.stage import segment_task
 
 Examples = tuple[Ref[FloorPlans] | None, tuple[str, ...]]
-"""Gathered plans, and names of the scenes that have none."""
+"""Collected plans, and names of the scenes without one."""
 EXAMPLES: dict[Hashable, Examples] = {}
-"""What was gathered in this process: a chain of stages as long as there are scenes, for each scene."""
+"""Examples collected in this process; for each scene, they take the stages of all other scenes."""
 NO_DROP, RIGID_DROP = "no_drop", "rigid_drop"
 OTHER_MATERIALS = frozenset({RIGID_DROP, "blended_materials", "paper"})
-"""Ablations whose drop has other materials, or none that gives way."""
+"""Ablations whose drop uses other materials, or rigid ones only."""
 PAPER_STEP_SECONDS = 2e-3 / 18
 """The paper's step of 2 ms in 18 substeps [s]."""
 PICTURE = 512
@@ -52,7 +52,7 @@ PICTURE = 512
 
 
 def place_by(sample: Sample, config: PlaceConfig) -> PlacementRefs:
-    """Place the sample as its method does, and measure what came of it if the configuration says so."""
+    """Place the sample by its method, and measure its final state if the configuration says so."""
     own = config_of(sample.method, config)
     proposes = sample.method in BASELINES or sample.method == NO_DROP
     found = place(sample, own, proposed if proposes else None)
@@ -89,18 +89,18 @@ CHANGES: Mapping[str, Callable[[PlaceConfig], PlaceConfig]] = {
     "uniform_fill": changed(particles={"uniform": True}),
     "paper": as_in_the_paper,
 }
-"""What each ablation changes."""
+"""Change of the configuration by each ablation."""
 
 
 def config_of(method: str, config: PlaceConfig) -> PlaceConfig:
-    """The configuration as a method has it."""
+    """The configuration of a method."""
     change = CHANGES.get(method)
     own = config if change is None else change(config)
     return own if method == DCAP else changed(render={"size": min(config.render.size, PICTURE)})(own)
 
 
 def proposed(sample: Sample, config: PlaceConfig, read: FileRefs) -> PlacementRefs:
-    """What a method proposes, as it stands: nothing is simulated."""
+    """A method's proposal as a placement; nothing is simulated."""
     scene, item, pointed = read.scene, read.item, None
     if sample.method == NO_DROP and sample.place is not None:
         pointed = point_task(read.scene_scan, scene, sample.place, sample.prompt)
@@ -131,7 +131,7 @@ def proposed(sample: Sample, config: PlaceConfig, read: FileRefs) -> PlacementRe
 def proposal(
     sample: Sample, scene: Ref[SegmentedScene], item: Ref[SegmentedObject], intent: Ref[Intent], config: PlaceConfig
 ) -> Ref[Anchor]:
-    """What a baseline makes of it; who is asked is who is asked of the place by ours."""
+    """Proposal of a baseline; it asks the same model as our anchor stage."""
     language = {"language": config.anchor.language}
     if sample.method == "fireplace":
         return fireplace_task(scene, item, intent, sample.prompt, config=FirePlaceConfig.model_validate(language))
@@ -143,8 +143,8 @@ def proposal(
 
 
 def examples_of(sample: Sample, config: PlaceConfig) -> Examples:
-    """Plans of the scenes that a method may learn from, and the names of those that cannot be read: what is wrong with
-    another scene is told by the samples in it, and is no failure of this one. Samples of one scene share them."""
+    """Plans of the scenes that a method may learn from, and the names of those that cannot be read: an error in another
+    scene is reported by the samples in it and does not fail this one. Samples of one scene share them."""
     asked = (Store.default().root, sample.examples, sample.scene_options, config.scene_mesh, config.segment)
     if asked in EXAMPLES:
         return EXAMPLES[asked]
@@ -165,10 +165,10 @@ def examples_of(sample: Sample, config: PlaceConfig) -> Examples:
 
 
 def measured(sample: Sample, found: PlacementRefs, config: PlaceConfig) -> PlacementRefs:
-    """With what is measured of the final state, as far as there is one.
+    """Add the measurements of the final state, if there is one.
 
-    An ablation that takes other materials is measured with the true ones: what is rigid in its drop has to sink in.
-    Simulated on is what it simulated, on its own cells, but where it had no soft material at all.
+    An ablation with other materials is measured with the true ones: a body that is rigid in its drop should have sunk
+    in. The drift continues its own simulation, on its own cells, unless it had no soft material at all.
     """
     if found.settled.infeasible:
         return found

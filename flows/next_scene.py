@@ -1,7 +1,6 @@
-"""What a placement leaves for the next one: its scene with the object in it, as `scene.json` tells it.
+"""Scene for the next placement: the scene with the placed object in it, described by `scene.json`.
 
-In: the values of a placement. Out: the files beside scene.glb. A placement that failed leaves the scene that it was
-given.
+In: the values of a placement. Out: the files next to scene.glb. A failed placement leaves its scene unchanged.
 """
 
 from dataclasses import replace
@@ -24,13 +23,13 @@ from tasks.render.settled_meshes import SettledScene, settled_item, settled_scen
 Array = NDArray[np.float64]
 
 MOVED = 1e-7
-"""A vertex that has moved farther is dented [m]."""
+"""Displacement beyond which a vertex counts as dented [m]."""
 LOOKS_ASIDE = 0.7
-"""Horizontal part of a front from which on a thing that has been turned still has one [-]."""
+"""Least horizontal part of a front for a turned thing to keep it [-]."""
 
 
 def next_scene_files(values: Values, prompt: str) -> dict[str, bytes]:
-    """scene.json and what belongs to it, by name."""
+    """scene.json and its companion files, by name."""
     if values.scene is None:
         return {}
     known = values.settled and values.anchor and values.particles and values.materials
@@ -41,7 +40,7 @@ def next_scene_files(values: Values, prompt: str) -> dict[str, bytes]:
 
 
 def unchanged(values: Values) -> EarlierPlacements:
-    """The scene as it was given."""
+    """The scene unchanged."""
     assert values.scene is not None
     if values.scan is not None and values.scan.earlier is not None:
         return values.scan.earlier
@@ -115,7 +114,7 @@ def bearing(settled: Settled, name_of: dict[str, str]) -> dict[tuple[str, str], 
 
 
 def carried_by(one: str, forces: dict[tuple[str, str], float], heights: dict[str, float]) -> tuple[str, ...]:
-    """What a thing rests on: fixed things that it touches and free ones below it, the largest force first."""
+    """Supports of a thing: fixed things that it touches and free ones below it, the largest force first."""
     found = []
     for (a, b), force in forces.items():
         if one in (a, b):
@@ -126,7 +125,7 @@ def carried_by(one: str, forces: dict[tuple[str, str], float], heights: dict[str
 
 
 def kept_materials(before: EarlierPlacements, rows: tuple[PartMaterial, ...], last: str) -> tuple[PartMaterial, ...]:
-    """Materials by instance and part, what was chosen first."""
+    """Materials by instance and part, newly chosen ones first."""
     found = {(row.body, row.part_index): row for row in before.materials}
     for row in rows:
         body = last if row.body == OBJECT_NODE else row.body
@@ -154,7 +153,7 @@ def placed_instance(last: str, values: Values, rest: Mesh) -> Instance:
 
 
 def at_new_place(one: Instance, scene: Segmentation, settled: Settled) -> Instance:
-    """A thing that was placed before, with the boxes that it has now."""
+    """A thing that was placed before, with its present boxes."""
     index = scene.index_of(one.id)
     mine = scene.face_instance == index
     parts = tuple(
@@ -183,7 +182,7 @@ def turned(front: Array, turn: Array) -> Array | None:
 
 
 def dents(start: Segmentation, rest: SettledScene, settled: Settled, free: list[str]) -> list[Deformation]:
-    """What the drop deformed of the scene, instance by instance: what carries the free things, and those that sag."""
+    """Deformations of the scene by the drop, by instance: supports of the free things, and free things that sag."""
     found, after = [], rest.scene
     bodies = {body.name: body for body in settled.bodies}
     for index, one in enumerate(after.instances):
@@ -201,7 +200,7 @@ def dents(start: Segmentation, rest: SettledScene, settled: Settled, free: list[
 
 
 def sagged(one: str, start: Mesh, rest: Mesh) -> list[Deformation]:
-    """How a thing at rest differs from its own shape, turned and moved with it."""
+    """Difference of a thing at rest from its own shape after the best-fit rigid motion."""
     shift = rest.vertices - start.vertices
     if np.abs(shift).max() <= 2e-6:
         return []

@@ -2,7 +2,7 @@
 
 From these models follow the command line (flows/cli/checks.py), the keys of `dcap.yaml` with their environment
 variables (flows/settings), the keywords of `dcap.place` and `dcap.drop`, and tables of docs/configuration.md. A model
-that is constructed takes what it is not given from the environment, else from `dcap.yaml`, else it has its defaults;
+takes missing values from the environment, then from `dcap.yaml`, then from its defaults;
 `effective_options` (flows/settings/effective.py) does that with messages that name the option or the place of a value.
 """
 
@@ -26,32 +26,32 @@ from dcap.scene.whole_files import FULL
 from flows.given_settings import given_settings
 
 LARGEST_RESOLUTION_M = 1.0
-"""A cell larger than this resolves nothing that can be placed in a room [m]."""
+"""Largest cell size that resolves any object placed in a room [m]."""
 LONGEST_NAME = 255
-"""Bytes of the name of a file or folder on all common file systems."""
+"""Longest name of a file or folder on common file systems [bytes]."""
 LONGEST_FOLDER = 3500
-"""Bytes of a result folder's path: Linux takes 4096, and files are named below it."""
+"""Longest path of a result folder [bytes]: Linux allows 4096, and its files have longer paths."""
 LARGEST_SEED = 2**63 - 1
-"""What tables can hold."""
+"""Largest integer that tables can hold."""
 SHOWN = 100
-"""Characters of a value that a message shows."""
+"""Most characters of a value in a message."""
 CROSSED = "--stability needs --solver tl: mls does not verify rest states"
 
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """How a field of a model is given besides its name."""
+    """How a field of a model can be set, besides by its name."""
 
     key: str = ""
     """Dotted key in `dcap.yaml`, from which its environment variable follows; empty: it has none."""
     metavar: str | None = None
-    """What the help shows for its value."""
+    """Placeholder of its value in the help."""
     is_flag: bool = True
     """Whether the command line has it."""
 
 
 def setting_of(field: FieldInfo) -> Setting:
-    """Return what a field's annotation says of how it is given."""
+    """Return the `Setting` in a field's annotation."""
     return next((one for one in field.metadata if isinstance(one, Setting)), Setting())
 
 
@@ -118,14 +118,14 @@ class Options(BaseSettings):
         dotenv_settings: PydanticBaseSettingsSource,
         file_secret_settings: PydanticBaseSettingsSource,
     ) -> tuple[PydanticBaseSettingsSource, ...]:
-        """Return where values come from; the first wins: flags and keywords, then environment and file."""
+        """Return the sources of values; the first wins: flags and keywords, then environment and file."""
         given, keys = given_settings(), {name: setting_of(field).key for name, field in cls.model_fields.items()}
         values = {name: given[key].value for name, key in keys.items() if key in given}
         return init_settings, InitSettingsSource(settings_cls, values)
 
 
 class PhysicsOptions(Options):
-    """What decides how bodies settle."""
+    """Options that decide how bodies settle."""
 
     solver: Annotated[Literal["tl", "mls"], Setting("drop.solver.method")] = "tl"
     """Method of the solver: tl (implicit, total-Lagrangian) or mls (the paper's explicit MLS-MPM)."""
@@ -155,7 +155,7 @@ class DropOptions(PhysicsOptions):
 
 
 class StageOptions(PhysicsOptions):
-    """What decides how the stages of a placement are configured."""
+    """Options that configure the stages of a placement."""
 
     language: Annotated[Language, Setting("run.language")] = ""
     """Who reads the sentence: offline (default), anthropic, openai, or replay (default where a recording is named)."""
@@ -186,7 +186,7 @@ class PlaceOptions(StageOptions):
     max_cost: MaxCost = None
     """Spend at most this on a model [USD]."""
     label: Phrase = ""
-    """What the scene mesh, or each of its unnamed nodes, is: table."""
+    """Kind of the scene mesh, or of each of its unnamed nodes: table."""
     up: Up = "auto"
     """Up axis of the scene file: z, y, -y, -z or auto."""
     unit: Unit = "auto"
@@ -200,7 +200,7 @@ class PlaceOptions(StageOptions):
     support: Annotated[Numbers, Setting(metavar="X0,Y0,Z0,X1,Y1,Z1")] = ""
     """Box of the scene file's own frame whose faces carry."""
     object_label: Phrase = ""
-    """What the object is: mug."""
+    """Kind of the object: mug."""
     object_up: Up = "auto"
     """Up axis of the object file: z, y, -y, -z or auto."""
     object_unit: Unit = "auto"
@@ -218,7 +218,7 @@ class PlaceOptions(StageOptions):
 
 
 class DatasetOptions(StageOptions):
-    """What `benchmark` and `plan` have in common: which samples, by which methods."""
+    """Options shared by `benchmark` and `plan`: the samples and the methods."""
 
     dataset: Annotated[HomePath | None, Setting("run.dataset", "PATH")] = None
     """YAML list of samples, or a folder of scenes (needs --objects); default: the embedded rooms."""
@@ -243,7 +243,7 @@ class BenchmarkOptions(DatasetOptions):
     """Options of `benchmark`."""
 
     objects: Annotated[HomePath | None, Setting("run.objects", "FOLDER")] = None
-    """Meshes that are placed in a folder of scenes, named by what they are or by an assets.csv beside them."""
+    """Meshes that are placed in a folder of scenes, named by their kind or by an assets.csv next to them."""
     per_scene: Annotated[int, Field(ge=1, le=200), Setting("run.per_scene")] = 3
     """Samples of each scene of a folder."""
     sugar: Annotated[HomePath | None, Setting("run.sugar", "FOLDER")] = None
@@ -347,7 +347,7 @@ KEYS = {key: name for name, field in AllSettings.model_fields.items() if (key :=
 
 
 def check_out(folder: Path) -> None:
-    """Refuse a result folder that cannot be one before anything is computed."""
+    """Refuse an impossible result folder before anything is computed."""
     shown = repr(shortened(str(folder), SHOWN))
     if "\0" in str(folder) or any(len(os.fsencode(part)) > LONGEST_NAME for part in folder.parts):
         raise InputError(f"--out {shown}: a name in it has a zero byte or more than {LONGEST_NAME} bytes")
@@ -365,7 +365,7 @@ def check_out(folder: Path) -> None:
 
 
 def check_prompt(prompt: str) -> None:
-    """Refuse a sentence that says nothing, is no text or is longer than any sentence."""
+    """Refuse a sentence that is empty, not text, or longer than any sentence."""
     if not prompt.strip():
         raise InputError('PROMPT is empty; say what to do, for example "put the ball at the centre of the bed"')
     if why := unfit(prompt, LONGEST_PROMPT, lines=True):

@@ -1,4 +1,4 @@
-"""Writes what a placement returned into a folder: placement.json, object.ply, scene.glb and pictures."""
+"""Writes the results of a placement into a folder: placement.json, object.ply, scene.glb and pictures."""
 
 import json
 import os
@@ -87,7 +87,7 @@ def load(store: Store, ref: Ref[object], kind: type[Kind]) -> Kind | None:
 def write_placement(finished: FinishedSample, out: Path) -> JsonObject:
     """Write all files of a placement into `out` and return what placement.json holds.
 
-    The files are written as drafts and moved in, placement.json last: whoever sees it sees everything. They are copied
+    The files are written as drafts and moved in, placement.json last: once it is there, everything is. They are copied
     from an earlier folder of the same placement, if there is one.
     """
     with draft_folder(out) as draft:
@@ -106,10 +106,10 @@ def write_placement(finished: FinishedSample, out: Path) -> JsonObject:
 
 
 def write_files(finished: FinishedSample, draft: Path) -> dict[str, str]:
-    """Write all files of a placement anew; their names by what they are."""
+    """Write all files of a placement; returns their names by kind."""
     store = Store.default()
     values = load_values(finished, store)
-    beside = write_next_scene(values, finished.sample.prompt, draft)
+    next_scene = write_next_scene(values, finished.sample.prompt, draft)
     artifacts = (
         write_geometry(values, draft) | copy_pictures(finished, store, draft) | splat_artifact(finished, values, draft)
     )
@@ -119,18 +119,18 @@ def write_files(finished: FinishedSample, draft: Path) -> dict[str, str]:
         (RESULT, placement_json(finished, values, artifacts)),
     ):
         (draft / name).write_bytes(readable_json(tree))
-    return artifacts | beside | {name: name for name in (SCHEMA, RECORDS, RESULT)}
+    return artifacts | next_scene | {name: name for name in (SCHEMA, RECORDS, RESULT)}
 
 
 def placement_key(finished: FinishedSample) -> str:
-    """Return what decides the files of a placement: what was asked, its records, and the code that writes."""
+    """Return the key of a placement's files: digest of its request, its records, and the code that writes them."""
     code = code_of(Path(__file__).resolve())
     records = [(one.record.key, one.record.seconds, *one.ref.to_json().values()) for one in finished.results]
     return json.dumps([asdict(finished.sample), records, code.digest, dict(code.libraries)], sort_keys=True)
 
 
 def write_next_scene(values: Values, prompt: str, folder: Path) -> dict[str, str]:
-    """What makes the folder a scene for the next placement; names of the files, each by itself."""
+    """Write the files that make the folder a scene for the next placement; returns their names."""
     files = next_scene_files(values, prompt)
     for name, data in files.items():
         (folder / name).write_bytes(data)
@@ -143,7 +143,7 @@ def readable_json(tree: object) -> bytes:
 
 
 def write_geometry(values: Values, folder: Path) -> dict[str, str]:
-    """object.ply, object.glb, contacts.glb and scene.glb, as far as there is something to write."""
+    """Write object.ply, object.glb, contacts.glb and scene.glb, each if there is something to write."""
     if values.scene is None:
         return {}
     anchor, item = values.anchor, values.item
@@ -191,7 +191,7 @@ def corner_normals(mesh: Mesh) -> NDArray[np.float32]:
 
 
 def copy_pictures(finished: FinishedSample, store: Store, folder: Path) -> dict[str, str]:
-    """The pictures as they lie in the store."""
+    """Copy the pictures from the store."""
     source = store.folder(finished.placement.overview or finished.placement.renders)
     names = [name for name in PICTURES if (source / f"{name}.png").is_file()]
     for name in names:

@@ -1,9 +1,9 @@
-"""Which requests a server of ours answers: those that name it as it is named, from pages of its own.
+"""Limits a server of ours to requests that use one of its own names and come from its own pages.
 
-A page of another site can send requests to any address of this machine: a browser says in `Origin` whose page it is,
-and of what it loads into a page without that, a picture or a frame, in `Sec-Fetch-Site`. A link that a person follows
-is no part of the page that it stands on. A name of another site may also lead to this machine (DNS rebinding), and then
-its pages are of the server's own origin: such a name stands in `Host`.
+A page of another site can send requests to any address of this machine. The browser names the page's origin in
+`Origin`, and for resources without that header, such as pictures and frames, in `Sec-Fetch-Site`. A link that a person
+follows is a navigation and no part of the other page. A name of another site may also resolve to this machine (DNS
+rebinding), so that its pages share the server's origin: the header `Host` then holds that name.
 """
 
 import ipaddress
@@ -27,27 +27,28 @@ ROOT = re.compile(r"https?://[^/?#@\s]+/?", re.IGNORECASE)
 HEADERS = b"host", b"origin"
 FETCH = b"sec-fetch-site", b"sec-fetch-dest"
 ELSEWHERE = frozenset({"cross-site", "same-site"})
-"""What a browser says of what a page of another origin loads; one of another port of this machine is `same-site`."""
+"""`Sec-Fetch-Site` of resources loaded by a page of another origin; another port of this machine is `same-site`."""
 A_PAGE = "document"
-"""What it says of a page that is shown by itself."""
+"""`Sec-Fetch-Dest` of a page that is opened by itself."""
 REFUSED = 403
-"""Status of the answer to other requests."""
+"""HTTP status of refused requests."""
 POLICY = 1008
 """Code with which a WebSocket is closed."""
 
 
 @dataclass(frozen=True, slots=True)
 class OwnRequests:
-    """The names of a server, and where else its pages come from."""
+    """The names of a server, and the other origins of its pages."""
 
     hosts: frozenset[str] | None
-    """Names and addresses; None where it listens everywhere, and nobody knows what it is called there."""
+    """Names and addresses; None where it listens everywhere, so that its names are unknown."""
     origins: frozenset[str] = frozenset()
-    """Of the pages of other servers that stand before it, `https://name`."""
+    """Origins of reverse proxies in front of it, `https://name`."""
 
     @classmethod
     def to(cls, address: str, before: Iterable[str] = ()) -> "OwnRequests":
-        """Requests to a server that listens on an address; `before` are addresses of servers that stand before it."""
+        """Own requests of a server that listens on an address; `before` are addresses of reverse proxies in front of
+        it."""
         fronts = [origin_of(one) for one in before]
         origins = frozenset(fronts)
         if address in EVERYWHERE:
@@ -71,7 +72,7 @@ class OwnRequests:
 
 
 class OwnRequestsOnly:
-    """Refuses what is asked of an application by others, and names the `knob` that makes them its own."""
+    """Refuses requests to an application from other pages; the refusal names the `knob` that allows them."""
 
     def __init__(self, app: "ASGIApp", own: OwnRequests, knob: str) -> None:
         self._app, self._own, self._knob = app, own, knob
@@ -95,8 +96,8 @@ class OwnRequestsOnly:
 
 
 def origin_of(address: str) -> str:
-    """The `Origin` that a browser sends from pages of a web server's address, which names no port that goes without
-    saying. ValueError where the address is none."""
+    """The `Origin` that a browser sends from pages at a web address; it leaves out the scheme's default port.
+    ValueError for an invalid address."""
     parts = urlsplit(address)
     name, port = parts.hostname, parts.port
     if not ROOT.fullmatch(address) or not name:
@@ -106,7 +107,7 @@ def origin_of(address: str) -> str:
 
 
 def url_host(address: str) -> str:
-    """How this machine finds a server that listens on an address."""
+    """Host of a URL by which this machine reaches a server that listens on an address."""
     if address in EVERYWHERE:
         return LOOPBACK
     return f"[{address}]" if ":" in address else address
@@ -121,17 +122,17 @@ def is_loopback(address: str) -> bool:
 
 
 def host_name(host: str) -> str:
-    """The name in a header `Host`; empty where there is none, or a port that is no number."""
+    """The name in a header `Host`; empty without one, or with an invalid port."""
     try:
         parts = urlsplit(f"//{host}")
-        name, _ = parts.hostname, parts.port  # which raises if it is no number
+        name, _ = parts.hostname, parts.port  # raises if it is no number
         return name or ""
     except ValueError:
         return ""
 
 
 def origin_host(origin: str) -> str:
-    """Name and port in a header `Origin`; empty where it says nothing of them, as that of a file."""
+    """Name and port in a header `Origin`; empty where it has none, as for a page from a file."""
     try:
         return urlsplit(origin).netloc.lower()
     except ValueError:

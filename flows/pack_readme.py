@@ -1,4 +1,4 @@
-"""The datasheet of a packed dataset: what it is, how it was made, what it may be used for. In: its manifest."""
+"""The datasheet of a packed dataset: content, origin and permitted use. In: its manifest."""
 
 from collections.abc import Mapping
 

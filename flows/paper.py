@@ -1,8 +1,8 @@
 """`dcap paper`: the paper's whole evaluation of a data set, in one flow run and one folder.
 
-Meshes and sentences where they are missing, all methods on the same samples, a model that judges them if one is named,
-a study that is ready to be served, and `index.html` over all of it. Every step is one that has a command of its own.
-The folder is named by what was asked: the same command goes on where it was interrupted, and ends in the same files.
+Makes missing meshes and sentences, runs all methods on the same samples, has a model judge them if one is named,
+prepares a study, and writes `index.html` over all of it. Every step also has a command of its own. The folder's name
+depends on the request: the same command resumes an interrupted evaluation, and ends in the same files.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,10 +20,10 @@ from dcap.scene.types.sample import Sample
 from dcap.scene.types.segmentation import Segmentation
 from flows.benchmark import Run, run_benchmark
 from flows.benchmark_config import (
-    asked_digest,
     benchmark_config,
     dataset_file,
     judge_options,
+    request_digest,
     runner_of,
     selection_of,
 )
@@ -31,7 +31,7 @@ from flows.dataset_sample import SAMPLES_FILE, SampledDataset
 from flows.display import console_on_stderr, summary_line
 from flows.options import PaperOptions
 from flows.place import PlaceConfig
-from flows.run_files import asked_of_run
+from flows.run_files import load_run_request
 from flows.run_names import benchmark_tags
 from flows.sample_files import slug
 from flows.sample_run import plan_sample
@@ -43,9 +43,9 @@ from tasks.artifact import Store
 from tasks.segment.stage import segment_task
 
 EMBEDDED_LIMIT = 6
-"""Samples of the embedded rooms where nothing is said [-]: five methods place them in some minutes on two cores."""
+"""Default number of samples of the embedded rooms [-]: five methods place them in some minutes on two cores."""
 DATASET_FOLDER = "dataset"
-"""Folder of the samples in that of the run, where they are made of the scenes."""
+"""Subfolder of the run for samples made from the scenes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,17 +55,17 @@ class PaperRun:
     run: Run
     page: Path
     study: str
-    """How to serve the study, or why there is none."""
+    """How to serve the study, or why there is none, in a sentence."""
 
 
 def run_paper(options: PaperOptions) -> PaperRun:
-    """Evaluate a data set by all methods; what cannot be asked for is refused before anything is computed."""
+    """Evaluate a data set by all methods; impossible requests are refused before anything is computed."""
     if options.dataset is None and options.limit is None:
         options = options.model_copy(update={"limit": EMBEDDED_LIMIT})
     config, asking = benchmark_config(options)
     methods, runner, judge = methods_of(options.methods), runner_of(options), judge_options(options)
     name = (options.dataset or EMBEDDED).resolve()
-    folder = runs_root() / f"paper-{slug(name.stem if name.is_file() else name.name)}-{asked_digest(options)}"
+    folder = runs_root() / f"paper-{slug(name.stem if name.is_file() else name.name)}-{request_digest(options)}"
     made: list[PaperRun] = []
     with prefect_server():
         from flows.watched import in_flow, paper, run_step
@@ -98,7 +98,7 @@ def run_paper(options: PaperOptions) -> PaperRun:
 
 
 def study_words(folder: Path) -> str:
-    """Prepare the study of a run; how to serve it, or why there is none."""
+    """Prepare the study of a run. Returns how to serve it, or why there is none."""
     try:
         prepare_study(str(folder), console_on_stderr().print)
     except InputError as refused:
@@ -108,7 +108,7 @@ def study_words(folder: Path) -> str:
 
 
 def choice_words(options: PaperOptions, sampled: SampledDataset | None, run: Run) -> str:
-    """How the samples were chosen, in a sentence."""
+    """A sentence on how the samples were chosen."""
     count = len({row.sample for row in run.rows})
     if sampled is not None:
         source = f"samples made by dcap dataset sample, {options.per_scene} of each scene"
@@ -123,8 +123,8 @@ def choice_words(options: PaperOptions, sampled: SampledDataset | None, run: Run
 
 
 def scene_facts(folder: Path) -> list[SceneFacts]:
-    """What the scenes of a run hold, by their first sample whose scene could be read."""
-    asked = asked_of_run(folder)
+    """Contents of a run's scenes, each from its first sample whose scene could be read."""
+    asked = load_run_request(folder)
     config = asked.config.model_copy(update={"measured": False})
     scenes: dict[str, list[Sample]] = {}
     for name, sample in asked.samples.items():
@@ -144,7 +144,7 @@ def scene_facts(folder: Path) -> list[SceneFacts]:
 
 
 def contents_of(sample: Sample, config: PlaceConfig) -> Segmentation | None:
-    """The things of a sample's scene, from the cache; None where they are not there."""
+    """The things of a sample's scene from the cache; None if they are not cached."""
     plan = plan_sample(sample, config)
     refs = [one.ref for one in plan.found if one.stage == segment_task.name]
     if not refs:
@@ -154,7 +154,7 @@ def contents_of(sample: Sample, config: PlaceConfig) -> Segmentation | None:
 
 
 def scene_names(paths: Sequence[str]) -> Mapping[str, str]:
-    """The name of each scene, with as much of its folder as tells it from the others."""
+    """The name of each scene, with as much of its folder as makes it unique."""
     for depth in range(1, max((len(Path(one).parts) for one in paths), default=1) + 1):
         names = {one: "/".join(Path(one).parts[-depth:]) for one in paths}
         if len(set(names.values())) == len(paths):

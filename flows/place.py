@@ -22,8 +22,8 @@ from dcap.scene.types.sample import Sample
 from dcap.scene.types.scan import Scan
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
 from dcap.scene.types.settled import Settled
-from flows.given import LabelRefs, given_labels
 from flows.repeats import settle
+from flows.scene_hints import LabelRefs, given_labels
 from tasks.anchor.stage import AnchorConfig, anchor_task
 from tasks.artifact import Ref, Source, Store
 from tasks.cache import Stage
@@ -63,9 +63,9 @@ class PlaceConfig(BaseModel, frozen=True, extra="forbid"):
     overview: OverviewConfig = OverviewConfig()
     drift: DriftConfig = DriftConfig()
     measured: bool = False
-    """Whether the final state is measured on its meshes, as those of other methods are."""
+    """Whether the final state is measured on its meshes, like those of other methods."""
     compared: bool = False
-    """Whether other methods place the sample, too: then it is also simulated on."""
+    """Whether other methods place the sample, too: the simulation is then continued, to measure the drift."""
 
 
 STAGES: tuple[Stage[..., object], ...] = (
@@ -92,29 +92,29 @@ SECTIONS = {
     segment_object_task.name: "segment",
     found_scale_task.name: "segment",
 }
-"""Fields of `PlaceConfig` that are not called like the stage whose settings they hold."""
+"""Fields of `PlaceConfig` whose names differ from that of their stage."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileRefs:
-    """What the stages returned that read the two files, as references into the store."""
+    """Results of the stages that read the two files, as references into the store."""
 
     scene_scan: Ref[Scan]
     object_scan: Ref[Scan]
     scene_surface: Ref[SourceSurface]
     object_surface: Ref[SourceSurface]
     scene: Ref[SegmentedScene]
-    """Of a placement as the drop began: without the dents of what was placed before and takes part again."""
+    """Scene at the start of the drop: without the dents of earlier placed things, which take part again."""
     item: Ref[SegmentedObject]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlacementRefs(FileRefs):
-    """What each stage returned."""
+    """Result of each stage."""
 
     intent: Ref[Intent]
     rotation: Ref[Rotation] | None = None
-    """None where a method chooses it with the place."""
+    """None for a method that chooses it together with the place."""
     anchor: Ref[Anchor]
     materials: Ref[PartMaterials]
     particles: Ref[Particles]
@@ -123,19 +123,19 @@ class PlacementRefs(FileRefs):
     overview: Ref[Overview] | None = None
     """Pictures of an infeasible placement, from what its stages found; None if it is feasible."""
     measures: Ref[Measures] | None = None
-    """This and the next three: None where nobody asked, or there is no final state."""
+    """This and the next three: None if not requested, or without a final state."""
     indentation: Ref[Indentation] | None = None
     drift: Ref[Drift] | None = None
     referee: Ref[RefereeMeasures] | None = None
 
 
 Proposal = Callable[[Sample, PlaceConfig, FileRefs], PlacementRefs]
-"""How a method that drops nothing places what was read."""
+"""Proposal of a method that drops nothing, for a scene and an object that were read."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SceneRefs:
-    """What the stages of a scene alone returned."""
+    """Results of the stages for a scene alone."""
 
     scan: Ref[Scan]
     scene: Ref[SegmentedScene]
@@ -143,7 +143,7 @@ class SceneRefs:
 
 
 def scene_of(sample: Sample, config: PlaceConfig) -> SceneRefs:
-    """The sample's scene and the things in it, nothing placed."""
+    """The sample's scene and the things in it, with nothing placed."""
     labels = given_labels(sample.labels)
     source, options = Store.default().add_source(sample.scene), sample.scene_options
     scale = scale_of(sample, source, labels, config)
@@ -181,7 +181,7 @@ def place(sample: Sample, config: PlaceConfig, proposal: Proposal | None = None)
     rotation = rotation_task(scene, item, intent, sample.prompt, config=config.rotation)
     anchor = anchor_task(scene, item, intent, rotation, sample.prompt, config=config.anchor)
     given, freed = scene, None
-    if is_placed_scene(Path(sample.scene)):  # things that were placed before take part, lifted out of their dents
+    if is_placed_scene(Path(sample.scene)):  # earlier placed things take part, lifted out of their dents
         freed = freed_task(scene_scan, scene, item, anchor)
         scene, anchor = freed_scene_task(freed), freed_anchor_task(freed)
     materials = materials_task(scene, item, intent, anchor, sample.prompt, config=config.materials, freed=freed)
@@ -217,7 +217,8 @@ def place(sample: Sample, config: PlaceConfig, proposal: Proposal | None = None)
 
 
 def scale_of(sample: Sample, source: Ref[Source], labels: LabelRefs, config: PlaceConfig) -> Ref[FileScale] | None:
-    """The scene's scale by the height of a thing in it, which is looked for at a guess; None where none was said."""
+    """The scene's scale from the known height of a thing, which is searched at a guessed scale; None without a
+    height."""
     if sample.known_height is None:
         return None
     options = replace(sample.scene_options, unit=ANY)

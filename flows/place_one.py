@@ -23,15 +23,15 @@ from flows.configure import configured
 from flows.display import console_on
 from flows.export_files import clear_exports
 from flows.film_output import FILM, write_film
-from flows.given import height_of, place_of
 from flows.language_options import LanguageOptions, language_options
 from flows.map_output import FOLDER, clear_maps, write_maps_of
 from flows.options import PlaceOptions
 from flows.output import ISO, iso_glb, load_values, write_placement
 from flows.place import PlaceConfig
 from flows.placement_json import AT_REST
-from flows.run_files import FinishedPlacement, located, write_asked
+from flows.run_files import FinishedPlacement, located, write_request
 from flows.sample_run import STAGE_NAMES, FinishedSample, run_sample
+from flows.scene_hints import height_of, place_of
 from flows.server import watching_server
 from tasks.arch import chosen_arch
 from tasks.artifact import Store
@@ -64,7 +64,7 @@ def place_files(scene: str, thing: str, prompt: str, options: PlaceOptions, out:
 def run_watched(
     sample: Sample, config: PlaceConfig, session: Session, listener: OnEvent, say: Callable[[str], object]
 ) -> FinishedSample:
-    """Run a sample in a flow run if a server watches, else directly."""
+    """Run a sample in a flow run if a server runs, else directly."""
     context = RunContext(on_event=listener, session=session)
     with watching_server(say) as url:
         if not url:
@@ -75,7 +75,7 @@ def run_watched(
 
 
 def stage_lines(console: Console, status: Status) -> OnEvent:
-    """Return a listener that shows a line that changes while a stage works, and one that stays when it has finished."""
+    """Return a listener that updates a status line while a stage works, and prints a line when it has finished."""
     width = max(len(name) for name in STAGE_NAMES)
 
     def show(event: StageEvent) -> None:
@@ -92,7 +92,7 @@ def stage_lines(console: Console, status: Status) -> OnEvent:
 
 
 def sample_of(scene: str, thing: str, prompt: str, options: PlaceOptions) -> Sample:
-    """Return what is placed where, as the stages take it."""
+    """Return the sample that the stages place."""
     return Sample(
         id=f"{Path(thing).stem} in {Path(scene).name}",
         scene=scene,
@@ -112,9 +112,9 @@ def sample_of(scene: str, thing: str, prompt: str, options: PlaceOptions) -> Sam
 def write_results(
     finished: FinishedSample, out: Path, config: PlaceConfig, asking: LanguageOptions, options: PlaceOptions
 ) -> JsonObject:
-    """Write all files of a placement, those that were asked for included; returns placement.json."""
+    """Write all files of a placement, the optional ones included; returns placement.json."""
     tree = write_placement(finished, out)
-    write_asked(out, finished.sample, config, asking)
+    write_request(out, finished.sample, config, asking)
     clear_maps(out / FOLDER)  # of an earlier result in the same folder
     clear_exports(out)
     (out / FILM).unlink(missing_ok=True)

@@ -1,4 +1,4 @@
-"""What placement.json says of a placement, from the values that its stages returned."""
+"""Content of placement.json, from the results of a placement's stages."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -27,12 +27,12 @@ from tasks.render.particle_table import settled_materials
 
 AT_REST, AS_POSED = "at_rest", "as_posed"
 SCHEMA_VERSION = 1
-"""Of the keys of placement.json: keys are only added within a version."""
+"""Version of the keys of placement.json: keys are only added within a version."""
 
 
 @dataclass(frozen=True, slots=True)
 class Values:
-    """What the stages returned, as far as they got."""
+    """Results of the stages, as far as they got."""
 
     scan: Scan | None
     object_scan: Scan | None
@@ -50,7 +50,7 @@ class Values:
 
 
 def visibility_of(found: Visibility) -> JsonObject:
-    """How much of the object is seen from the views around it and from the room."""
+    """Visibility of the object from the views around it and from the room."""
     views = found.views
     return object_to_json(
         {
@@ -110,13 +110,13 @@ def placement_json(finished: FinishedSample, values: Values, artifacts: Mapping[
 
 
 def region_words(anchor: Anchor, intent: Intent | None) -> str:
-    """The place that the object should rest in, in the words of the sentence if it has some."""
+    """The intended place of the object, in the words of the sentence where it names one."""
     words = intent.region.words if intent else ""
     return repr(words) if words else f"the {anchor.region} of the {anchor.part}"
 
 
 def off_its_part(values: Values) -> bool:
-    """Whether the sentence names a part, the object was set down on it, and it came to rest on another one."""
+    """Whether the sentence names a part, and the object was set down on it but came to rest on another one."""
     scene, intent, anchor, settled = values.scene, values.intent, values.anchor, values.settled
     body = object_body(settled)
     if not (scene and intent and anchor and settled and body) or intent.region.part != anchor.part or anchor.lean:
@@ -125,7 +125,7 @@ def off_its_part(values: Values) -> bool:
 
 
 def base_of(values: Values) -> dict[str, str] | None:
-    """What carries the object: the anchor's instance, perhaps a rug on the floor asked for; else the asked one."""
+    """Support of the object: the anchor's instance (perhaps a rug on the requested floor), else the requested one."""
     intent, anchor = values.intent, values.anchor
     if anchor and values.scene:
         return {"id": anchor.base_id, "label": values.scene.instances[values.scene.index_of(anchor.base_id)].label}
@@ -133,7 +133,7 @@ def base_of(values: Values) -> dict[str, str] | None:
 
 
 def mass_of(values: Values) -> float | None:
-    """Mass that was simulated [kg], or the prior if nothing was."""
+    """Simulated mass [kg], or the prior if nothing was simulated."""
     if values.particles:
         return values.particles.bodies[0].inertial.mass
     return values.intent.mass if values.intent else None
@@ -152,19 +152,19 @@ def verdict_of(values: Values) -> tuple[str, str | None]:
 
 
 def last_state(values: Values) -> Settled | LastState | None:
-    """Where the drop ended, if there was one."""
+    """Last state of the drop, if there was one."""
     evidence = values.infeasible.evidence if values.infeasible else None
     return values.settled or (evidence if isinstance(evidence, LastState) else None)
 
 
 def contacts_of(values: Values) -> list[JsonValue]:
-    """What touches in the last state."""
+    """Contacts in the last state."""
     last = last_state(values)
     return [sorted_keys(object_to_json(row)) for row in last.contacts] if last else []
 
 
 def certificate_of(values: Values) -> JsonObject | None:
-    """The drop's certificate, with the object's pose where the drop is infeasible; or what another stage found."""
+    """The drop's certificate, with the object's pose if the drop is infeasible; or the evidence of another stage."""
     if values.settled is not None:
         if values.settled.certificate is None:
             return None
@@ -184,7 +184,7 @@ def certificate_of(values: Values) -> JsonObject | None:
 
 
 def certificate_with(certificate: Certificate, checks: PlacementChecks | None) -> JsonObject:
-    """A drop's certificate with, as `placement`, what was asked of the rest state, and the column under the contact."""
+    """A drop's certificate plus the requirements on the rest state as `placement`, and the column under the contact."""
     asked = {} if checks is None else object_to_json(checks)
     if not asked.get("poses"):
         asked.pop("poses", None)
@@ -193,7 +193,7 @@ def certificate_with(certificate: Certificate, checks: PlacementChecks | None) -
 
 
 def messages_of(values: Values) -> list[str]:
-    """What the stages say of their work, in their order."""
+    """Messages of the stages, in their order."""
     found: list[str] = list(values.scan.notes) if values.scan else []
     found += [about("object", note) for note in values.object_scan.notes] if values.object_scan else []
     found += values.scene.notes if values.scene else ()

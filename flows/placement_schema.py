@@ -14,7 +14,7 @@ from flows.placement_json import AT_REST, SCHEMA_VERSION
 from flows.results import Placement, adapter
 
 OWN = ("checks", "evidence", "folder", "tree")
-"""What a `Placement` has besides the file's keys."""
+"""Fields of `Placement` that are not keys of the file."""
 
 
 @cache
@@ -43,6 +43,6 @@ def placement_schema() -> JsonObject:
 
 
 def certificate(found: Mapping[str, Any]) -> dict[str, Any]:
-    """What is known of the certificate's keys."""
+    """Schema of the certificate's keys."""
     known = dict(found["$defs"]["Certificate"]["properties"])
     return {**known, "placement": {"$ref": "#/$defs/PlacementChecks"}}

@@ -1,4 +1,4 @@
-"""What a benchmark would do, sample by sample and stage by stage, and why; nothing is run."""
+"""Plan of a benchmark, sample by sample and stage by stage, with reasons; nothing is run."""
 
 import sys
 from collections.abc import Sequence
@@ -17,15 +17,15 @@ from flows.sample_run import Plan, StagePlan, plan_sample
 
 @dataclass(frozen=True, slots=True)
 class PlanRow:
-    """What a benchmark would do for one sample."""
+    """Plan for one sample."""
 
     sample: str
     cached: tuple[str, ...]
-    """Stages whose results are there."""
+    """Stages whose results are cached."""
     runs: str | None
     """First stage that would run; None if none would."""
     why: str | None
-    """Why it would run, or what is wrong with the sample; None if all is there."""
+    """Why it would run, or the sample's error; None if everything is cached."""
     may_run: tuple[str, ...]
     """Stages that run too, or run if what they depend on changes."""
     stages: tuple[StagePlan, ...]
@@ -42,14 +42,13 @@ def plan_benchmark(
     stages: bool = False,
     to_stderr: bool = False,
 ) -> list[PlanRow]:
-    """Print what would run and why, with a line for each of the `stages` if they are wanted, on standard output or
-    error."""
+    """Print what would run and why, on standard output or error, with a line for each stage if `stages`."""
     _, samples = dataset_samples(dataset, methods, Selection(limit=limit, scenes=scenes))
     config = measured_config(config, methods)
     plans = [plan_sample(sample, config, bring=False) for sample in samples]
     failed = [plan.failed.error for plan in plans if plan.failed]
     if len(failed) == len(plans) and all(isinstance(one, OSError | MachineError) for one in failed):
-        raise failed[0]  # a disk or its rights, and no sample's matter
+        raise failed[0]  # a full disk or missing permissions, not an error of one sample
     print_plan(plans, stages=stages, to_stderr=to_stderr)
     return [plan_row(plan) for plan in plans]
 
@@ -63,7 +62,7 @@ def plan_row(plan: Plan) -> PlanRow:
 
 
 def print_plan(plans: Sequence[Plan], *, stages: bool = False, to_stderr: bool = False) -> None:
-    """Print what would run, per sample and perhaps per stage, and a line of totals."""
+    """Print the plans of the samples, perhaps of their stages, and a line of totals."""
     console = console_on(sys.stderr if to_stderr else sys.stdout)
     table = Table("sample", "cached", "would run", "why", box=None)
     for plan in plans:

@@ -1,7 +1,7 @@
 """The work pool of a Prefect server: samples that are run as deployments by workers, on any machine. Imports Prefect.
 
-A worker that is lost with its machine tells nobody: a sample whose process is gone, whose worker has not answered for
-long, or that has not told for long which worker has begun it, is given up and runs again.
+A worker that is lost with its machine cannot report it. A sample is therefore given up and runs again if its process is
+gone, its worker has sent no heartbeat for long, or no worker has claimed it for long after its start.
 """
 
 import os
@@ -50,11 +50,11 @@ POOL, SAMPLE = "dcap", "place/sample"
 """The pool, and the deployment that places one sample."""
 LOOK_SECONDS = 1.0
 LOST_SECONDS = 120.0
-"""After so long without its worker a sample is given up: a worker sends a heartbeat every 10 s."""
+"""Time without a heartbeat of its worker, sent every 10 s, after which a sample is given up [s]."""
 CACHED, PROCESS = "Cached", "process:"
-"""Name of the state of a sample of which nothing was computed; beginning of the tag that names its process."""
+"""Name of the state of a fully cached sample; prefix of the tag that names a sample's process."""
 WORKER = "DCAP_WORKER"
-"""The variable that tells a sample's process the name of its worker, HOST-NUMBER-RANDOM."""
+"""Variable with the worker's name, HOST-NUMBER-RANDOM, in the environment of a sample's process."""
 
 
 class LostWorkerError(DcapError):
@@ -89,7 +89,7 @@ def _worker_is_lost(task: Any, task_run: TaskRun, state: State[Any]) -> bool:
     retries=3, retry_condition_fn=_worker_is_lost,
 )  # fmt: skip
 def place_in_pool(job: SampleJob) -> object:
-    """Let a worker place a sample, and look its results up in the store that both share."""
+    """Have a worker place a sample, and look its results up in the shared store."""
     tag_task_run(job)
     tags = sample_tags(job.sample, job.run)
     asked: Any = run_deployment(
@@ -111,8 +111,8 @@ def place_in_pool(job: SampleJob) -> object:
 
 
 def _final_state(run_id: UUID) -> State[Any]:
-    """Wait for the final state of a flow run; LostWorkerError where its worker is gone, DcapError where the server is,
-    or has the run no more."""
+    """Wait for the final state of a flow run; LostWorkerError if its worker is lost, DcapError if the server is lost or
+    no longer has the run."""
     heard = seen = time.monotonic()
     while True:
         time.sleep(LOOK_SECONDS)
@@ -133,7 +133,7 @@ def _final_state(run_id: UUID) -> State[Any]:
                 raise LostWorkerError("its worker was lost")
         if (lost and was_given_up()) or time.monotonic() - heard > LOST_SECONDS:
             raise DcapError(
-                "the Prefect server was lost, so nobody can tell whether its worker has placed it; run it again"
+                "the Prefect server was lost, so it is unknown whether its worker has placed it; run it again"
             )
 
 
@@ -141,20 +141,20 @@ def _is_online(client: SyncPrefectClient, worker: str) -> bool:
     """Return whether a worker of this name answers."""
     try:
         workers = client.read_workers_for_work_pool(POOL)
-    except ObjectNotFound:  # somebody has deleted the pool
+    except ObjectNotFound:  # the pool was deleted
         return False
     return any(one.status is WorkerStatus.ONLINE and one.name == worker for one in workers)
 
 
 def _process_of(run: FlowRun) -> tuple[str, int]:
-    """Return the worker and the process that a flow run has told of itself; an empty name before it has begun."""
+    """Return the worker and the process that a flow run has reported; an empty name before it has begun."""
     told = next((tag.removeprefix(PROCESS) for tag in run.tags if tag.startswith(PROCESS)), ":0")
     worker, _, pid = told.rpartition(":")
     return worker, int(pid)
 
 
 def _is_gone(worker: str, pid: int) -> bool:
-    """Return whether a process of a worker of this machine has ended; of another machine nobody can tell."""
+    """Return whether a worker's process on this machine has ended; False for other machines, where it is unknown."""
     if worker.rsplit("-", 2)[0] != platform.node():
         return False
     try:
@@ -169,7 +169,7 @@ def _is_gone(worker: str, pid: int) -> bool:
 @flow(name="place", persist_result=False, validate_parameters=False)
 def place_for_pool(job: dict[str, Any]) -> State[Any]:
     """Place the sample of a job on a worker, and leave its results in the store."""
-    die_with_parent()  # who kills a worker kills its samples
+    die_with_parent()  # killing a worker kills its samples
     mine = job_from_json(job)
     if not mine.config.drop.threads:
         mine = replace(mine, config=with_threads(mine.config, available_cores()))

@@ -1,6 +1,7 @@
-"""Writes what SuGaR takes from a scene of splats: posed pictures, cameras, Gaussians, and how to run it.
+"""Writes the input of SuGaR for a scene of splats: posed pictures, cameras, Gaussians, and a script to run it.
 
-Everything is written beside the folder and moved there in one step; what else lies in an earlier result is kept.
+Everything is written to a draft next to the folder and moved there in one step; foreign files in an earlier result are
+kept.
 """
 
 import os
@@ -28,7 +29,7 @@ from flows.output import readable_json
 from tasks.mesh.sugar_views import colmap_model, names, pictures
 
 RECORD = "prepared.json"
-"""By this file a folder is known to be ours."""
+"""File that marks a folder as ours."""
 OWNED = ("images", "sparse", "checkpoint", "run_sugar.sh", RECORD)
 
 Progress = Callable[[str], None]
@@ -36,7 +37,7 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PreparedScene:
-    """What was made of a scene of splats, and what to do with it; prepared.json has these keys in this order."""
+    """A prepared scene of splats, and how to use it; prepared.json has these keys in this order."""
 
     scene: str
     """Path of the scene."""
@@ -54,24 +55,25 @@ class PreparedScene:
     then: str
     """How to place something in the scene afterwards."""
     notes: tuple[str, ...]
-    """What was assumed or could not be done, one sentence each."""
+    """Assumptions and failures, one sentence each."""
 
 
 def prepare_sugar(
     scene: Path, out: Path | None, options: SourceOptions, config: PathConfig, *, threads: int, quiet: bool
 ) -> tuple[Path, PreparedScene]:
-    """Prepare a scene; the folder and what its prepared.json holds. Progress goes to standard error unless `quiet`."""
+    """Prepare a scene. Returns the folder and the content of prepared.json. Progress goes to standard error unless
+    `quiet`."""
     scene = scene.absolute()
     name = scene.name if scene.is_dir() else scene.stem
     folder = (out or runs_root() / "sugar" / name).absolute()
-    folder = folder.resolve() if folder.is_symlink() else folder  # what it leads to is replaced, not the link
+    folder = folder.resolve() if folder.is_symlink() else folder  # replace the link's target, not the link
     check_folder(folder, scene)
     with Console(file=sys.stderr, quiet=quiet, highlight=False).status("reading") as status:
         source = read_splat_scene(scene, options)
         try:
             folder.parent.mkdir(parents=True, exist_ok=True)
-            with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}.") as beside:
-                draft = Path(beside) / "new"
+            with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}.") as temporary:
+                draft = Path(temporary) / "new"
                 draft.mkdir()
                 record = write_all(draft, folder, scene, source, config, threads, status.update)
                 publish(draft, folder)
@@ -105,7 +107,7 @@ def earlier_scene(folder: Path) -> Path | None:
 def write_all(
     draft: Path, folder: Path, scene: Path, source: SplatScene, config: PathConfig, threads: int, progress: Progress
 ) -> PreparedScene:
-    """Everything for `folder`, written into `draft`."""
+    """Write everything for `folder` into `draft`."""
     progress("placing cameras")
     path = camera_path(source.splats, config, boxes=source.boxes, rooms=source.rooms, occupancy=source.occupancy)
     if not path.cameras:
@@ -137,38 +139,38 @@ def write_all(
 
 
 def place_command(target: Path, source: SplatScene) -> str:
-    """How to place something in the scene once SuGaR's mesh is there."""
+    """Command that places something in the scene once SuGaR's mesh exists."""
     # the mesh is in metres and z up; its own format does not say so, InteriorGS' annotations do
     frame = "" if source.annotated else " --up z --unit m"
     return f'dcap place {shlex.quote(str(target))} OBJECT "PROMPT"{frame}'
 
 
 def publish(draft: Path, folder: Path) -> None:
-    """Put a finished draft in the folder's place, with what else lay there; where that fails, all is as it was."""
+    """Replace the folder by a finished draft, keeping foreign files; on failure everything stays as it was."""
     if not (folder / RECORD).is_file():
         os.replace(draft, folder)  # nothing or an empty folder is there
         return
-    # beside the folder, where nothing tidies up: it holds what belongs to others
+    # next to the folder, where nothing is cleaned up: it holds files of others
     aside = Path(tempfile.mkdtemp(dir=folder.parent, prefix=f".{folder.name}.old."))
     try:
         os.replace(folder, aside)
         os.replace(draft, folder)
         move_others(aside, folder)
     except BaseException:  # an interruption too
-        put_back(aside, folder)
+        restore(aside, folder)
         raise
     shutil.rmtree(aside)
 
 
 def move_others(source: Path, target: Path) -> None:
-    """Move what is not ours."""
+    """Move files that are not ours."""
     for entry in list(source.iterdir()):
         if entry.name not in OWNED:
             os.replace(entry, target / entry.name)
 
 
-def put_back(aside: Path, folder: Path) -> None:
-    """The earlier result, with what else lay there, from wherever it is by now."""
+def restore(aside: Path, folder: Path) -> None:
+    """Restore the earlier result with its foreign files, wherever they are by now."""
     if not (aside / RECORD).is_file():
         aside.rmdir()  # it never left its place
         return
@@ -179,7 +181,7 @@ def put_back(aside: Path, folder: Path) -> None:
 
 
 def summary(folder: Path, record: PreparedScene) -> str:
-    """What a person needs to know next."""
+    """Lines on the result and the next steps."""
     script = shlex.quote(str(folder / "run_sugar.sh"))
     return "\n".join(
         [

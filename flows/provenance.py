@@ -1,7 +1,7 @@
 """Where a result comes from: every stage behind it, back to the files and the sentence that a person gave.
 
 In: the digest of an artifact, a path in the store, or a file of a sample. Out: a `Lineage`, a graph whose nodes are
-artifacts. What is missing or damaged on the way is told of its node; the rest is told all the same.
+artifacts. Nodes that are missing or damaged are marked as such; the others are complete.
 """
 
 import json
@@ -17,7 +17,7 @@ from dcap.language.model.reply_folder import ReplyFolder
 from dcap.scene.errors import InputError
 from dcap.scene.settings import data_root, replies_root, runs_root
 from dcap.scene.whole_files import digest_of_file
-from flows.find_run import RUN, read_asked, read_keys
+from flows.find_run import RUN, read_keys, read_request
 from flows.language_options import LEDGER
 from flows.place import SECTIONS, PlaceConfig
 from flows.run_files import PLACEMENT
@@ -29,14 +29,14 @@ from tasks.records import every_record
 from tasks.why import ABSENT, flattened
 
 DIGEST = re.compile("[0-9a-f]{6,64}")
-"""An artifact's, or its beginning."""
+"""Digest of an artifact, or its beginning."""
 SHOWN = 5
-"""Artifacts that a message names."""
+"""Most artifacts that a message names."""
 
 
 @dataclass(frozen=True, slots=True)
 class SourceFile:
-    """A file that a person gave."""
+    """An input file from a user."""
 
     name: str
     sha256: str
@@ -46,7 +46,7 @@ class SourceFile:
 
 @dataclass(frozen=True, slots=True)
 class ProvenanceStep:
-    """One artifact and what made it."""
+    """One artifact and its maker."""
 
     sha256: str
     kind: str
@@ -55,29 +55,29 @@ class ProvenanceStep:
     size: int
     """[bytes]; 0 if it is missing."""
     stage: str | None
-    """None for a file that was given, or where no record tells."""
+    """None for an input file, or if no record tells."""
     record: str | None
     seconds: float | None
     """Wall time of the stage when it was computed [s]."""
     inputs: Mapping[str, str]
     """Artifacts by the names of the stage's inputs."""
     values: Mapping[str, object]
-    """Inputs that are no artifacts: the sentence, seed, mass, options."""
+    """Inputs other than artifacts: the sentence, seed, mass, options."""
     config: object
     changed_settings: Mapping[str, object]
     """Settings, by dotted keys, that are not today's defaults."""
     code_files: int
     code_digest: str | None
-    """SHA-256 over the digests of all source files that decided it."""
+    """SHA-256 over the digests of all source files that produced it."""
     code_changed: tuple[str, ...]
     """Source files that are different now, or gone."""
     libraries: Mapping[str, str]
     files: tuple[SourceFile, ...]
-    """What was given."""
+    """Input files."""
 
 
 @dataclass(frozen=True, slots=True)
-class AskedModel:
+class ModelAnswer:
     """A question that a model answered."""
 
     question: str
@@ -87,49 +87,49 @@ class AskedModel:
     digest: str
     """SHA-256 of the rendered prompt with its pictures; empty where the ledger does not say."""
     reply: str | None
-    """SHA-256 of the file that keeps the reply; None where it is not kept."""
+    """SHA-256 of the file with the reply; None if it was not kept."""
 
 
 @dataclass(frozen=True, slots=True)
 class Lineage:
-    """What lies behind a result."""
+    """Everything from which a result was made."""
 
     artifact: str
-    """What was asked for."""
+    """The artifact asked about."""
     sample: Mapping[str, object] | None
-    """What was asked of the sample, if it is a file of one."""
+    """Request of the sample, if the artifact is a file of one."""
     roots: tuple[str, ...]
-    """Artifacts that nothing else of it is made of."""
+    """Artifacts that are inputs of no other step."""
     steps: Mapping[str, ProvenanceStep]
     """By digest, each after those that take it."""
-    asked: tuple[AskedModel, ...]
+    asked: tuple[ModelAnswer, ...]
 
 
 def provenance_of(artifact: str) -> Lineage:
-    """What lies behind a digest, a path in the store, or a file of a sample."""
-    path = found_path(artifact)
+    """Lineage of a digest, a path in the store, or a file of a sample."""
+    path = resolve_path(artifact)
     if path is None:
-        return walked_back(artifact, [ref_of_digest(artifact)], {})
+        return trace(artifact, [ref_of_digest(artifact)], {})
     ref = ref_of_path(path)
     if ref is not None:
-        return walked_back(artifact, [ref], {})
+        return trace(artifact, [ref], {})
     folder = next((one for one in (path, *path.parents) if (one / RECORDS).is_file()), None)
     if folder is None:
         raise InputError(
-            f"{artifact}: neither in the store nor beside a {RECORDS}; give a file of a sample of a run (a run of an "
+            f"{artifact}: neither in the store nor next to a {RECORDS}; give a file of a sample of a run (a run of an "
             f"earlier version has none: run it again, cached stages are only looked up), or a digest"
         )
-    return of_sample(artifact, folder)
+    return lineage_of_sample(artifact, folder)
 
 
-def found_path(artifact: str) -> Path | None:
-    """The path that was given, from the working directory, the runs or the data folder."""
+def resolve_path(artifact: str) -> Path | None:
+    """Resolve a path against the working directory, the runs or the data folder."""
     places = (Path(artifact), runs_root() / artifact, data_root() / artifact)
     return next((path.resolve() for path in places if exists(path)), None)
 
 
 def exists(path: Path) -> bool:
-    """Whether something lies there; nothing does under a name that no file can have."""
+    """Whether a path exists; False for a name that no file can have."""
     try:
         return path.exists()
     except (OSError, ValueError):
@@ -144,7 +144,7 @@ def ref_of_path(path: Path) -> Ref[Any] | None:
 
 
 def ref_of_digest(digest: str) -> Ref[Any]:
-    """The artifact whose digest begins so."""
+    """The artifact whose digest begins with `digest`."""
     if not DIGEST.fullmatch(digest):
         raise InputError(f"{digest!r} is no file, and no digest of an artifact (6 to 64 of 0-9 and a-f)")
     known = {*Store.default().refs(), *(ref for _, ref in every_record() if ref is not None)}
@@ -157,8 +157,8 @@ def ref_of_digest(digest: str) -> Ref[Any]:
     return fitting[0]
 
 
-def of_sample(artifact: str, folder: Path) -> Lineage:
-    """What lies behind the files of a sample's folder."""
+def lineage_of_sample(artifact: str, folder: Path) -> Lineage:
+    """Lineage of the files in a sample's folder."""
     rows = read_keys(folder / RECORDS).get("records")
     try:
         refs = [(Ref.from_json(row), str(row["key"])) for row in rows or ()]
@@ -166,24 +166,24 @@ def of_sample(artifact: str, folder: Path) -> Lineage:
         raise InputError(f"{folder / RECORDS}: is damaged ({type(error).__name__}); run the sample again") from None
     named = dict(refs)
     run = next((one for one in folder.parents if (one / RUN).is_file()), None)
-    sample = asked_of_sample(folder, run)
-    asked = asked_models((run or folder) / LEDGER, str(sample.get("id", "")) if sample and run else "")
-    found = walked_back(artifact, list(named), named)
+    sample = sample_request(folder, run)
+    asked = model_answers((run or folder) / LEDGER, str(sample.get("id", "")) if sample and run else "")
+    found = trace(artifact, list(named), named)
     taken = {digest for one in found.steps.values() for digest in one.inputs.values()}
     roots = tuple(digest for digest in found.roots if digest not in taken)
     return Lineage(artifact, sample, roots, found.steps, asked)
 
 
-def asked_of_sample(folder: Path, run: Path | None) -> Mapping[str, Any] | None:
-    """What was asked of the sample in a folder."""
+def sample_request(folder: Path, run: Path | None) -> Mapping[str, Any] | None:
+    """Request of the sample in a folder."""
     if (folder / PLACEMENT).is_file():
-        return dict(read_asked(folder / PLACEMENT).get("sample") or {})
-    rows = read_asked(run / RUN).get("samples") if run else None
+        return dict(read_request(folder / PLACEMENT).get("sample") or {})
+    rows = read_request(run / RUN).get("samples") if run else None
     mine = (dict(row) for row in rows or () if run and sample_folder(run, str(row.get("id"))) == folder)
     return next(mine, None)
 
 
-def asked_models(ledger: Path, sample: str) -> tuple[AskedModel, ...]:
+def model_answers(ledger: Path, sample: str) -> tuple[ModelAnswer, ...]:
     """The questions of a sample that a model answered, as the run's ledger has them; of all samples without a name."""
     replies = ReplyFolder(replies_root())
     found = {}
@@ -191,12 +191,12 @@ def asked_models(ledger: Path, sample: str) -> tuple[AskedModel, ...]:
         if isinstance(line, ReplyLine) and sample in ("", line.sample):
             kept = next(iter(sorted(replies.root.glob(f"*/{line.digest[:2]}/{line.digest}.json"))), None)
             reply = digest_of_file(kept) if line.digest and kept else None
-            found[line.question, line.digest] = AskedModel(line.question, line.model, line.how, line.digest, reply)
+            found[line.question, line.digest] = ModelAnswer(line.question, line.model, line.how, line.digest, reply)
     return tuple(found.values())
 
 
-def walked_back(artifact: str, refs: Sequence[Ref[Any]], named: Mapping[Ref[Any], str]) -> Lineage:
-    """All artifacts behind some; `named` are records that are known to have made some of them."""
+def trace(artifact: str, refs: Sequence[Ref[Any]], named: Mapping[Ref[Any], str]) -> Lineage:
+    """All artifacts behind `refs`; `named` are the known records of some of them."""
     steps: dict[str, ProvenanceStep] = {}
     waiting = list(refs)
     while waiting:
@@ -209,7 +209,7 @@ def walked_back(artifact: str, refs: Sequence[Ref[Any]], named: Mapping[Ref[Any]
 
 
 def step_of(ref: Ref[Any], key: str | None) -> tuple[ProvenanceStep, list[Ref[Any]]]:
-    """An artifact with what made it, and the artifacts before it."""
+    """An artifact with its maker, and the artifacts that it was made from."""
     record = maker_of(ref, key)
     made = record.recipe if record else {"inputs": {}}
     before = {name: Ref.from_json(one["ref"]) for name, one in made["inputs"].items() if "ref" in one}
@@ -261,14 +261,14 @@ def changed_settings(stage: str, config: object) -> dict[str, object]:
 
 
 def given_files(ref: Ref[Any]) -> Iterator[SourceFile]:
-    """The files of a source."""
+    """Files of a source artifact."""
     folder = Store.default().folder(ref) / FILES
     for path in files_in(folder):
         yield SourceFile(path.relative_to(folder).as_posix(), digest_of_file(path), path.stat().st_size)
 
 
 def provenance_lines(found: Lineage) -> list[str]:
-    """The graph as a tree; what has been told is not told again."""
+    """The graph as a tree of lines; each artifact is expanded once."""
     lines = [found.artifact]
     if found.sample:
         lines += [f"sample {found.sample.get('id')}: {json.dumps(found.sample.get('prompt'), ensure_ascii=False)}"]
@@ -283,22 +283,22 @@ def provenance_lines(found: Lineage) -> list[str]:
 def tree_lines(
     steps: Mapping[str, ProvenanceStep], digest: str, name: str, indent: str, told: set[str]
 ) -> Iterator[str]:
-    """An artifact and what is behind it."""
+    """Lines for an artifact and its inputs."""
     one = steps[digest]
     label = f"{indent}{name + ': ' if name else ''}{one.kind} {digest[:12]}"
     if digest in told:
         yield f"{label} (see above)"
         return
     told.add(digest)
-    yield f"{label}{'' if one.state == 'sound' else f' {one.state.upper()}'}{made_by(one)}"
+    yield f"{label}{'' if one.state == 'sound' else f' {one.state.upper()}'}{maker_words(one)}"
     inner = f"{indent}  "
     yield from (f"{inner}| {line}" for line in details(one))
     for word, before in one.inputs.items():
         yield from tree_lines(steps, before, word, inner, told)
 
 
-def made_by(one: ProvenanceStep) -> str:
-    """Who made it, in a few words."""
+def maker_words(one: ProvenanceStep) -> str:
+    """Maker of an artifact, in a few words."""
     if one.stage is None:
         return "" if one.kind == Source.__name__ else ", no record tells what made it"
     return f" by {one.stage}, {one.seconds:.2f} s"

@@ -1,6 +1,6 @@
-"""Drops that are made again on other cells, because what the first one showed was not foreseen.
+"""Repeats drops on other cells where the first drop did not go as predicted.
 
-Each go is a call of the stages with its own configuration, and has its own record.
+Each attempt calls the stages with its own configuration, and has its own record.
 """
 
 from dcap.scene.types.anchor import Anchor
@@ -18,9 +18,9 @@ from tasks.particles.config import ParticlesConfig
 from tasks.particles.stage import particles_task
 
 COARSER = 1.4
-"""How much larger cells are where a drop broke down: half as many along two axes [-]."""
+"""Growth of the cells after a drop that broke down [-]; halves the number of cells along two axes together."""
 FINER_GOES = 2
-"""How often at most an object is dropped again that ended on coarse cells."""
+"""Most repeats of a drop that ended on coarse cells."""
 
 
 def settle(
@@ -35,8 +35,8 @@ def settle(
     cells: ParticlesConfig,
     drop: DropConfig,
 ) -> tuple[Ref[Particles], Ref[Settled]]:
-    """Fill the bodies and drop the object; again on coarser cells where the drop broke down, and on finer ones where
-    the object ended where cells were not foreseen to be fine: up to FINER_GOES times, since it may roll on."""
+    """Fill the bodies and drop the object. Repeat on coarser cells if the drop broke down, and with fine cells at the
+    end position if the object ended outside the fine region: up to FINER_GOES times, since it may roll on."""
     particles = particles_task(scene, item, intent, anchor, materials, config=cells, freed=freed)
     settled = drop_task(particles, anchor, intent, seed, config=drop)
     if broke_down(settled):
@@ -58,19 +58,19 @@ def settle(
 
 
 def broke_down(settled: Ref[Settled]) -> bool:
-    """Return whether a step broke: slivers of material in cut cells can fold, and where the grid cuts is chance."""
+    """Return whether a step broke: slivers of material in cut cells can fold, depending on where the grid cuts."""
     value = Store.default().load(settled) if settled.infeasible else None
     return isinstance(value, Infeasible) and value.reason is Reason.UNSTABLE_STEP
 
 
 def ended_elsewhere(settled: Ref[Settled]) -> EndPose | None:
-    """Return where the drop ended if it showed that cells must be fine at another place than was foreseen."""
+    """Return the end position of the drop if fine cells are needed at another place than predicted."""
     return None if settled.pending else unforeseen_end(Store.default().load(settled))
 
 
 def drift_broke_down(drift: Ref[Drift], settled: Ref[Settled]) -> bool:
-    """Return whether a step broke where a pose was simulated on. It is tried on other cells then, as a drop that
-    breaks is. A dent has no other cells than its drop's, which have lasted a whole drop."""
+    """Return whether a step broke while the simulation of a pose was continued. It is then repeated on other cells,
+    like a drop that breaks. A dent always has the cells of its drop, which have survived a whole drop."""
     if drift.pending or settled.pending:
         return False
     found, state = Store.default().load(drift), Store.default().load(settled)

@@ -1,7 +1,7 @@
-"""What `dcap.place` and `dcap.drop` return: placement.json and result.json with their keys as attributes.
+"""Return values of `dcap.place` and `dcap.drop`: placement.json and result.json with their keys as attributes.
 
 In: the content of those files and the folder they lie in. Out: frozen values, nested as in the files; units and
-meanings of the keys stand in docs/formats.md. What has no fixed keys (bodies, timings) is a `NamedValues` mapping.
+meanings of the keys are in docs/formats.md. Objects without fixed keys (bodies, timings) are `NamedValues` mappings.
 """
 
 import json
@@ -88,7 +88,7 @@ class CandidateRow:
     id: str
     label: str
     score: float
-    """How likely it is meant, 0..1."""
+    """Likelihood that the prompt means it, 0..1."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +102,7 @@ class Pose:
 
 @dataclass(frozen=True, slots=True)
 class MaterialRow:
-    """What a part was simulated as."""
+    """Material and model of a simulated part."""
 
     body: str
     part: str
@@ -122,7 +122,7 @@ class MaterialRow:
 
 @dataclass(frozen=True, slots=True)
 class GeometryRow:
-    """How the solid of a body was made of its faces."""
+    """How the solid of a body was made from its faces."""
 
     body: str
     part: str
@@ -153,7 +153,7 @@ class ViewRow:
 
 @dataclass(frozen=True, slots=True)
 class VisibilityRow:
-    """How much of the object at rest is seen."""
+    """Visibility of the object at rest."""
 
     canonical_best: float
     """Largest visible share of the silhouette in the views around it."""
@@ -161,16 +161,16 @@ class VisibilityRow:
     recognisability: float
     """Largest visible share of the outline in these views."""
     from_the_room: float
-    """Mean visible share of what faces people who stand around it."""
+    """Mean visible share of the surface that faces people standing around it."""
     views: tuple[ViewRow, ...]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Placement:
-    """A placement: the keys of placement.json, and where its files are."""
+    """A placement: the keys of placement.json, and the paths of its files."""
 
     schema: int
-    """Version of these keys; 0 of what was written before there was one."""
+    """Version of these keys; 0 for files written before versions existed."""
     verdict: str
     """at_rest or infeasible."""
     reason: str | None
@@ -193,26 +193,27 @@ class Placement:
     materials: tuple[MaterialRow, ...]
     geometry: tuple[GeometryRow, ...]
     soft_bodies: tuple[SettledMaterial, ...]
-    """What became of the soft bodies; empty without a rest state."""
+    """Final states of the soft bodies; empty without a rest state."""
     certificate: Certificate | None
-    """Of the drop; None where a stage before it found no way, and after unstable_step."""
+    """Certificate of the drop; None if an earlier stage found the placement infeasible, and after unstable_step."""
     checks: PlacementChecks | None
-    """What was asked of the rest state, `placement` in the file's certificate; None where that is None."""
+    """Requirements on the rest state, `placement` in the file's certificate; None if that is None."""
     evidence: NamedValues[Any]
-    """What else shows why there is no rest state: what a stage before the drop found, or the last state of a drop."""
+    """Further evidence that there is no rest state: findings of a stage before the drop, or the last state of a
+    drop."""
     visible_fraction: float | None
     visibility: VisibilityRow | None
-    """From views around the object and from the room."""
+    """Visibility from views around the object and from the room."""
     warnings: tuple[str, ...]
-    """What asks for action: not met, not understood, guessed with an effect on the result."""
+    """Messages that need action: requests not met or not understood, guesses that affect the result."""
     notes: tuple[str, ...]
-    """What else was done or assumed."""
+    """Other steps and assumptions."""
     timings: NamedValues[float]
     """Seconds that each stage took when it was computed."""
     artifacts: NamedValues[Path]
-    """Whole paths of the files."""
+    """Absolute paths of the files."""
     folder: Path
-    """Where placement.json and the files are."""
+    """Folder of placement.json and the files."""
     tree: dict[str, Any] = field(repr=False)
     """The content of placement.json."""
 
@@ -275,7 +276,7 @@ class Residual:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Result:
-    """A drop: the keys of result.json, and where its files are."""
+    """A drop: the keys of result.json, and the paths of its files."""
 
     verdict: str
     """at_rest or a reason code."""
@@ -295,7 +296,7 @@ class Result:
     wall_s: float
     timings: NamedValues[float]
     folder: Path
-    """Where result.json, the surfaces at rest and the history are."""
+    """Folder of result.json, the surfaces at rest and the history."""
     tree: dict[str, Any] = field(repr=False)
     """The content of result.json."""
 
@@ -313,7 +314,7 @@ class Result:
 
     @property
     def artifacts(self) -> NamedValues[Path]:
-        """Whole paths of the files: one PLY per body by its name, and `history`; empty after unstable_step."""
+        """Absolute paths of the files: one PLY per body by its name, and `history`; empty after unstable_step."""
         if self.verdict == "unstable_step":
             return NamedValues({})
         surfaces = {name: self.folder / f"{name}.ply" for name in self.bodies}
@@ -330,13 +331,12 @@ class Result:
 
 @cache
 def adapter(kind: type) -> TypeAdapter[Any]:
-    """Builds a result of a class from plain values."""
+    """Validator that builds a class of results from plain values."""
     return TypeAdapter(kind)
 
 
 def built(kind: type, values: Mapping[str, Any], path: Path) -> Any:
-    """A result of the values that a file holds; InputError names the file and the first key that is not as it should
-    be."""
+    """A result from the values in a file; InputError names the file and the first invalid key."""
     try:
         result = adapter(kind).validate_python(values)
     except ValidationError as error:
@@ -352,5 +352,5 @@ def rounded(position: Vector) -> list[float]:
 
 
 def noted(warnings: tuple[str, ...]) -> str:
-    """How many warnings there are, nothing where there are none."""
+    """Number of warnings in words; empty without any."""
     return f"{len(warnings)} warnings, " if warnings else ""

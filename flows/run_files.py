@@ -1,4 +1,4 @@
-"""What was asked of a run or of one placement, as its folder keeps it: samples and configuration.
+"""Request of a run or of one placement, as stored in its folder: samples and configuration.
 
 A run has `run.json`; a folder that `place --out` wrote has `sample.json`, and is named like a run with one sample.
 """
@@ -14,7 +14,7 @@ from dcap.scene.json_tree import JsonObject
 from dcap.scene.settings import runs_root
 from dcap.scene.types.sample import GivenPlace, KnownHeight, Sample, SourceOptions
 from dcap.scene.whole_files import write_whole
-from flows.find_run import ASKED_VERSION, RUN, find_run, read_asked, read_keys, undamaged
+from flows.find_run import ASKED_VERSION, RUN, find_run, input_errors, read_keys, read_request
 from flows.language_options import LanguageOptions
 from flows.output import load_values, readable_json
 from flows.place import PlaceConfig
@@ -24,12 +24,12 @@ from tasks.artifact import Store
 
 PLACEMENT = "sample.json"
 UNFINISHED = "did not finish"
-"""What there is to say of a sample that was not placed to its end."""
+"""Message for a sample whose placement did not finish."""
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
-    """What was asked of a run, or of one placement."""
+class RunRequest:
+    """Request of a run, or of one placement."""
 
     folder: Path
     samples: Mapping[str, Sample]
@@ -47,7 +47,7 @@ class Asked:
         return self.samples[name]
 
     def folder_of(self, name: str) -> Path:
-        """Where the files of a sample lie."""
+        """Folder with the files of a sample."""
         return self.folder if self.one else sample_folder(self.folder, name)
 
 
@@ -56,19 +56,19 @@ class FinishedPlacement:
     """One placement with the values of its stages."""
 
     folder: Path
-    """Where its files lie."""
+    """Folder with its files."""
     finished: FinishedSample
     values: Values
     config: PlaceConfig
 
 
-def asked_of_run(folder: Path) -> Asked:
-    """What was asked of the run in a folder."""
-    tree = read_asked(folder / RUN)
-    with undamaged(folder / RUN):
+def load_run_request(folder: Path) -> RunRequest:
+    """Read the request of the run in a folder."""
+    tree = read_request(folder / RUN)
+    with input_errors(folder / RUN):
         samples = {str(one["id"]): sample_from_json(one) for one in tree["samples"]}
         config = PlaceConfig.model_validate(tree["config"])
-        return Asked(folder, samples, config, LanguageOptions(**tree["language"]))
+        return RunRequest(folder, samples, config, LanguageOptions(**tree["language"]))
 
 
 def read_result(folder: Path) -> tuple[JsonObject | None, str]:
@@ -76,7 +76,7 @@ def read_result(folder: Path) -> tuple[JsonObject | None, str]:
     failure = folder / "error.txt"
     if failure.is_file():
         said = failure.read_text(encoding="utf-8", errors="replace")
-        return None, next(iter(said.splitlines()), "failed without a word")
+        return None, next(iter(said.splitlines()), "failed without a message")
     if not (folder / "placement.json").is_file():
         return None, UNFINISHED
     try:
@@ -86,26 +86,26 @@ def read_result(folder: Path) -> tuple[JsonObject | None, str]:
 
 
 def chooser_of(folder: Path) -> LanguageConfig:
-    """Who answered the questions of the placements of the run in a folder."""
-    tree = read_asked(folder / RUN)
-    with undamaged(folder / RUN):
+    """Name of the client that answered the questions of the run in a folder."""
+    tree = read_request(folder / RUN)
+    with input_errors(folder / RUN):
         known = tree.get("config", {}).get("intent", {}).get("language", {})
         return LanguageConfig.model_validate(known)
 
 
-def asked_of(run: str, sample: str | None) -> tuple[Asked, str]:
-    """What was asked, and the sample's id, of a sample of a run; or of the folder of a placement, without a sample."""
+def find_request(run: str, sample: str | None) -> tuple[RunRequest, str]:
+    """Find the request and the sample's id for a sample of a run, or for the folder of a placement without a sample."""
     for folder in (Path(run), runs_root() / run):
         if (folder / PLACEMENT).is_file() and not (folder / RUN).is_file():
-            tree = read_asked(folder / PLACEMENT)
-            with undamaged(folder / PLACEMENT):
+            tree = read_request(folder / PLACEMENT)
+            with input_errors(folder / PLACEMENT):
                 one = sample_from_json(tree["sample"])
                 config = PlaceConfig.model_validate(tree["config"])
                 language = LanguageOptions(**tree["language"])
             if sample not in (None, one.id):
                 raise InputError(f"{run} is one placement: leave {sample!r} out")
-            return Asked(folder.resolve(), {one.id: one}, config, language, one=True), one.id
-    asked = asked_of_run(find_run(run))
+            return RunRequest(folder.resolve(), {one.id: one}, config, language, one=True), one.id
+    asked = load_run_request(find_run(run))
     if not asked.samples:
         raise InputError(f"{asked.folder.name} has no samples")
     if sample is None:
@@ -117,15 +117,14 @@ def asked_of(run: str, sample: str | None) -> tuple[Asked, str]:
 
 
 def finished_placement(run: str, sample: str | None) -> FinishedPlacement:
-    """The values of a sample's stages from the store; InputError where one is no longer there. What was measured
-    afterwards is no part of it."""
-    asked, name = asked_of(run, sample)
+    """Results of a sample's stages from the store, without later measurements; InputError if one is no longer there."""
+    asked, name = find_request(run, sample)
     finished = finished_sample(asked, name)
     return FinishedPlacement(asked.folder_of(name), finished, load_values(finished, Store.default()), asked.config)
 
 
-def finished_sample(asked: Asked, name: str) -> FinishedSample:
-    """What the stages of a sample have returned; InputError where a result is no longer in the store."""
+def finished_sample(asked: RunRequest, name: str) -> FinishedSample:
+    """Results of the stages of a sample; InputError if one is no longer in the store."""
     plan = plan_sample(asked.sample(name), asked.config.model_copy(update={"measured": False}))
     if plan.finished is None:
         why = plan.failed.message if plan.failed else f"stage {plan.missing[0].stage} is not cached ({plan.why})"
@@ -134,8 +133,8 @@ def finished_sample(asked: Asked, name: str) -> FinishedSample:
     return plan.finished
 
 
-def write_asked(folder: Path, sample: Sample, config: PlaceConfig, language: LanguageOptions) -> None:
-    """Lay what was asked of a placement beside its files."""
+def write_request(folder: Path, sample: Sample, config: PlaceConfig, language: LanguageOptions) -> None:
+    """Write the request of a placement into the folder with its files."""
     tree = {
         "version": ASKED_VERSION,
         "sample": asdict(located(sample)),
@@ -146,8 +145,8 @@ def write_asked(folder: Path, sample: Sample, config: PlaceConfig, language: Lan
 
 
 def located(sample: Sample) -> Sample:
-    """The sample with whole paths: a run is repeated from any working directory. Links stay what they are called: the
-    name of a file of labels is part of what is read."""
+    """The sample with absolute paths, so that a run can be repeated from any working directory. Links are not resolved:
+    the name of a label file decides how it is read."""
 
     def whole(path: str) -> str:
         return str(Path(path).absolute()) if path and Path(path).exists() else path

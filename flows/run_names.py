@@ -1,4 +1,4 @@
-"""Tags and names of runs where they are watched."""
+"""Tags and names of runs on Prefect's pages."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -7,7 +7,7 @@ from dcap.scene.readers.scenes.sugar import MESH_SUFFIXES
 from dcap.scene.types.sample import Sample
 
 LONGEST = 200
-"""Letters of a name or tag that are shown."""
+"""Longest name or tag on a page [characters]."""
 
 
 def sample_tags(sample: Sample, run: str = "") -> tuple[str, ...]:
@@ -22,12 +22,12 @@ def benchmark_tags(run: str, methods: Sequence[str]) -> tuple[str, ...]:
 
 
 def plain_name(path: str) -> str:
-    """Return the name of a file or folder, without what only says that it is a mesh."""
+    """Return the name of a file or folder, without a suffix or name that only says that it is a mesh."""
     last = Path(path)
     return last.stem if last.suffix.lower() in MESH_SUFFIXES else last.name
 
 
 def shown(text: str) -> str:
-    """Return a name that fits in a line."""
+    """Return a name shortened to fit a line."""
     line = " ".join("".join(one if one.isprintable() else " " for one in text).split())
     return line if len(line) <= LONGEST else f"{line[: LONGEST - 1]}…"

@@ -1,7 +1,7 @@
-"""Who places the samples of a benchmark: threads of this program, a cluster of Dask or Ray, or workers of a pool.
+"""Runners of the samples of a benchmark: threads of this program, a cluster of Dask or Ray, or workers of a pool.
 
 Threads hand heavy stages to processes of their own, and are the fastest way on one machine; the others are for many
-machines that share a store. Imports Prefect where it is called.
+machines that share a store. Imports Prefect when called.
 """
 
 from collections.abc import Mapping
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class RunnerName(StrEnum):
-    """Who places samples."""
+    """Names of the runners."""
 
     LOCAL = "local"
     DASK = "dask"
@@ -29,11 +29,11 @@ class RunnerName(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class SampleRunner:
-    """Who places the samples of a run."""
+    """Runner of the samples of a run."""
 
     name: RunnerName = RunnerName.LOCAL
     cluster: str = ""
-    """Address of a cluster of Dask or Ray that is there; empty: one of this machine for the time of the run."""
+    """Address of a running cluster of Dask or Ray; empty: a local one for the duration of the run."""
     limits: Mapping[str, int] = field(default_factory=dict)
     """Most stages at a time on all machines of the server, by name of the limit."""
 
@@ -50,7 +50,7 @@ class SampleRunner:
 
     def task_runner(self, at_a_time: int) -> "TaskRunner[Any]":
         """Return Prefect's runner of these tasks."""
-        runner: TaskRunner[Any]  # also where an extra is not installed, and its classes have no type
+        runner: TaskRunner[Any]  # also if an extra is not installed, and its classes have no type
         if self.name is RunnerName.RAY:
             from prefect_ray import RayTaskRunner
 
@@ -71,11 +71,11 @@ class SampleRunner:
 
 
 RUNNER_PACKAGES = {RunnerName.DASK: "prefect_dask", RunnerName.RAY: "prefect_ray"}
-"""What must be installed."""
+"""Package that each runner needs."""
 
 
 def check_runner(name: RunnerName, cluster: str, *, batch: bool) -> None:
-    """InputError for a runner that cannot work here, before anything is computed."""
+    """Raise InputError for a runner that cannot work here, before anything is computed."""
     package = RUNNER_PACKAGES.get(name)
     if package is not None and find_spec(package) is None:
         raise InputError(f"--runner {name} needs {package.replace('_', '-')}; pip install 'dcap[{name}]'")

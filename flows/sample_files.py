@@ -15,11 +15,11 @@ from flows.scene_lists import SPLIT_SUFFIX
 
 TRUTH_FILE = TRUTH
 PLAIN = re.compile(r"[A-Za-z][A-Za-z0-9 ,.'_/-]*[A-Za-z0-9.?]")
-"""Text that YAML takes as it is; other text is quoted."""
+"""Text that YAML takes unquoted; other text is quoted."""
 NOT_TEXT = frozenset({"true", "false", "null", "yes", "no", "on", "off", "y", "n"})
 SAMPLES_HEAD = """\
 # Made by `dcap dataset sample`: put OBJECT into SCENE as PROMPT says. Paths are relative to this file.
-# What ought to come of each lies in truth.yaml, which no stage reads.
+# The intended outcomes are in truth.yaml, which no stage reads.
 """
 TRUTH_HEAD = """\
 # The intended outcome of every sample: what the sentence asks for, by labels, parts and sizes; nothing was simulated.
@@ -48,10 +48,10 @@ def slug(text: str) -> str:
 
 
 def check_free(path: Path) -> None:
-    """InputError where a data set must not be written: over a folder, or beside the truth of another one."""
+    """Raise InputError for a data set that would overwrite a folder, or the truth of another data set."""
     if path.suffix not in (".yaml", ".yml") or path.name == TRUTH_FILE:
         raise InputError(
-            f"--out {path}: give the name of a YAML file, samples.yaml; its {TRUTH_FILE} is written beside it"
+            f"--out {path}: give the name of a YAML file, samples.yaml; its {TRUTH_FILE} is written next to it"
         )
     if path.is_dir():
         raise InputError(f"--out {path} is a folder; give the name of a YAML file in it")
@@ -88,7 +88,7 @@ def dataset_text(rows: Sequence[SampledRow], folder: Path) -> str:
 
 
 def truth_text(rows: Sequence[SampledRow]) -> str:
-    """The truth beside it."""
+    """The truth file in the same folder."""
     lines = [TRUTH_HEAD.rstrip()]
     for row in rows:
         truth = row.truth
@@ -107,7 +107,7 @@ def lists_of(splits: Mapping[str, Sequence[str]]) -> dict[str, str]:
 
 
 def scalar(text: str) -> str:
-    """Text as YAML has it."""
+    """Text as a YAML scalar."""
     plain = PLAIN.fullmatch(text) and text.lower() not in NOT_TEXT and ": " not in text and " #" not in text
     return text if plain else quoted(text)
 
@@ -118,7 +118,7 @@ def quoted(text: str) -> str:
 
 
 def relative(path: Path, folder: Path) -> str:
-    """A path as seen from a folder; a whole one where they share no folder but the root."""
+    """A path relative to a folder; absolute if they share only the root."""
     whole, base = path.resolve(), folder.resolve()
     shared = Path(os.path.commonpath([whole, base]))
     return str(whole) if shared == Path(shared.anchor) else Path(os.path.relpath(whole, base)).as_posix()

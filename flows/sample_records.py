@@ -1,6 +1,6 @@
-"""Which records a placement is made of: `records.json` beside its placement.json, so that the cache keeps them.
+"""Records of a placement: `records.json` next to placement.json, by which the cache keeps them.
 
-The keys are those of the records, which hold everything else; `inputs` are artifacts that no stage made (source files,
+It lists the keys of the records, which hold everything else; `inputs` are artifacts that no stage made (source files,
 labels).
 """
 
@@ -18,7 +18,7 @@ VERSION = 1
 
 
 def records_json(finished: FinishedSample) -> JsonObject:
-    """Return what records.json holds."""
+    """Return the content of records.json."""
     made = {one.ref for one in finished.results}
     given = {ref for one in finished.results for ref in refs_in(one.record.recipe)} - made
     rows = [{"stage": one.stage, "key": one.record.key, **one.ref.to_json()} for one in finished.results]

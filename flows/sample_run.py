@@ -1,4 +1,4 @@
-"""Runs or looks up the stages of one sample, and keeps what each has returned."""
+"""Runs or looks up the stages of one sample, and keeps the result of each."""
 
 import os
 import traceback
@@ -20,21 +20,21 @@ from tasks.why import why_not_cached
 
 STAGE_NAMES = tuple(stage.name for stage in STAGES)
 OVERVIEW = overview_task.name
-"""What an infeasible placement ends with, after the stage that found no way."""
+"""Stages of an infeasible placement after the stage that found it infeasible."""
 
 
 @dataclass(frozen=True, slots=True)
 class StageResult:
-    """What a stage of a sample has returned."""
+    """Result of a stage of a sample."""
 
     stage: str
     ref: Ref[object]
     computed: bool
-    """Now; False if it was found in the cache."""
+    """True if computed now, False if found in the cache."""
 
     @property
     def record(self) -> Record:
-        """How it was made."""
+        """Record of its computation."""
         assert self.ref.record is not None
         return self.ref.record
 
@@ -51,14 +51,14 @@ class FinishedSample:
 
 @dataclass(frozen=True, slots=True)
 class FailedSample:
-    """A sample that did not get through."""
+    """A sample that failed."""
 
     sample: Sample
     error: BaseException
 
     @property
     def message(self) -> str:
-        """What went wrong in one line."""
+        """The error in one line."""
         return error_line(self.error)
 
     @property
@@ -69,18 +69,18 @@ class FailedSample:
 
 @dataclass(frozen=True, slots=True)
 class StagePlan:
-    """What placing a sample would take of one stage."""
+    """Plan for one stage of a sample."""
 
     stage: str
     state: str
-    """cached, runs, or may_run: it waits for a stage that runs, and may get the same input as before."""
+    """cached, runs, or may_run: it depends on a stage that runs, and may get the same input as before."""
     why: str | None
     """Why it would run, or for which stages it waits; None if its result is there."""
 
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """What placing a sample would take."""
+    """Plan for placing a sample."""
 
     sample: Sample
     stages: tuple[StagePlan, ...]
@@ -88,13 +88,13 @@ class Plan:
     finished: FinishedSample | None = None
     """The result, if nothing would run."""
     failed: FailedSample | None = None
-    """What is wrong with the sample, if it cannot run."""
+    """The sample's error, if it cannot run."""
     found: tuple[StageResult, ...] = ()
-    """What is cached."""
+    """Cached results."""
 
     @property
     def cached(self) -> tuple[str, ...]:
-        """Stages whose results are there."""
+        """Stages whose results are cached."""
         return tuple(one.stage for one in self.stages if one.state == "cached")
 
     @property
@@ -104,14 +104,14 @@ class Plan:
 
     @property
     def why(self) -> str:
-        """Why the first stage would run, or what is wrong with the sample."""
+        """Why the first stage would run, or the sample's error."""
         if self.failed is not None:
             return self.failed.message
         return (self.missing[0].why or "") if self.missing else ""
 
 
 class EventRecorder:
-    """Keeps the results of the stages of one sample, passes events on, and plans what is missing."""
+    """Keeps the results of the stages of one sample, passes events on, and plans the missing stages."""
 
     def __init__(self, listener: OnEvent | None = None) -> None:
         self.results: list[StageResult] = []
@@ -145,13 +145,13 @@ def run_sample(sample: Sample, config: PlaceConfig, context: RunContext) -> Fini
 
 
 def plan_sample(sample: Sample, config: PlaceConfig, *, bring: bool = True) -> Plan:
-    """Look every stage of a sample up, also behind those whose results are not there; what only the shared store has
-    comes here if it is to `bring`."""
+    """Look up every stage of a sample, including those after missing results. With `bring`, results that only the
+    shared store has are copied here."""
     recorder = EventRecorder()
     try:
         with sample_context(sample, RunContext(Mode.LOOKUP, recorder, bring=bring)):
             placement = place_by(sample, config)
-    except Exception as error:  # what is wrong with one sample is told, and the others are planned
+    except Exception as error:  # an error of one sample is reported, and the others are planned
         failed = FailedSample(sample, error)
         return Plan(sample, tuple(recorder.plans), failed=failed, found=tuple(recorder.results))
     results = tuple(recorder.results)
@@ -179,21 +179,21 @@ def in_users_words(message: str, sample: Sample) -> str:
         if inside is None:
             continue
         message = message.replace(str(inside), given)
-        if inside.name != FILES:  # not a whole folder: what lies beside the file was named by it
+        if inside.name != FILES:  # not the whole folder: the file itself names its companions
             message = message.replace(os.path.join(inside.parent, ""), os.path.join(os.path.dirname(given), ""))
     return message
 
 
 def known_error(error: BaseException) -> DcapError | None:
-    """Return the error as one that a person can mend; None for a mistake of ours."""
+    """Return the error as one that a user can fix; None for a bug of ours."""
     return error if isinstance(error, DcapError) else machine_error(error)
 
 
 def error_line(error: BaseException) -> str:
-    """Return what went wrong, without secrets; the kind of an error that is a mistake of ours is told with it."""
+    """Return the error message without secrets, with the error's class if it is a bug of ours."""
     known = known_error(error)
     lines = [line for line in str(known or error).splitlines() if line.strip()]
-    if any(line.startswith("Traceback") for line in lines[:-1]):  # the last words of a process
+    if any(line.startswith("Traceback") for line in lines[:-1]):  # last output of a process
         lines = [lines[0], "…", lines[-1]]
     words = " ".join(" ".join(lines).split())
     return redacted(words if known else f"{type(error).__name__}: {words}")

@@ -2,8 +2,8 @@
 
 Keys of a sample: `id`, `room` (or `scene`), `object`, `prompt`, and optionally `seed`, `mass`, `label`, `up`, `unit`,
 `object_label`, `object_up`, `object_unit`, `labels`, `at`, `support`, `height_of`, `licence` (of its scene and object,
-for `dataset pack`). A name is looked up beside the file
-and in the data folder, each time there and then in `rooms/` or `objects/`.
+for `dataset pack`). A name is looked up next to the file
+and in the data folder, in each case also in its `rooms/` or `objects/`.
 """
 
 import os
@@ -22,23 +22,23 @@ from dcap.scene.readers.scenes.sugar import MESH_SUFFIXES
 from dcap.scene.settings import data_root, resource
 from dcap.scene.spelling import did_you_mean
 from dcap.scene.types.sample import GivenPlace, KnownHeight, Sample, SourceOptions
-from flows.given import height_of, place_of
 from flows.options import LARGEST_SEED, UNITS, UPS
+from flows.scene_hints import height_of, place_of
 
 EMBEDDED = resource("data/rooms.yaml")
 """The dataset that the project makes itself."""
 SPLAT_ROOMS = resource("data/splat_rooms.yaml")
 """Some of its placements in rooms that are Gaussian splats."""
 TRUTH = "truth.yaml"
-"""Intended outcomes of a dataset's samples, beside it; read after a run, never by a stage."""
+"""Intended outcomes of a dataset's samples, in the same folder; read after a run, never by a stage."""
 REQUIRED = ("id", "object", "prompt")
 OPTIONAL = ("room", "scene", "seed", "mass", "label", "up", "unit", "object_label", "object_up", "object_unit",
             "labels", "at", "support", "height_of", "licence")  # fmt: skip
 HEAVIEST = 1e12
-"""A mass that no object has [kg]."""
+"""Upper bound of an object's mass, excluded [kg]."""
 Found = TypeVar("Found")
 LONGEST = {"prompt": LONGEST_PROMPT, "id": LONGEST_ID}
-"""Characters of a text; others are labels and names."""
+"""Longest prompt; other texts are labels and names [characters]."""
 CHOICES = {"up": UPS, "unit": UNITS}
 
 
@@ -48,7 +48,7 @@ def load_samples(path: Path) -> list[Sample]:
 
 
 def samples_of(rows: object, folder: Path, report: Report) -> list[tuple[int, Sample]]:
-    """The sound samples of a dataset beside whose file `folder` is, and the index of each."""
+    """Valid samples of a dataset whose file lies in `folder`, and the index of each."""
     if not isinstance(rows, list) or not rows:
         found = "none" if rows in (None, []) else type(rows).__name__
         report(error(f"expected a list of samples, found {found}"))
@@ -60,7 +60,7 @@ def samples_of(rows: object, folder: Path, report: Report) -> list[tuple[int, Sa
 
 
 def check_ids(samples: list[tuple[int, Sample]], report: Report) -> None:
-    """Refuse ids that cannot each have a folder of their own in a run."""
+    """Refuse ids that do not give each sample a folder of its own in a run."""
     seen: dict[str, str] = {}
     for index, sample in samples:
         one, name, place = sample.id, folder_name(sample.id), (index, "id")
@@ -79,7 +79,7 @@ def check_ids(samples: list[tuple[int, Sample]], report: Report) -> None:
 
 
 def licences_in(path: Path) -> dict[str, str]:
-    """What the samples of a dataset file say of the licence of their scene and object, by id; '' where they do not."""
+    """Licence of scene and object in the samples of a dataset file, by id; '' if not stated."""
     tree = load_yaml(path)
     rows = [row for row in tree if isinstance(row, Mapping)] if isinstance(tree, list) else []
     return {str(row.get("id", "")): str(row.get("licence", "")) for row in rows}
@@ -98,7 +98,7 @@ def load_yaml(path: Path) -> object:
 
 
 def sample_of(row: object, index: int, folder: Path, report: Report) -> Sample | None:
-    """One sample, None where it is broken; unknown keys are errors with the nearest known name."""
+    """One sample, None if it is invalid; unknown keys are errors with the nearest known name."""
     if not isinstance(row, Mapping):
         report(error(f"sample {index}: expected keys and values, found {short(row)}", (index,)))
         return None
@@ -116,7 +116,7 @@ def sample_of(row: object, index: int, folder: Path, report: Report) -> Sample |
         object_options=read.options("object_"),
         mass=read.mass(),
         seed=read.seed(),
-        labels=labels_beside(read.text("labels"), folder) if "labels" in row else "",
+        labels=labels_path(read.text("labels"), folder) if "labels" in row else "",
         place=read.place(),
         known_height=read.known_height(),
     )
@@ -125,7 +125,7 @@ def sample_of(row: object, index: int, folder: Path, report: Report) -> Sample |
 
 @dataclass(slots=True)
 class SampleReader:
-    """Reads the values of one sample and tells of those that are wrong; what it gives for them is not used."""
+    """Reads the values of one sample and reports invalid ones, for which it returns placeholders."""
 
     values: Mapping[str, object]
     index: int
@@ -133,7 +133,7 @@ class SampleReader:
     sound: bool = True
 
     def wrong(self, what: str, key: object = "") -> None:
-        """Tell of a mistake at a key."""
+        """Report a mistake at a key."""
         self.sound = False
         self.report(error(f"sample {self.index}: {what}", (self.index, str(key)) if key else (self.index,)))
 
@@ -150,10 +150,10 @@ class SampleReader:
             self.wrong("give either 'room' or 'scene'")
 
     def text(self, key: str) -> str:
-        """A word or sentence; a number counts as written, a missing key is told elsewhere."""
+        """A word or sentence; a number is taken as text, a missing key is reported elsewhere."""
         value = self.values.get(key, "missing")
         try:
-            # what else YAML holds may share its parts, which written out are without end
+            # other YAML values may share parts, which would never end when written out
             text = str(value) if isinstance(value, str | int | float) and not isinstance(value, bool) else ""
         except ValueError:  # an integer of more than 4300 digits
             text = ""
@@ -174,7 +174,7 @@ class SampleReader:
         return float(value)
 
     def seed(self) -> int:
-        """A seed of everything random."""
+        """Seed of all random numbers."""
         value = self.values.get("seed", 0)
         if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= LARGEST_SEED:
             self.wrong(f"seed is {short(value)}, expected a whole number from 0 to {LARGEST_SEED}", "seed")
@@ -183,12 +183,12 @@ class SampleReader:
 
     def place(self) -> GivenPlace | None:
         """A point or a box of the scene's own frame."""
-        return self.told("at", lambda: place_of(self.numbers("at"), self.numbers("support")))
+        return self.parse("at", lambda: place_of(self.numbers("at"), self.numbers("support")))
 
     def known_height(self) -> KnownHeight | None:
         """The height of a thing of the scene."""
         unit = str(self.values.get("unit", "auto"))
-        return self.told(
+        return self.parse(
             "height_of", lambda: height_of(self.text("height_of") if "height_of" in self.values else "", unit)
         )
 
@@ -197,8 +197,8 @@ class SampleReader:
         value = self.values.get(key, "")
         return ",".join(str(one) for one in value) if isinstance(value, list) else str(value)
 
-    def told(self, key: str, read: Callable[[], Found]) -> Found | None:
-        """A value, or a mistake at its key."""
+    def parse(self, key: str, read: Callable[[], Found]) -> Found | None:
+        """Parse a value, or report a mistake at its key."""
         try:
             return read()
         except InputError as refused:
@@ -218,8 +218,8 @@ class SampleReader:
         return SourceOptions(**given)
 
 
-def labels_beside(name: str, folder: Path) -> str:
-    """A file of labels beside the dataset, or where its path leads."""
+def labels_path(name: str, folder: Path) -> str:
+    """Path of a label file next to the dataset, or as given."""
     return str(folder / name) if os.path.exists(folder / name) else name
 
 

@@ -1,6 +1,6 @@
-"""What many scenes and objects hold: the first two stages of each, from the cache where they are there.
+"""Contents of many scenes and objects: the first two stages of each, from the cache where possible.
 
-Nothing is placed. A scene that cannot be read is a value, so that the others go on.
+Nothing is placed. A scene that cannot be read is reported in the result, and the others go on.
 """
 
 import sys
@@ -25,17 +25,17 @@ from tasks.segment.stage import segment_object_task, segment_task
 
 RefT = TypeVar("RefT")
 AT_A_TIME = 2
-"""Scenes that are read side by side: a large scan needs gigabytes."""
+"""Most scenes that are read in parallel: a large scan needs gigabytes."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReadScenes:
-    """What was read, by name, and why the others were not."""
+    """Scenes and objects that were read, by name, and the errors of the others."""
 
     scenes: Mapping[str, Ref[SegmentedScene]]
     objects: Mapping[str, Ref[SegmentedObject]]
     failed: Mapping[str, str]
-    """Why, by the name of a scene or object."""
+    """Errors by the name of a scene or object."""
 
 
 def scene_contents(sample: Sample, config: PlaceConfig) -> Ref[SegmentedScene]:
@@ -65,7 +65,7 @@ def read_all(
 
 
 def tell(update: Callable[[str], None], kind: str, done: int, count: int) -> None:
-    """Say how far it is."""
+    """Report progress."""
     update(f"{kind} {done} of {count}")
 
 
@@ -77,7 +77,7 @@ def read(
     failed: dict[str, str],
     progress: Callable[[int, int], None],
 ) -> dict[str, RefT]:
-    """Return what can be read, by name; why the others cannot is told in `failed`."""
+    """Return the readable samples by name; the errors of the others go into `failed`."""
 
     def one(name: str) -> RefT | None:
         sample = samples[name]

@@ -1,8 +1,8 @@
-"""Which scenes of a data set: names between commas, a file of names, or a split beside the data set.
+"""Selects scenes of a data set: names between commas, a file of names, or a split in the data set's folder.
 
 A scene is named by its path below the folder that all scenes share, or else by the end of its path, with or without its
 suffix: `bedroom_01`, `house_2/kitchen`. Where both fit, the first counts: `kitchen` is not `house_2/kitchen` then. In a
-file each name has a line; what follows a `#` is a remark. `val` means `val.txt` beside the data set, if there is one.
+file each name has a line; what follows a `#` is a remark. `val` means `val.txt` next to the data set, if there is one.
 """
 
 import os
@@ -16,11 +16,11 @@ from dcap.scene.types.sample import Sample
 
 SPLIT_SUFFIX = ".txt"
 SHOWN = 5
-"""Scenes that a message lists."""
+"""Most scenes that a message lists."""
 
 
 def named_scenes(text: str, folder: Path) -> tuple[str, ...]:
-    """The names that a list says, looked up as a split in `folder`, then as a file; none for an empty text."""
+    """Names in a list, which is looked up as a split in `folder`, then as a file; none for an empty text."""
     words = [word.strip() for word in text.split(",") if word.strip()]
     if text and not words:
         raise InputError(f"--scenes {text!r} names no scene")
@@ -51,13 +51,13 @@ def is_named(path: str, name: str) -> bool:
 
 
 def spellings(path: str) -> tuple[PurePosixPath, ...]:
-    """A scene's path, and the same without its suffix where it has the suffix of a file that scenes are."""
+    """A scene's path, also without its suffix if that is one of scene files."""
     whole = PurePosixPath(Path(path).as_posix())
     return (whole, whole.with_suffix("")) if whole.suffix.lower() in MESH_SUFFIXES else (whole,)
 
 
 def with_name(paths: Sequence[str], name: str) -> set[str]:
-    """Those of the paths that a name means."""
+    """Paths that match a name."""
     shared = os.path.commonpath([os.path.dirname(os.path.abspath(path)) for path in paths])
     exact = PurePosixPath(Path(shared, name).as_posix())
     below = {path for path in paths if exact in spellings(os.path.abspath(path))}
@@ -65,7 +65,7 @@ def with_name(paths: Sequence[str], name: str) -> set[str]:
 
 
 def named_paths(paths: Sequence[str], names: Sequence[str]) -> set[str]:
-    """Those of the paths that some name means; InputError for a name that means none."""
+    """Paths that match any of the names; InputError for a name without a match."""
     chosen: set[str] = set()
     for name in names:
         meant = with_name(paths, name)
@@ -77,12 +77,12 @@ def named_paths(paths: Sequence[str], names: Sequence[str]) -> set[str]:
 
 
 def there_are(names: Sequence[str]) -> str:
-    """The end of a message that lists the first names, and says how many more there are."""
+    """End of a message: the first names and the number of further ones."""
     return f"; there are {first_of(names, SHOWN)}"
 
 
 def of_scenes(samples: Sequence[Sample], text: str, folder: Path) -> list[Sample]:
-    """The samples in the named scenes, in their order; all where none is named."""
+    """Samples in the named scenes, in their order; all if none is named."""
     names = named_scenes(text, folder)
     chosen = named_paths(list(dict.fromkeys(sample.scene for sample in samples)), names)
     return [one for one in samples if not names or one.scene in chosen]

@@ -1,7 +1,7 @@
-"""The Gaussians of a scene that was given as such, with the placement in them: scene_settled.ply.
+"""Gaussians of a splat scene with the placement in them: scene_settled.ply.
 
-In: a finished sample and what its stages returned. Out: one file of plain 3DGS, in the scene file's own frame and unit,
-so that it takes the place of the file that was given.
+In: a finished sample and the results of its stages. Out: one file of plain 3DGS, in the scene file's own frame and
+unit, so that it can replace the input file.
 """
 
 import logging
@@ -22,17 +22,17 @@ LOG = logging.getLogger(__name__)
 
 SETTLED_SPLATS = "scene_settled.ply"
 DEGREE = 3
-"""Harmonics of the file: what 3DGS and SuGaR read; those of lower degree are padded with zeros."""
+"""Degree of the file's harmonics, as 3DGS and SuGaR read it; lower degrees are padded with zeros."""
 
 
 def splats_of(given: str) -> Path | None:
-    """The file of Gaussians of a scene that was given, None where it has none. InputError where there are several."""
+    """The file of Gaussians of an input scene, None without one. InputError if there are several."""
     path = Path(given)
     return find_splats(path) if path.is_dir() else path if is_splats(path) else None
 
 
 def splat_artifact(finished: FinishedSample, values: Values, folder: Path) -> dict[str, str]:
-    """The file, where the scene has Gaussians and something rests in it; what keeps it from being made is told only."""
+    """Write the file if the scene has Gaussians and something rests in it; a failure is only reported."""
     try:
         if values.settled is None or splats_of(finished.sample.scene) is None:
             return {}
@@ -45,7 +45,7 @@ def splat_artifact(finished: FinishedSample, values: Values, folder: Path) -> di
 
 
 def settled_scene_splats(finished: FinishedSample, values: Values) -> SettledSplats:
-    """What the file shall hold. InputError where the scene has no Gaussians, or the placement no rest state."""
+    """Content of the file. InputError if the scene has no Gaussians, or the placement no rest state."""
     sample = finished.sample
     scan, scene, item, anchor, settled = values.scan, values.scene, values.item, values.anchor, values.settled
     if splats_of(sample.scene) is None:
@@ -54,7 +54,7 @@ def settled_scene_splats(finished: FinishedSample, values: Values) -> SettledSpl
         reason = values.infeasible.reason.value if values.infeasible else "nothing settled"
         raise InputError(f"{sample.id} has no settled splats: {reason}")
     store = Store.default()
-    source = store.load(store.add_source(sample.scene))  # as it was placed into, whatever lies there by now
+    source = store.load(store.add_source(sample.scene))  # the file at the time of the placement
     assert isinstance(source, Source)
     kept = splats_of(str(source.path))
     assert kept is not None

@@ -1,6 +1,6 @@
-"""Rows of a run with what was measured and how it is scored: raw units first, then the rubric's two scores.
+"""Rows of a run with measurements and scores: raw units first, then the rubric's two scores.
 
-What was meant (the truth) comes in here, after every stage has ended.
+Intended outcomes (the truth) come in here, after every stage has ended.
 """
 
 from collections.abc import Mapping
@@ -30,14 +30,14 @@ from dcap.scene.json_tree import JsonObject, JsonValue
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.sample import Sample
 from dcap.scene.types.segmentation import Segmentation
-from flows.find_run import undamaged
+from flows.find_run import input_errors
 from flows.measures_file import read_measures
 from flows.output import RESULT
 from tasks.artifact import Ref, Store
 from tasks.requests.surroundings import part_frame
 
 REFERENCED = frozenset(BESIDE)
-"""Region words that mean a place beside something: the truth does not say beside what."""
+"""Region words that mean a place next to something: the truth does not say next to what."""
 
 
 def scored_row(
@@ -46,13 +46,13 @@ def scored_row(
     """The row of a sample whose files lie in a folder; InputError where its placement.json is damaged."""
     if tree is None:
         return row_of(sample, tree, error, truth)
-    with undamaged(folder / RESULT):
+    with input_errors(folder / RESULT):
         row = row_of(sample, tree, error, truth)
     kept = read_measures(folder)
     measures = kept.get("measures")
     if not isinstance(measures, Mapping) or row.verdict not in (AT_REST, AS_POSED):
         return row
-    with undamaged(folder / RESULT):
+    with input_errors(folder / RESULT):
         _, turned = pose_at_rest(tree)
         box = np.asarray(tree["object_aabb"], dtype=float).reshape(2, 3)
     sinking, drift, referee = (
@@ -95,16 +95,16 @@ def scored_row(
         region_distance_m=place.region_distance_m,
         orientation_error_deg=place.orientation_error_deg,
     )
-    if row.verdict == AS_POSED:  # its words for regions are its own: what counts is where the object is
+    if row.verdict == AS_POSED:  # methods have their own words for regions: only the object's position counts
         row = replace(row, as_expected=there(row))
-    elif row.support_hit is False:  # whatever it says of itself
+    elif row.support_hit is False:  # regardless of the method's own verdict
         row = replace(row, as_expected=False)
     return with_scores(row)
 
 
 def pose_at_rest(tree: Mapping[str, JsonValue]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the position [m] and the quaternion (w, x, y, z) in a placement.json that has them; any error says that
-    it is damaged."""
+    """Return the position [m] and the quaternion (w, x, y, z) of a placement.json that has them; any error means that
+    the file is damaged."""
     pose = tree["pose"]
     assert isinstance(pose, Mapping)
     turned = np.asarray(pose["quaternion"], dtype=float).reshape(4)
@@ -115,9 +115,9 @@ def pose_at_rest(tree: Mapping[str, JsonValue]) -> tuple[NDArray[np.float64], ND
 def with_rules(
     row: SampleOutcome, kept: Mapping[str, JsonValue], box: NDArray[np.float64], truth: ExpectedOutcome | None
 ) -> SampleOutcome:
-    """With what PlaceIt3D's rules say of a measured row; what was asked is None where scene or intent are gone.
+    """Add the results of PlaceIt3D's rules to a measured row; the request is None if scene or intent are gone.
 
-    The gap of the scene as left stands in both physical columns: before a dent the surface was no lower.
+    The gap to the final scene is in both physical columns: before a dent the surface was no lower.
     """
     row = replace(
         row,
@@ -151,14 +151,14 @@ def with_rules(
 
 
 def there(row: SampleOutcome) -> bool:
-    """Whether everything that was stated of a place and measured is met."""
+    """Whether all stated and measured conditions of a place are met."""
     near = row.region_distance_m is None or row.region_distance_m <= TOLERANCE_M
     turned = row.orientation_error_deg is None or row.orientation_error_deg <= QUADRANT_DEG
     return row.support_hit is not False and row.part_hit is not False and near and turned
 
 
 def with_scores(row: SampleOutcome) -> SampleOutcome:
-    """With the two scores of the metric rubric."""
+    """Add the two scores of the metric rubric."""
     place, physics = rubric_scores(row_metrics(row))
     return replace(row, right_place=place, physics_naturalness=physics, judge=RUBRIC)
 
@@ -180,7 +180,7 @@ def scaled(value: object, factor: float) -> float | None:
 
 
 def known_or(unknown: float, value: object) -> float:
-    """A number of a JSON file, which has none that are not finite: what stands for those instead."""
+    """A number from a JSON file, or `unknown` where null stands for a number that is not finite."""
     found = number(value)
     return unknown if found is None else found
 
@@ -188,8 +188,7 @@ def known_or(unknown: float, value: object) -> float:
 def meant_regions(
     scene: JsonValue, truth: ExpectedOutcome, box: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], ...]:
-    """Outlines in plan of the region that was meant, on the part that was meant, for an object in a box; empty where it
-    is not known."""
+    """Outlines in plan of the intended region, on the intended part, for an object in a box; empty if unknown."""
     words = truth.region.split()
     if not words or REFERENCED & set(words) or not isinstance(scene, Mapping):
         return ()
@@ -219,7 +218,7 @@ def loaded_scene(kind: str, sha256: str) -> Segmentation | None:
 
 @lru_cache(maxsize=64)
 def loaded_intent(kind: str, sha256: str) -> Intent | None:
-    """What a sentence was read as, from the store; None where it is no longer there."""
+    """The reading of a sentence from the store; None if it is no longer there."""
     ref: Ref[Intent] = Ref(kind, sha256)
     store = Store.default()
     value = store.load(ref) if store.has(ref) else None

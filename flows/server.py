@@ -1,9 +1,9 @@
 """A real local Prefect server for as long as programs use it: Prefect's built-in temporary one loses history.
 
 `prefect server start` runs in the foreground of a session of its own, on the promised port or a free one, with its
-database in the cache. Each program that uses it holds a shared lock until it ends, however it ends; a keeper process
-(`main` below) waits for the lock alone, and stops the server then. A server that $PREFECT_API_URL names is used and
-left alone.
+database in the cache. Each program that uses it holds a shared lock, which the kernel releases when the program ends; a
+keeper process (`main` below) waits until nobody holds the lock, and then stops the server. A server that
+$PREFECT_API_URL names is used and never stopped.
 """
 
 import ctypes
@@ -38,20 +38,20 @@ from flows.own_requests import LOOPBACK, is_loopback, url_host
 from tasks.process import die_with_parent
 
 HOST, SERVER_LOGIN = "PREFECT_SERVER_API_HOST", "PREFECT_SERVER_API_AUTH_STRING"
-"""Prefect's settings of a server: the address that it listens on, and `NAME:PASSWORD` of who may ask."""
+"""Prefect's settings of a server: the address that it listens on, and the `NAME:PASSWORD` that it requires."""
 DATABASE, OLD_DATABASE = "PREFECT_SERVER_DATABASE_CONNECTION_URL", "PREFECT_API_DATABASE_CONNECTION_URL"
 RETRIES = "PREFECT_CLIENT_MAX_RETRIES"
 CLONE_FS = 0x200
-"""What `unshare` calls the working directory of a thread (sched.h)."""
+"""CLONE_FS: the flag of `unshare` for the working directory of a thread (sched.h)."""
 USERS, STARTING, SERVING = "users.lock", "starting.lock", "serving.lock"
-"""Files of the server's folder that programs lock: its users, who starts one, and its keeper."""
+"""Lock files in the server's folder: for its users, for the program that starts it, and for its keeper."""
 ADDRESS, LOG = "server.json", "server.log"
 PORT = 4200
 START_SECONDS = 120.0
-"""A first start creates the database, which takes 8 s on two idle cores."""
+"""Longest wait for a start [s]: the first one creates the database, in 8 s on two idle cores."""
 STOP_SECONDS, POLL_SECONDS = 10.0, 0.5
 PATIENT_SECONDS = 10.0
-"""For a server that was named, and may be busy."""
+"""Longest wait for a named server, which may be busy [s]."""
 LOOK_SECONDS, MOST_MISSED = 5.0, 2
 _reading = threading.Lock()
 _retries_before: dict[str, str] = {}
@@ -74,13 +74,13 @@ def prefect_server(port: int = PORT, *, only_there: bool = False) -> Iterator[st
 
 @contextmanager
 def watching_server(say: Callable[[str], object]) -> Iterator[str]:
-    """As `prefect_server` where a server runs already; yields an empty string where none does, and says so if one was
-    named."""
+    """Like `prefect_server`, but only if a server runs already; else yields an empty string, and says so if a server
+    was named."""
     reach_this_machine()
     given = os.environ.get(API_URL, "")
     if not given and _kept_url():
         _use(server_folder())  # from here on it stays as long as this process
-    url = given or _kept_url()  # again: it may have been about to end
+    url = given or _kept_url()  # check again: it may have been about to end
     if url and is_healthy(url, PATIENT_SECONDS):
         with _as_own_server(url) as named:
             yield named
@@ -91,7 +91,7 @@ def watching_server(say: Callable[[str], object]) -> Iterator[str]:
 
 
 def reach_this_machine() -> None:
-    """Let servers of this machine be asked without the proxy that the environment names for all others."""
+    """Bypass the environment's proxy for servers of this machine."""
     known = urllib.request.getproxies_environment().get("no", "")
     missing = [host for host in ("localhost", LOOPBACK) if host not in known.split(",")]
     os.environ["no_proxy"] = ",".join(filter(None, (known, *missing)))
@@ -109,7 +109,7 @@ def _kept_url() -> str:
     try:
         with (folder / SERVING).open() as file:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-        return ""  # its keeper has ended, and another's server may have its port by now
+        return ""  # its keeper has ended, and a foreign server may have its port by now
     except BlockingIOError:
         pass
     except OSError:
@@ -130,9 +130,9 @@ def is_healthy(url: str, seconds: float = 2.0) -> bool:
 
 
 def unanswered(url: str) -> str:
-    """Return why a server that was named cannot be used, and what to do."""
+    """Return why a named server cannot be used, and what to do."""
     if has_log_in(url):
-        return f"an address holds no log-in; give it as {LOGIN}=NAME:PASSWORD"
+        return f"an address must not contain a login; set {LOGIN}=NAME:PASSWORD"
     if not url.startswith(("http://", "https://")):
         return "an address of a server begins with http:// or https://"
     if is_healthy(f"{url.rstrip('/')}/api"):
@@ -141,7 +141,7 @@ def unanswered(url: str) -> str:
 
 
 def wait_for_end(url: str) -> None:
-    """Wait until a server has ended: our own one is slow at worst, another one no longer answers."""
+    """Wait until a server has ended: our own when its keeper is gone, another when it no longer answers."""
     missed = 0
     while missed < MOST_MISSED and not own_server_has_ended():
         time.sleep(LOOK_SECONDS)
@@ -149,7 +149,7 @@ def wait_for_end(url: str) -> None:
 
 
 def own_server_has_ended() -> bool:
-    """Return whether the server that this project has started for the run is gone; one that is slow is not."""
+    """Return whether the server that this program started is gone; a slow server is not."""
     url = os.environ.get(OWN_URL, "")
     return url != "" and _kept_url() != url
 
@@ -163,28 +163,28 @@ def give_up_server() -> None:
 
 
 def was_given_up() -> bool:
-    """Return whether the server was lost: what Prefect still has to tell it would keep the program from ending."""
+    """Return whether the server was lost: Prefect's pending updates would keep the program from ending."""
     return bool(_retries_before)
 
 
 def pages_of(url: str) -> str:
-    """Return where the pages of a server are, without who signs in there."""
+    """Return the address of a server's pages, without credentials."""
     return redacted_url(url.removesuffix("/api"))
 
 
 def apply_settings() -> None:
     """Apply our settings, and import Prefect from a folder without settings: it reads `.env`, `prefect.toml` and
-    `pyproject.toml` of the working directory, which may have come with a data set."""
+    `pyproject.toml` of the working directory, which may belong to a downloaded data set."""
     _set_environment()
     with ThreadPoolExecutor(1) as thread:
         thread.submit(_read_settings).result()
 
 
 def _read_settings() -> None:
-    """Let Prefect read its settings in the server's folder, in a thread that nobody uses for anything else.
+    """Let Prefect read its settings in the server's folder, in a thread of its own.
 
-    Its working directory is no other thread's, where the system has that and a container does not refuse it: the others
-    may be placing samples whose paths are relative to it.
+    The thread gets a working directory of its own, where the system and the container allow it: other threads may be
+    placing samples whose paths are relative to theirs.
     """
     if sys.platform == "linux":
         ctypes.CDLL(None).unshare(CLONE_FS)
@@ -205,7 +205,7 @@ def _set_environment() -> None:
     os.environ.setdefault("DO_NOT_TRACK", "1")
     if "PREFECT_HOME" not in os.environ:
         os.environ["PREFECT_HOME"] = str(server_folder())
-        # nor does a file in the data folder count, which may be another's
+        # ignore a file in the data folder too, which may be another user's
         own = Path(str(find_spec("prefect").origin)).parent  # type: ignore[union-attr]
         os.environ.setdefault("PREFECT_PROFILES_PATH", str(own / "settings" / "profiles.toml"))
         os.environ.setdefault("PREFECT_LOGGING_CONFIG_PATH", str(own / "logging" / "logging.yml"))
@@ -217,8 +217,8 @@ def _set_environment() -> None:
 
 @contextmanager
 def _as_own_server(url: str) -> Iterator[str]:
-    """Name a server in the environment, for this process and all that it starts, and let Prefect see it; where another
-    thread has named one, it is that."""
+    """Name a server in the environment of this process and its children, and let Prefect see it. If another thread has
+    named one already, that one stays."""
     with _shared_name(url):
         apply_settings()
         yield os.environ[API_URL]
@@ -232,7 +232,7 @@ def _named(url: str) -> Iterator[None]:
         own[LOGIN] = os.environ[SERVER_LOGIN]
     os.environ.update(own | _retries_before)
     _retries_before.clear()
-    logging.raiseExceptions = False  # what a lost server does not take of logs is dropped without a word
+    logging.raiseExceptions = False  # logs that a lost server does not take are dropped silently
     try:
         yield
     finally:
@@ -260,7 +260,7 @@ def _joined_server(port: int, only_there: bool) -> str:
 def _wait_for_running(folder: Path) -> str:
     """Return the address of the server of this data folder once it answers; empty if none runs.
 
-    One that is slow is waited for, as no other can be started beside it.
+    A slow server is waited for, since no second one can be started.
     """
     deadline = time.monotonic() + START_SECONDS
     while url := _kept_url():
@@ -273,7 +273,7 @@ def _wait_for_running(folder: Path) -> str:
 
 
 def _how_to_stop(folder: Path) -> str:
-    """Return which process ends the server of a data folder, as far as it is known."""
+    """Return how to stop the server of a data folder: its keeper's process if known, and its log."""
     with suppress(OSError):
         if (keeper := (folder / SERVING).read_text().strip()).isdigit():
             return f"stop process {keeper} (log: {folder / LOG})"
@@ -293,11 +293,13 @@ def _start(folder: Path, port: int, only_there: bool) -> str:
     host = os.environ.get(HOST) or LOOPBACK
     if not is_loopback(host) and not all(os.environ.get(SERVER_LOGIN, "").partition(":")):
         raise InputError(
-            f"{HOST}={host}: others would reach a server without a log-in; set {SERVER_LOGIN}=NAME:PASSWORD"
+            f"{HOST}={host}: others would reach a server without authentication; set {SERVER_LOGIN}=NAME:PASSWORD"
         )
     if not _is_free(host, port):
         if only_there:
-            raise InputError(f"port {port} of {host} is taken; end what listens there, or give another with --port")
+            raise InputError(
+                f"port {port} of {host} is taken; stop the program that listens there, or choose another with --port"
+            )
         port = _free_port(host)
     url = f"http://{url_host(host)}:{port}/api"
     write_whole(folder / ADDRESS, json.dumps({"url": url}).encode())
@@ -354,8 +356,8 @@ def main() -> None:
     environment = os.environ | {
         "PREFECT_SERVER_API_PORT": port,
         "PREFECT_HOME": str(folder),
-        "PREFECT_UI_API_URL": "/api",  # of whichever address the pages came from
-        "PREFECT_SERVER_CORS_ALLOWED_ORIGINS": f"http://{url_host(host)}:{port}",  # no page of another site
+        "PREFECT_UI_API_URL": "/api",  # whichever address the pages came from
+        "PREFECT_SERVER_CORS_ALLOWED_ORIGINS": f"http://{url_host(host)}:{port}",  # but no page of another site
     }
     if OLD_DATABASE not in environment:
         environment.setdefault(DATABASE, f"sqlite+aiosqlite:///{folder / 'prefect.db'}")
@@ -365,7 +367,7 @@ def main() -> None:
     with serving, (folder / USERS).open("a") as users:
         while server.poll() is None:
             try:
-                fcntl.flock(users, fcntl.LOCK_EX | fcntl.LOCK_NB)  # who comes now waits until the server has ended
+                fcntl.flock(users, fcntl.LOCK_EX | fcntl.LOCK_NB)  # programs that start now wait for its end
                 break
             except BlockingIOError:
                 time.sleep(POLL_SECONDS)

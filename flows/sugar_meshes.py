@@ -1,7 +1,7 @@
-"""Meshes by SuGaR for scenes that only have Gaussian splats, where a folder of SuGaR is given.
+"""Meshes by SuGaR for scenes that only have Gaussian splats, if SuGaR's folder is named.
 
-In: scenes. Out: the same scenes, each with a mesh: SuGaR's lies where `dcap dataset prepare-sugar` has it copied to. A
-scene that has one already is left alone, so a run that was interrupted goes on with the next scene.
+In: scenes. Out: the same scenes, each with a mesh; SuGaR's are where the script of `dcap dataset prepare-sugar` copies
+them. A scene that has a mesh already is skipped, so an interrupted run resumes with the next scene.
 """
 
 import subprocess
@@ -24,24 +24,24 @@ from flows.sample_files import slug
 from tasks.artifact import Store
 
 LOG = "sugar.log"
-"""What SuGaR said, beside what it was given."""
+"""Log of SuGaR, next to its input."""
 VIEWS = PathConfig()
-"""The pictures that SuGaR is given of each scene."""
+"""Pictures of each scene for SuGaR."""
 GIVEN, SUGAR, OWN = "given", "SuGaR", "reconstructed from the splats"
 
 
 @dataclass(frozen=True, slots=True)
 class MeshSource:
-    """Where the mesh of a scene comes from."""
+    """Origin of a scene's mesh."""
 
     kind: str
     """GIVEN, SUGAR or OWN."""
     file: str
-    """Its path; that of the splats where it is our own."""
+    """Its path; that of the splats for a surface extracted by dcap."""
 
 
 def with_sugar(scenes: Mapping[str, Sample], sugar: Path, *, threads: int, quiet: bool) -> dict[str, Sample]:
-    """The scenes by name, with a mesh of SuGaR for each that only has splats; InputError where SuGaR fails."""
+    """Scenes by name, with a mesh by SuGaR for each splat-only scene; InputError if SuGaR fails."""
     if not (sugar / "train.py").is_file():
         raise InputError(f"--sugar {sugar}: no train.py there; give the folder of SuGaR's repository")
     return {name: sugar_meshed(name, scene, sugar, threads, quiet=quiet) for name, scene in scenes.items()}
@@ -61,13 +61,13 @@ def sugar_meshed(name: str, scene: Sample, sugar: Path, threads: int, *, quiet: 
         run_sugar(folder, sugar, quiet=quiet)
     if not target.is_dir() or mesh_source(target).kind != SUGAR:
         raise InputError(f"{path}: SuGaR ended without a mesh; see {folder / LOG}")
-    # SuGaR leaves the world frame of what it was given; InteriorGS' annotations say so themselves
+    # SuGaR keeps the world frame of its input; for InteriorGS the annotations give the frame
     frame = scene.scene_options if is_interiorgs(target) else replace(scene.scene_options, up="z", unit="m")
     return replace(scene, scene=str(target), scene_options=frame)
 
 
 def run_sugar(folder: Path, sugar: Path, *, quiet: bool) -> None:
-    """Run the script that prepare-sugar wrote; InputError with its last words where it fails."""
+    """Run the script that prepare-sugar wrote; InputError with its last output if it fails."""
     script = folder / "run_sugar.sh"
     status = Console(file=sys.stderr, quiet=quiet, highlight=False).status(f"SuGaR: {folder.name}")
     with status, (folder / LOG).open("wb") as log:
@@ -83,7 +83,7 @@ def run_sugar(folder: Path, sugar: Path, *, quiet: bool) -> None:
 
 
 def mesh_source(scene: Path) -> MeshSource:
-    """Where the mesh of a scene comes from; InputError for a folder without any."""
+    """Origin of a scene's mesh; InputError for a folder without one."""
     if not scene.is_dir() or (is_scannet(scene) and not is_interiorgs(scene)):
         return MeshSource(OWN if has_only_splats(scene) else GIVEN, str(scene))
     file = find_mesh(scene)[0]

@@ -1,7 +1,7 @@
 """The 3D viewer of one placement, or of a scene in which something is yet to be placed.
 
-The page is served by threads of viser's; what takes long (a placement that the page asks for) runs in the main thread,
-where an interruption ends it with all that it started.
+Threads of viser serve the page. Long work (a placement that the page requests) runs in the main thread, where an
+interruption ends it together with its child processes.
 """
 
 import queue
@@ -41,24 +41,24 @@ from flows.view.signals import signal_series
 from tasks.artifact import Store
 
 
-def silent(url: str, note: str) -> None:
-    """Say nothing."""
+def announce_nothing(url: str, note: str) -> None:
+    """Announce nothing."""
 
 
 @dataclass(frozen=True, slots=True)
 class ViewPage:
-    """How the page is served."""
+    """Options of serving the page."""
 
     port: int = 8080
     browse: bool = True
     """Whether a browser is opened."""
-    say: Callable[[str, str], None] = silent
-    """Told the page's address once it is there, and what a person should know of it or nothing."""
+    say: Callable[[str, str], None] = announce_nothing
+    """Called with the page's address once it is up, and a note for the user, which may be empty."""
 
 
 @dataclass(frozen=True, slots=True)
 class ScenePrompt:
-    """A scene, and what is to be placed in it."""
+    """A scene, and the request for a placement in it."""
 
     scene: str
     object: str
@@ -69,7 +69,7 @@ class ScenePrompt:
 
 @contextmanager
 def served(page: ViewPage) -> Iterator[viser.ViserServer]:
-    """A server as long as the block runs."""
+    """A server for the duration of the block."""
     server = open_server(page.port)
     try:
         yield server
@@ -92,7 +92,7 @@ def view_sample(run: str, sample: str | None, frame: int | None, page: ViewPage)
 
 
 def show_placement(server: viser.ViserServer, found: FinishedPlacement, frame: int | None = None) -> PlacementPanel:
-    """Put a placement into the scene and the panel; InputError where it has no such frame."""
+    """Show a placement in the scene and the panel; InputError if it has no such frame."""
     values, config = found.values, found.config
     view = placement_view(values, config)
     if frame is not None and not 0 <= frame < len(view.time):
@@ -115,16 +115,16 @@ class ScenePage:
     ) -> None:
         self._server, self._asked, self._scan, self._scene = server, asked, scan, scene
         self.jobs: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
-        """What the main thread is to do."""
+        """Jobs for the main thread."""
         self._view = scene_view(scene, PlaceConfig(), surface)
         self.panel: PickPanel | PlacementPanel = self._pick_panel()
 
     def close(self) -> None:
-        """End what plays or listens."""
+        """Stop the playback and listening to clicks."""
         self.panel.close()
 
     def place(self, picked: PickedPoint) -> None:
-        """Place the object there and show the result; what goes wrong is said in the panel."""
+        """Place the object there and show the result; errors are shown in the panel."""
         panel, asked = self.panel, self._asked
         assert isinstance(panel, PickPanel)
         out = asked.options.out or runs_root() / "view"
@@ -135,7 +135,7 @@ class ScenePage:
         except DcapError as error:
             panel.say(str(error), wrong=True)
             return
-        except Exception as error:  # the border to the page: said in short there, in full in the terminal
+        except Exception as error:  # boundary to the page: in short there, in full in the terminal
             traceback.print_exc(file=sys.stderr)
             panel.say(f"{type(error).__name__}: {error}", wrong=True)
             return
@@ -150,14 +150,14 @@ class ScenePage:
         self.panel = self._pick_panel()
 
     def _cleared(self) -> None:
-        """Take everything away."""
+        """Clear scene and panel."""
         self.panel.close()
         self._server.scene.reset()
         self._server.gui.reset()
         arrange(self._server)
 
     def _pick_panel(self) -> PickPanel:
-        """The scene with nothing placed in it."""
+        """Show the scene without a placement."""
         picker = SurfacePicker(self._scene, self._scan.world_from_file, middle_of(self._scene))
         rows = [f"<b>{escape(Path(self._asked.scene).name)}</b>"]
         if self._asked.object:
@@ -190,13 +190,13 @@ def view_scene(asked: ScenePrompt, page: ViewPage) -> None:
 
 
 def is_placement(run: str) -> bool:
-    """Whether a name is that of a run or of a placement's folder."""
+    """Whether a name refers to a run or to a placement's folder."""
     folders = (Path(run), runs_root() / run)
     return any((folder / name).is_file() for folder in folders for name in (RUN, PLACEMENT))
 
 
 def announce(server: viser.ViserServer, page: ViewPage) -> None:
-    """Say where the page is, and open it."""
+    """Announce the page's address, and open it."""
     taken = server.get_port() != page.port
     page.say(url_of(server), f"port {page.port} is taken, {server.get_port()} is used" if taken else "")
     if page.browse:
@@ -204,6 +204,6 @@ def announce(server: viser.ViserServer, page: ViewPage) -> None:
 
 
 def work_off(jobs: "queue.SimpleQueue[Callable[[], None]]") -> None:
-    """Do what the page asks for, until interrupted."""
+    """Run the page's jobs until interrupted."""
     while True:
         jobs.get()()

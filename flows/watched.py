@@ -1,6 +1,6 @@
 """Placements as flow and task runs of Prefect; imports Prefect, so only once the server's address is known.
 
-A benchmark is one flow run, each sample a task in it, each stage a task in the sample. The server only watches: where
+A benchmark is one flow run, each sample a task in it, each stage a task in the sample. The server only watches: if
 it is lost, samples go on, and Prefect's pages stay incomplete.
 """
 
@@ -61,13 +61,13 @@ SHOWN = ("settled", "closeup", "before_after", "asked", "clean", "candidates", "
 """Pictures of a placement, the most telling first."""
 RUN_ID = re.compile(r"[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}")
 STEERING = re.compile(r"[\\`*_\[\]()#+!|~]")
-"""Characters that steer a page of Markdown."""
+"""Special characters of Markdown."""
 FAILED = "Failed"
 LOST = "the Prefect server was lost: its page of this run is incomplete; no result depends on it"
 Say = Callable[[str], object]
 Value = TypeVar("Value")
 _work: ContextVar[Callable[[], object]] = ContextVar("work of the flow")
-"""What the flow that is called next does: a flow itself is sent to clusters, and its work cannot."""
+"""Work of the flow that is called next: the flow object is sent to clusters, and its work cannot be."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,15 +78,15 @@ class SampleJob:
     config: PlaceConfig
     session: Session
     run: str = ""
-    """Name of the run that it belongs to."""
+    """Name of its run."""
     limits: frozenset[str] = frozenset()
-    """Prefect's global concurrency limits that hold."""
+    """Prefect's global concurrency limits in force."""
     refresh: frozenset[str] = frozenset()
     """Stages to compute again."""
 
 
 class PlacedSample:
-    """What the task of a sample returns. A plain class: of the parts of a dataclass Prefect would keep links."""
+    """Return value of a sample's task. A plain class: Prefect would keep references to the parts of a dataclass."""
 
     def __init__(self, finished: FinishedSample) -> None:
         self.finished = finished
@@ -109,7 +109,7 @@ def place_sample(job: SampleJob) -> object:
 
 
 def tag_task_run(job: SampleJob) -> None:
-    """Tag the task run of a sample; not before it runs: of tags that it starts with Prefect asks the server."""
+    """Tag the task run of a sample once it runs: for tags that it starts with, Prefect would query the server."""
     context = TaskRunContext.get()
     assert context is not None
     context.task_run.tags = list(sample_tags(job.sample, job.run))
@@ -117,7 +117,7 @@ def tag_task_run(job: SampleJob) -> None:
 
 def run_watched(job: SampleJob) -> FinishedSample:
     """Run the stages of a sample as tasks, each of which commits its result when it ends."""
-    around = current_context()  # of the program that asked, if it is this one
+    around = current_context()  # the requesting program's, if it is this one
     context = replace(
         around,
         mode=Mode.WATCHED,
@@ -131,7 +131,7 @@ def run_watched(job: SampleJob) -> FinishedSample:
 
 
 def ending_of(finished: FinishedSample) -> tuple[str, str]:
-    """Return the name of the final state of a sample, and why it found no way."""
+    """Return the name of the final state of a sample, and why it is infeasible."""
     if not finished.placement.renders.infeasible:
         return "Completed", ""
     found = Store.default().load(finished.placement.renders)
@@ -140,7 +140,7 @@ def ending_of(finished: FinishedSample) -> tuple[str, str]:
 
 
 def do_work() -> object:
-    """Do what `in_flow` was given. A function of the module: clusters are sent its name, not the variable."""
+    """Do the work that `in_flow` was given. A module-level function: clusters are sent its name, not the variable."""
     return _work.get()()
 
 
@@ -163,8 +163,8 @@ def paper(dataset: str, methods: list[str], judge: str) -> object:
 
 
 def run_step(name: str, work: Callable[[], Value]) -> Value:
-    """Run a step of the flow at hand as a task of its own, on whose page one sees when it began and how it ended; where
-    the server is lost, without one."""
+    """Run a step of the current flow as a task, whose page shows its start and its outcome; directly if the server is
+    lost."""
     if own_server_has_ended():
         give_up_server()
     if was_given_up():
@@ -186,7 +186,7 @@ def run_step(name: str, work: Callable[[], Value]) -> Value:
 def in_flow(shown: Callable[..., Any], tags: Sequence[str], work: Callable[[], tuple[str, str]], say: Say) -> None:
     """Run some work as a flow; it returns the name and the message of the final state. Its errors are raised.
 
-    A server that is lost on the way is told in a line, by `say`.
+    A server that is lost on the way is reported by `say`, in one line.
     """
     ended: list[str] = []
     claims: list[Path] = []
@@ -222,8 +222,8 @@ def in_flow(shown: Callable[..., Any], tags: Sequence[str], work: Callable[[], t
 
 
 def place_in_flow(sample: Sample, config: PlaceConfig, context: RunContext, say: Say, run: str = "") -> FinishedSample:
-    """Place a single sample, perhaps of a run, in a flow run of its own; without one where the server is lost before
-    that has begun."""
+    """Place a single sample, perhaps of a run, in a flow run of its own; directly if the server is lost before the run
+    has begun."""
     placed: list[FinishedSample] = []
     failed: list[Exception] = []
 
@@ -254,14 +254,14 @@ def place_in_flow(sample: Sample, config: PlaceConfig, context: RunContext, say:
 
 
 class BenchmarkPage:
-    """What Prefect's page of a benchmark shows: progress, a table of results, the way to the report."""
+    """Content of Prefect's page of a benchmark: progress, a table of results, the report's path."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self._progress: UUID | None = None
 
     def show_progress(self, share: float, text: str) -> None:
-        """Show how much of the work is done, 0..1."""
+        """Show the share of the work that is done, 0..1."""
 
         def show() -> None:
             if self._progress is None:
@@ -272,7 +272,7 @@ class BenchmarkPage:
         show_there(show)
 
     def show_results(self, rows: Sequence[Mapping[str, object]], line: str) -> None:
-        """Show how each sample ended, and where the report lies: browsers open no file from a page of a server."""
+        """Show how each sample ended, and the report's path as text: browsers open no file from a page of a server."""
         cells = [{key: plain_text(one) if isinstance(one, str) else one for key, one in row.items()} for row in rows]
         report = f"{plain_text(line)}\n\nOpen in a browser:\n\n    {self.folder / 'report.html'}\n"
         show_there(lambda: create_table_artifact(cells, "results", "How each sample ended."))
@@ -282,7 +282,7 @@ class BenchmarkPage:
 def place_all(
     jobs: Sequence[SampleJob], place: "Task[..., Any]", listener: Callable[[Sample], OnEvent]
 ) -> Iterator[tuple[SampleJob, FinishedSample | BaseException]]:
-    """Submit all samples to the task runner of the flow, and yield them as they end with what they came to."""
+    """Submit all samples to the task runner of the flow, and yield them with their results as they end."""
     futures: dict[PrefectFuture[Any], SampleJob] = {}
     for job in jobs:
         with use_context(replace(current_context(), on_event=listener(job.sample))):
@@ -293,7 +293,7 @@ def place_all(
 
 
 def show_there(show: Callable[[], object]) -> None:
-    """Show something on Prefect's pages, as long as the server was not lost: each request would wait for it."""
+    """Show something on Prefect's pages, unless the server was lost: each request would wait for it."""
     if own_server_has_ended():
         give_up_server()
     if not was_given_up():
@@ -304,14 +304,14 @@ def show_there(show: Callable[[], object]) -> None:
 
 
 def show_pictures(finished: FinishedSample) -> None:
-    """Put pictures of a placement on the page of the run that computed something of it; they are in the text itself,
-    as browsers load no files."""
+    """Show pictures of a placement on the page of the run that computed a part of it. They are embedded in the text, as
+    browsers load no files."""
     if not any(one.computed for one in finished.results):
         return
     folder = Store.default().folder(finished.placement.overview or finished.placement.renders)
     paths = [path for name in SHOWN if (path := folder / f"{name}.png").is_file()][:MOST]
     parts = []
-    with suppress(OSError, StoreError):  # damaged meanwhile: the sample is placed all the same
+    with suppress(OSError, StoreError):  # damaged meanwhile: the sample is placed nevertheless
         for path in paths:
             small = Image.fromarray(picture_from_png(path.read_bytes(), path.name)).convert("RGB")
             small.thumbnail((SIDE, SIDE))
@@ -325,20 +325,20 @@ def show_pictures(finished: FinishedSample) -> None:
 
 
 def plain_text(text: str) -> str:
-    """Return text of others for a page of Markdown, shown as it is, addresses too."""
+    """Escape foreign text, including links, so that a page of Markdown shows it literally."""
     return STEERING.sub(r"\\\g<0>", html.escape(text, quote=False)).replace("://", "&#58;//")
 
 
 @contextmanager
 def claimed_run() -> Iterator[Path]:
-    """Hold the lock of a file that tells that the program of this flow run lives, and on which server; set runs of dead
-    programs to Crashed first. Whoever knows that the server has been told how the run ended deletes the file."""
+    """Hold the lock of a file that shows that the program of this flow run is alive, and names its server. First set
+    runs of dead programs to Crashed. The caller deletes the file once the server knows how the run ended."""
     folder = server_folder() / "running"
     folder.mkdir(parents=True, exist_ok=True)
     with pass_over_server_errors():
         end_dead_runs(folder)
     path = folder / str(flow_run.id)
-    draft = path.with_suffix(".draft")  # locked before anybody sees it
+    draft = path.with_suffix(".draft")  # locked before any other program sees it
     with draft.open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         lock.write(team_server())
@@ -348,8 +348,8 @@ def claimed_run() -> Iterator[Path]:
 
 
 def end_dead_runs(folder: Path) -> None:
-    """Set the flow runs on this server whose programs were killed on this machine to Crashed, with the task runs at
-    work in them and the samples that wait in the pool for them."""
+    """Set flow runs on this server whose programs were killed on this machine to Crashed, together with their running
+    tasks and their samples waiting in the pool."""
     for path in (one for one in folder.iterdir() if RUN_ID.fullmatch(one.name)):
         with suppress(FileNotFoundError), path.open() as file:
             try:

@@ -1,4 +1,4 @@
-"""A worker of the pool: Prefect's own, with a server, the deployments, and a folder where nothing foreign is imported.
+"""A worker of the pool: Prefect's own, with a server, the deployments, and a working directory free of foreign modules.
 
 The kernel kills Prefect's worker with this program, and the worker's samples with it.
 """
@@ -24,19 +24,19 @@ STOP_SECONDS = 10.0
 
 
 def serve_pool(at_a_time: int, announce: Callable[[str], None]) -> None:
-    """Serve the pool until interrupted; `announce` is given a line when the worker starts."""
+    """Serve the pool until interrupted; `announce` is called with a line when the worker starts."""
     with prefect_server() as url, tempfile.TemporaryDirectory(prefix="dcap-worker-") as folder:
         from flows.pool import POOL, WORKER, register
 
         register()
-        name = f"{platform.node()}-{os.getpid()}-{token_hex(3)}"  # a container that starts again has both again
+        name = f"{platform.node()}-{os.getpid()}-{token_hex(3)}"  # restarted containers share name and number
         environment = (
             os.environ
             | whole_places()
             | {
                 SHARE: str(max(1, available_cores() // at_a_time)),
                 WORKER: name,
-                "PYTHONSAFEPATH": "1",  # its processes take nothing from the working directory
+                "PYTHONSAFEPATH": "1",  # its processes import nothing from the working directory
                 "PREFECT_WORKER_HEARTBEAT_SECONDS": str(HEARTBEAT_SECONDS),
             }
         )
@@ -53,11 +53,11 @@ def serve_pool(at_a_time: int, announce: Callable[[str], None]) -> None:
                 process.wait(STOP_SECONDS)
             except subprocess.TimeoutExpired:
                 process.kill()
-    raise DcapError(f"Prefect's worker ended with status {status}; what it said stands above")
+    raise DcapError(f"Prefect's worker ended with status {status}; see its output above")
 
 
 def whole_places() -> dict[str, str]:
-    """Return the places that a worker shares with this program, whatever its working directory."""
+    """Return environment variables with absolute paths of the folders that a worker shares with this program."""
     store, given = shared_store_url(), settings_file()
     places = {"DCAP_DATA": str(data_root())}
     if store:

@@ -10,8 +10,8 @@ __all__ = ["main"]
 def main(arguments: list[str] | None = None) -> int:
     """Run a command line, default that of the process, and return the contract's exit code.
 
-    A process whose own command was interrupted ends here, at once: it would wait for threads whose stages compute. So
-    does one whose Prefect server is lost: Prefect would try for minutes to tell it the rest.
+    A process whose own command was interrupted ends here at once instead of waiting for threads that compute. So does
+    a process that has lost its Prefect server: Prefect would try for minutes to send it the remaining updates.
     """
     if arguments is not None:
         from flows.cli import app
@@ -19,7 +19,7 @@ def main(arguments: list[str] | None = None) -> int:
         return app.main(arguments)
     end_on_signals()
     try:
-        from flows.cli import app  # a second on a slow machine, in which a person may think better of it
+        from flows.cli import app  # takes a second on a slow machine, in which the user may interrupt again
 
         code = app.main()
     except BaseException:

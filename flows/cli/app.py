@@ -2,7 +2,7 @@
 dataset|cache|config|language|ui|worker`.
 
 Results go to standard output, everything else to standard error. Exit codes: 0 at rest or done, 2 bad input, 3
-understood but infeasible, 4 some samples of a benchmark failed. An error that a user can mend is one line.
+understood but infeasible, 4 some samples of a benchmark failed. An error that a user can fix is one line.
 """
 
 import json
@@ -15,16 +15,16 @@ import typer
 
 from dcap.scene.errors import MachineError
 from dcap.scene.settings import runs_root, shared_store_url, version
-from flows.cli.border import check_words, end_output, told
-from flows.cli.checks import Json, Run, Verbose, with_options
-from flows.cli.config_command import config_app
+from flows.cli.border import check_words, end_output, report_error
+from flows.cli.checks import Json, Run, Verbose, typed_flags, with_options
 from flows.cli.data import cache_app, dataset_app
-from flows.cli.language_command import language_app
 from flows.cli.results import diff, export, judge, maps, provenance, view
 from flows.cli.study_command import study_app
 from flows.find_run import find_run
 from flows.interrupts import INTERRUPTED, say_interrupted
 from flows.options import (
+    KEYS,
+    AllSettings,
     BenchmarkOptions,
     DropOptions,
     PaperOptions,
@@ -36,6 +36,7 @@ from flows.options import (
     check_case,
     check_out,
     check_prompt,
+    setting_of,
 )
 from flows.settings.effective import exported_paths
 
@@ -43,8 +44,12 @@ __all__ = ["INTERRUPTED", "app", "main"]
 INFEASIBLE = 3
 SOME_FAILED = 4
 COMPUTING = frozenset({"place", "benchmark", "paper", "plan", "rerun", "drop"})
-"""Commands that look results up or make them."""
+"""Commands that look up or produce results."""
+FLAGS = tuple(name for name in KEYS.values() if setting_of(AllSettings.model_fields[name]).is_flag)
+"""Fields of `AllSettings` that are options of the command line."""
 
+language_app = typer.Typer(help="Try a model.", no_args_is_help=True, rich_markup_mode=None)
+config_app = typer.Typer(help="Settings and where they come from.", no_args_is_help=True, rich_markup_mode=None)
 app = typer.Typer(
     name="dcap",
     no_args_is_help=True,
@@ -61,9 +66,9 @@ for command in (maps, judge, view, export, diff, provenance):
     app.command()(command)
 
 
-def print_version(asked: bool) -> None:
+def print_version(wanted: bool) -> None:
     """Print the version and end."""
-    if asked:
+    if wanted:
         print(f"dcap {version()}")
         raise typer.Exit
 
@@ -158,7 +163,8 @@ def benchmark(options: BenchmarkOptions, as_json: Json = False) -> int:
 @app.command()
 @with_options(PaperOptions)
 def paper(options: PaperOptions, as_json: Json = False) -> int:
-    """Evaluate a data set as the paper does: all methods, a judge, a study to serve, tables, figures, one page."""
+    """Evaluate a data set as the paper does: all methods, a judge, a study ready to serve, tables, figures, one
+    page."""
     from dcap.scene.json_tree import object_to_json
     from flows.paper import run_paper
 
@@ -246,6 +252,61 @@ def worker(options: WorkerOptions) -> int:
     return 0
 
 
+@language_app.callback()
+def language() -> None:
+    """Try a model."""  # with a callback `check` stays a word of its own
+
+
+@language_app.command("check")
+@with_options(PlaceOptions, "language", "model", "effort", "max_tokens", "reply_timeout", "max_cost")
+def language_check(options: PlaceOptions) -> int:
+    """Ask a model a dozen questions with known answers about an embedded room. Run it first with a new key."""
+    from dcap.scene.settings import runs_root
+    from flows.language_check import check_language, row_in_words, totals_in_words
+    from flows.language_options import language_options
+
+    folder = runs_root() / "language-check"
+    rows = check_language(language_options(options), folder, lambda row: print(row_in_words(row), flush=True))
+    print(totals_in_words(rows))
+    return 0
+
+
+@config_app.callback()
+def config() -> None:
+    """Settings and where they come from."""  # with a callback `show` stays a word of its own
+
+
+@config_app.command("show")
+@with_options(AllSettings, *FLAGS)
+def config_show(
+    context: typer.Context,
+    options: AllSettings,
+    every: Annotated[bool, typer.Option("--all", help="The stages' settings that have their defaults, too.")] = False,
+    as_json: Json = False,
+) -> int:
+    """Show the settings in force and where each came from: default, file, environment or flag, as if given to a
+    command."""
+    from dcap.scene.json_tree import to_json
+    from flows.given_settings import Origin, section_of, settings_file
+    from flows.settings.effective import OWN
+    from flows.settings.table import secrets, settings_in_force
+
+    rows = settings_in_force(options, typed_flags(context))
+    if not every:
+        rows = [one for one in rows if one.origin is not Origin.DEFAULT or section_of(one.key) in OWN]
+    file = settings_file()
+    if as_json:
+        tree = to_json({"file": str(file) if file else None, "settings": rows, "secrets": secrets()})
+        print(json.dumps(tree, indent=2, ensure_ascii=False))
+        return 0
+    print(f"# {file or 'no dcap.yaml'}")
+    for one in rows:
+        print(f"{one.key} = {json.dumps(one.value, ensure_ascii=False)}  # {one.origin} {one.where}".rstrip())
+    for name, state in secrets().items():
+        print(f"# {name}: {state}")
+    return 0
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Run a command line, default that of the process, and return the contract's exit code."""
     words = sys.argv[1:] if arguments is None else list(arguments)
@@ -262,4 +323,4 @@ def main(arguments: list[str] | None = None) -> int:
         say_interrupted()
         return INTERRUPTED
     except Exception as error:
-        return told(error)
+        return report_error(error)

@@ -1,7 +1,7 @@
-"""The border of the command line: words that come in, and errors that go out as one line and an exit code.
+"""Boundary of the command line: checks its arguments, and turns errors into one line and an exit code.
 
-What a person can mend is one line on standard error; a mistake of ours keeps its traceback. Who reads our output may
-stop reading: the program ends then without a word, as others do.
+An error that a user can fix is one line on standard error; a bug of ours keeps its traceback. If the reader of our
+output stops reading, the program ends silently, as other programs do.
 """
 
 import errno
@@ -28,16 +28,16 @@ LACKING = {
     "greater_than_equal": "is less than {ge}",
     "less_than_equal": "is more than {le}",
 }
-"""What is wrong with a value, by the kind of a validation error."""
+"""Descriptions of wrong values, by the kind of a validation error."""
 SHOWN = 100
 """Characters of a value that are shown."""
 USAGE = 2
 UNREAD = 141
-"""As a shell shows a program that ended because nobody read its output: 128 and SIGPIPE."""
+"""Exit code of a program whose output nobody reads: 128 and SIGPIPE, as a shell reports it."""
 
 
 def check_words(words: list[str]) -> None:
-    """Refuse words that no file can hold as they are: a shell hands over any bytes."""
+    """Refuse arguments that are not valid UTF-8: a shell passes any bytes."""
     for number, word in enumerate(words, start=1):
         try:
             word.encode()
@@ -49,33 +49,33 @@ def check_words(words: list[str]) -> None:
 
 
 def end_output() -> None:
-    """Hand over what was printed: a full disk or a reader that left would else be told after the end."""
+    """Flush standard output, so that a full disk or a closed pipe is reported now rather than after the end."""
     if sys.stdout is not None:
         sys.stdout.flush()
 
 
-def told(error: Exception) -> int:
-    """Say what went wrong and return the exit code; an error that is a mistake of ours is raised again."""
+def report_error(error: Exception) -> int:
+    """Print an error as one line and return the exit code; an error that is a bug of ours is raised again."""
     if isinstance(error, OSError) and not error.filename and (failed := output_failure()):
-        drop_output()
+        discard_output()
         if not isinstance(failed, BrokenPipeError):
-            complain(f"standard output: {failed.strerror}; send it elsewhere")
-        let_go(error)
+            print_error(f"standard output: {failed.strerror}; redirect it elsewhere")
+        clear_frames(error)
         return UNREAD if isinstance(failed, BrokenPipeError) else USAGE
     if isinstance(error, typer.TyperException):
-        complain(value_refused(error) or error.format_message())
+        print_error(describe_refused_value(error) or error.format_message())
         return USAGE
     known = error if isinstance(error, DcapError) else machine_error(error)
     if known is None:
         raise error
-    complain(str(known))
-    drop_output()
-    let_go(error)
+    print_error(str(known))
+    discard_output()
+    clear_frames(error)
     return known.exit_code
 
 
-def value_refused(error: typer.TyperException) -> str:
-    """Which value an option does not take, and what it lacks; empty where something else is wrong."""
+def describe_refused_value(error: typer.TyperException) -> str:
+    """Describe the value that an option refuses, and why; empty where something else is wrong."""
     refused = error.__cause__
     if not isinstance(error, typer.BadParameter) or not isinstance(refused, ValidationError) or error.param is None:
         return ""
@@ -85,17 +85,17 @@ def value_refused(error: typer.TyperException) -> str:
     return f"{max(error.param.opts, key=len)} {shortened(repr(first['input']), SHOWN)} {lacks}"
 
 
-def complain(message: str) -> None:
-    """One line on standard error, without secrets and nothing that steers a terminal; help stays as it is."""
+def print_error(message: str) -> None:
+    """Print one line on standard error without secrets and terminal control characters; help texts stay as they are."""
     line = message if message.startswith("Usage:") else f"dcap: {visible(redacted(' '.join(message.split())))}"
     with suppress(OSError):  # standard error may be on a full disk too
         typer.echo(line, err=True)
 
 
 def output_failure() -> OSError | None:
-    """Why what was printed cannot be written; None where it can, or where that cannot be told any more.
+    """Error that keeps printed text from being written; None if it can be written, or if that is no longer known.
 
-    What failed is still waiting to be written, unless Python was told not to buffer; a pipe tells that nobody reads.
+    Text whose write failed is still in the buffer, unless Python runs unbuffered; a pipe reports that nobody reads.
     """
     try:
         end_output()
@@ -109,8 +109,8 @@ def output_failure() -> OSError | None:
     return BrokenPipeError(errno.EPIPE, os.strerror(errno.EPIPE)) if gone else None
 
 
-def drop_output() -> None:
-    """Let nothing be left to be written at the end of the program, where a failure would be told once more."""
+def discard_output() -> None:
+    """Discard pending output, so that the failure is not reported once more when the program ends."""
     try:
         end_output()
     except OSError:
@@ -119,9 +119,9 @@ def drop_output() -> None:
         os.close(nowhere)
 
 
-def let_go(error: BaseException) -> None:
-    """Clear what the calls held through which an error came: Prefect keeps it, and Open3D ends a process in which one
-    of its tensors is left with a status of its own."""
+def clear_frames(error: BaseException) -> None:
+    """Clear the local variables of the frames in an error's traceback. Prefect keeps the error, and Open3D ends a
+    process in which one of its tensors is still alive with an exit status of its own."""
     waiting, seen = [error], set[int]()
     while waiting:
         one = waiting.pop()

@@ -1,4 +1,4 @@
-"""What the cache holds, what of it is damaged, and what nothing needs: `dcap cache ls|du|gc|verify`."""
+"""Contents, damage and unneeded artifacts of the cache: `dcap cache ls|du|gc|verify`."""
 
 import json
 import os
@@ -25,7 +25,7 @@ from tasks.upkeep import CacheUsage, Unneeded, damages, delete, repair, unneeded
 DAMAGED = 4
 DAY_S = 86_400.0
 SHOWN = 5
-"""Lines of a kind that are told one by one."""
+"""Most lines of a kind that are printed one by one."""
 
 
 def cache_listing(*, as_json: bool) -> int:
@@ -48,7 +48,7 @@ def cache_listing(*, as_json: bool) -> int:
 
 
 def cache_sizes(*, as_json: bool) -> int:
-    """Print what each stage has in the cache."""
+    """Print the size of each stage's results in the cache."""
     rows = usages()
     if as_json:
         print_json({"folder": str(cache_root()), "stages": as_rows(rows), "bytes": sum(row.size for row in rows)})
@@ -58,7 +58,7 @@ def cache_sizes(*, as_json: bool) -> int:
 
 
 def cache_collection(older_than_days: float, others: Sequence[Path], *, delete_it: bool, as_json: bool) -> int:
-    """Print what no run needs; delete it if that is asked."""
+    """Print artifacts that no run needs; delete them if `delete_it`."""
     with exclusive_use(cache_root()) if delete_it else nullcontext():
         folders, needed, unknown = kept_runs(others)
         what = unneeded(needed, older_than_days * DAY_S)
@@ -80,28 +80,31 @@ def cache_collection(older_than_days: float, others: Sequence[Path], *, delete_i
 def show_collection(
     what: Unneeded, runs: int, unknown: Sequence[str], young: int, older_than_days: float, *, deleted: bool
 ) -> None:
-    """Print for a person what may be deleted, or was."""
+    """Print for a person the artifacts that may be deleted, or were."""
     console = console_on(sys.stdout)
     for line in [*unknown[:SHOWN], *([f"and {len(unknown) - SHOWN} more"] if len(unknown) > SHOWN else [])]:
         note(f"cannot be looked up: {line}")
     if what.usage:
         console.print(usage_table(what.usage, "deleted" if deleted else "no run needs"))
     hours = 24.0 * older_than_days
-    age = f"; changed in the last {hours:g} hours, and needed by none: {young}" if young else ""
+    age = f"; changed in the last {hours:g} hours, and not needed: {young}" if young else ""
     console.print(f"runs and placements that are kept: {runs}{age}")
     if what.count:
         words = "were deleted" if deleted else "would be deleted; --yes does it"
-        console.print(f"needed by none: {what.count}, {mebibytes(what.size)} MiB, {words}")
+        console.print(f"not needed: {what.count}, {mebibytes(what.size)} MiB, {words}")
     else:
         console.print("nothing to delete")
 
 
 def kept_runs(others: Sequence[Path]) -> tuple[list[Path], set[Ref[Any]], list[str]]:
-    """Return the folders of all runs and placements, what they need of the cache, and what cannot be looked up.
+    """Return the folders of all runs and placements, the artifacts they need, and the samples that cannot be looked up.
 
-    A placement says itself what it needs (`records.json`). One that failed or is still computed is looked up.
+    A placement lists the artifacts it needs in `records.json`. For a failed or unfinished one the cache is asked.
     """
-    from flows.run_files import asked_of, asked_of_run  # brings all stages, which the other commands do not wait for
+    from flows.run_files import (  # imports all stages, which the other commands need not wait for
+        find_request,
+        load_run_request,
+    )
     from flows.sample_records import RECORDS, read_needs
     from flows.sample_run import plan_sample
 
@@ -112,12 +115,12 @@ def kept_runs(others: Sequence[Path]) -> tuple[list[Path], set[Ref[Any]], list[s
     folders, needed, unknown = list[Path](), set[Ref[Any]](), list[str]()
     for folder in found:
         try:
-            asked = asked_of_run(folder) if (folder / RUN).is_file() else asked_of(str(folder), None)[0]
+            asked = load_run_request(folder) if (folder / RUN).is_file() else find_request(str(folder), None)[0]
         except EarlierRunError as error:
             unknown.append(f"{error}; nothing is kept for it")
             continue
         except (InputError, OSError, ValueError) as error:
-            # a later version wrote it, or it is damaged; its samples still say what they were made of
+            # written by a later version, or damaged; records.json of its samples still lists their artifacts
             unknown.append(str(error))
             folders.append(folder)
             needed |= {ref for one in folder.rglob(RECORDS) for ref in read_needs(one.parent) or ()}
@@ -142,7 +145,8 @@ def run_folders(root: Path) -> Iterator[Path]:
 
 def cache_verification(*, repair_it: bool, as_json: bool) -> int:
     """Read everything; exit code 4 if damage was found and left."""
-    with exclusive_use(cache_root()) if repair_it else nullcontext():  # what another program has mended is sound
+    # checked under the lock, since another program may have repaired artifacts
+    with exclusive_use(cache_root()) if repair_it else nullcontext():
         counts = {"artifacts": sum(1 for _ in Store.default().refs()), "records": sum(1 for _ in every_record())}
         found = damages()
         if repair_it:
@@ -161,12 +165,12 @@ def cache_verification(*, repair_it: bool, as_json: bool) -> int:
             console.print(f"damaged: {one.path}: {one.why}", soft_wrap=True)
         console.print(", ".join(f"{number} {name}" for name, number in counts.items()) + f", {len(found)} damaged")
         if repair_it and found:
-            console.print("what was damaged is deleted, and computed again when needed")
+            console.print("damaged artifacts were deleted and will be computed again when needed")
     return DAMAGED if found and not repair_it else 0
 
 
 def usage_table(rows: Iterable[CacheUsage], title: str) -> Table:
-    """Return rows of stages with a sum."""
+    """Return the rows of stages with their sum as a table."""
     every = list(rows)
     table = Table("stage", "records", "artifacts", "MiB", "computed in [s]", title=title)
     for row in every:

@@ -1,4 +1,4 @@
-"""What `dcap dataset check` prints: findings, one line per scene, sums; as text, as JSON, and as a plot."""
+"""Output of `dcap dataset check`: findings, one line per scene, sums; as text, as JSON, and as a plot."""
 
 import os
 from collections import Counter
@@ -22,7 +22,7 @@ def write_plot(report: DatasetReport, path: Path) -> None:
 
 
 def write_table(report: DatasetReport, path: Path) -> None:
-    """The same as a table, one row a scene; InputError where nothing can be written."""
+    """Write the numbers as a table, one row per scene; InputError where nothing can be written."""
     names = _short_names([row.facts.path for row in report.scenes]) if report.scenes else {}
     text = supports_table({names[row.facts.path]: row.facts.labels for row in report.scenes if row.counted})
     try:
@@ -33,7 +33,7 @@ def write_table(report: DatasetReport, path: Path) -> None:
 
 
 def _counted(report: DatasetReport) -> list[Counter[str]]:
-    """Kinds of the scenes that could be read: of others nobody knows what they hold."""
+    """Kinds of supports in the scenes that could be read; the contents of the others are unknown."""
     return [row.kinds for row in report.scenes if row.counted]
 
 
@@ -65,7 +65,7 @@ def as_tree(report: DatasetReport) -> JsonObject:
 
 
 def totals(report: DatasetReport) -> JsonObject:
-    """Return sums over the scenes and single meshes; `objects` are instances that are no part of the building."""
+    """Return sums over the scenes and single meshes; `objects` counts instances that are not part of the building."""
     rows = report.scenes
     kinds: Counter[str] = sum((row.kinds for row in rows), Counter())
     return {
@@ -97,7 +97,7 @@ def in_words(report: DatasetReport) -> str:
 
 
 def _table(rows: Sequence[SceneRow]) -> str:
-    """One line a scene and one of sums; numbers end at the same place."""
+    """One line per scene and one of sums; numbers are right-aligned."""
     numbers = [
         (len(row.facts.labels), row.things, row.kinds.total(), row.facts.faces, row.facts.splats, row.problems)
         for row in rows
@@ -116,6 +116,6 @@ def _table(rows: Sequence[SceneRow]) -> str:
 
 
 def _short_names(paths: Sequence[Path]) -> dict[Path, str]:
-    """What tells the paths apart: they without the folder that all lie in."""
+    """Paths without the folder that all of them share."""
     common = Path(os.path.commonpath([path.absolute().parent for path in paths]))
     return {path: path.absolute().relative_to(common).as_posix() for path in paths}

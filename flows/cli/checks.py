@@ -1,4 +1,4 @@
-"""What the commands share: their parameters, from the models of flows/options.py, and notes to a person."""
+"""Shared by the commands: their parameters, from the models of flows/options.py, and notes to a person."""
 
 import inspect
 from collections.abc import Callable, Iterator
@@ -13,9 +13,9 @@ from flows.options import Options, setting_of
 from flows.settings.effective import effective_options
 
 COMMANDLINE = "COMMANDLINE"
-"""Name of the source of what a person has typed."""
+"""Click's name for the source of typed values."""
 OPTIONS = "options"
-"""The parameter of a command in whose place stand the options of its model."""
+"""Name of the command's parameter that the options of its model replace."""
 Run = Annotated[str, typer.Argument(help="Name or folder of a run, or 'last'.")]
 PlacedRun = Annotated[
     str, typer.Argument(metavar="RUN", help="Name or folder of a run, 'last', or a folder that `place` wrote.")
@@ -27,10 +27,10 @@ Command = Callable[..., int]
 
 
 def with_options(kind: type[Options], *names: str) -> Callable[[Command], Command]:
-    """Give a command the options of a model, all or those named, in place of its parameter `options`.
+    """Replace a command's parameter `options` by the options of a model, all of them or those named.
 
-    The command is called with the model that they make with what stands in `dcap.yaml` and the environment. An option
-    that the command declares itself, because its help or default is another one, is part of the model too.
+    The command is called with the model built from these options, `dcap.yaml` and the environment. An option that the
+    command declares itself, because its help or default differs, is part of the model too.
     """
     wanted = names or tuple(name for name in own_fields_first(kind) if setting_of(kind.model_fields[name]).is_flag)
 
@@ -47,7 +47,7 @@ def with_options(kind: type[Options], *names: str) -> Callable[[Command], Comman
 
         @wraps(command)
         def run(context: typer.Context, **values: object) -> int:
-            flags = {name: value for name, value in given(context).items() if name in wanted}
+            flags = {name: value for name, value in typed_flags(context).items() if name in wanted}
             mine = {name: value for name, value in values.items() if name in own}
             if "context" in own:
                 mine["context"] = context
@@ -60,13 +60,13 @@ def with_options(kind: type[Options], *names: str) -> Callable[[Command], Comman
 
 
 def own_fields_first(kind: type[Options]) -> list[str]:
-    """Return the fields of a model, those that it declares itself before those that it inherits."""
+    """Return the fields of a model, its own before those that it inherits."""
     declared = (name for base in kind.__mro__ for name in vars(base).get("__annotations__", ()))
     return [name for name in dict.fromkeys(declared) if name in kind.model_fields]
 
 
 def option_parameter(name: str, field: FieldInfo) -> inspect.Parameter:
-    """Return the parameter of the command line that a field is."""
+    """Return a field as a parameter of the command line."""
     bounds = {key: getattr(one, bound) for key, bound in (("min", "ge"), ("max", "le")) for one in field.metadata
               if hasattr(one, bound)}  # fmt: skip
     option = typer.Option(
@@ -80,7 +80,7 @@ def option_parameter(name: str, field: FieldInfo) -> inspect.Parameter:
 
 
 def plain_type(annotation: Any) -> Any:
-    """Return the type that the command line reads for an annotation: text for a word, the one beside None."""
+    """Return the type that the command line parses for an annotation: text for a Literal, T for `T | None`."""
     if get_origin(annotation) is Annotated:
         return plain_type(get_args(annotation)[0])
     if get_origin(annotation) is Literal:
@@ -89,8 +89,8 @@ def plain_type(annotation: Any) -> Any:
     return plain_type(inner[0]) if inner else annotation
 
 
-def given(context: typer.Context) -> dict[str, object]:
-    """Return the parameters that a person has typed, by name."""
+def typed_flags(context: typer.Context) -> dict[str, object]:
+    """Return the parameters that were typed on the command line, by name."""
     return {
         name: value
         for name, value in context.params.items()
@@ -99,5 +99,5 @@ def given(context: typer.Context) -> dict[str, object]:
 
 
 def note(text: str) -> None:
-    """Tell what a person should know, on standard error."""
+    """Print a note for the user on standard error."""
     typer.echo(f"dcap: {text}", err=True)

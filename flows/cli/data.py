@@ -12,7 +12,7 @@ from flows.cli.checks import Json, PlacedRun, note, with_options
 from flows.options import PlaceOptions, check_out
 
 MOST_SCENES = 10_000
-"""More are a slip of the hand: each takes about 5 MB."""
+"""Most scenes to make at once; a larger number is taken for a typing error, since each takes about 5 MB."""
 dataset_app = typer.Typer(help="Make the embedded dataset, or check any.", no_args_is_help=True, rich_markup_mode=None)
 cache_app = typer.Typer(help="What has been computed.", no_args_is_help=True, rich_markup_mode=None)
 
@@ -103,7 +103,7 @@ def dataset_label(
 )  # fmt: skip
 def dataset_sample(
     scenes: Annotated[Path, typer.Argument(help="Folder whose subfolders and meshes are scenes, or one scene.")],
-    objects: Annotated[Path, typer.Option(metavar="FOLDER", help="Folder of meshes, named by what they are: mug.glb.")],
+    objects: Annotated[Path, typer.Option(metavar="FOLDER", help="Folder of meshes, named by their kind: mug.glb.")],
     per_scene: Annotated[int, typer.Option(help="Samples of each scene.")],
     options: PlaceOptions,
     seed: Annotated[int, typer.Option(min=0, help="Seed of every draw.")] = 0,
@@ -115,7 +115,7 @@ def dataset_sample(
         str, typer.Option("--scenes", metavar="LIST", help="Only these: names between commas, or a .txt file of names.")
     ] = "",
     infeasible: Annotated[float, typer.Option(help="Share of requests that ought to be refused.")] = 0.1,
-    skip: Annotated[bool, typer.Option("--skip", help="Leave out what cannot be used, and say so.")] = False,
+    skip: Annotated[bool, typer.Option("--skip", help="Leave out unusable scenes and objects, and list them.")] = False,
     as_json: Json = False,
 ) -> int:
     """Make a data set of placements (sentence, object, intended outcome) for a folder of scenes."""
@@ -212,7 +212,7 @@ def cache_du(as_json: Json = False) -> int:
 def cache_gc(
     yes: Annotated[bool, typer.Option("--yes", help="Delete it; without, only say what would go.")] = False,
     older_than: Annotated[
-        float, typer.Option(min=0.0, metavar="DAYS", help="Leave what is younger, with all that it was made from.")
+        float, typer.Option(min=0.0, metavar="DAYS", help="Keep younger artifacts, and everything they were made from.")
     ] = 1.0,
     keep: Annotated[
         list[Path] | None,
@@ -220,7 +220,7 @@ def cache_gc(
     ] = None,
     as_json: Json = False,
 ) -> int:
-    """Find what no run below data/runs needs any more, and delete it with --yes."""
+    """Find artifacts that no run below data/runs needs any more, and delete it with --yes."""
     from flows.cli.cache_report import cache_collection
 
     return cache_collection(older_than, keep or [], delete_it=yes, as_json=as_json)

@@ -56,7 +56,7 @@ def judge(
 
 def diff(
     one: PlacedRun,
-    other: Annotated[str, typer.Argument(metavar="RUN", help="What it is compared with.")],
+    other: Annotated[str, typer.Argument(metavar="RUN", help="Run to compare it with.")],
     times: Annotated[bool, typer.Option("--times", help="Show times, too; they are no difference.")] = False,
     as_json: Json = False,
 ) -> int:
@@ -138,7 +138,7 @@ def maps(
     out: Annotated[Path | None, typer.Option(help="Folder; default: maps in the sample's own.")] = None,
 ) -> int:
     """Write depth, normals, masks, contact, shadow and ids of a placement, pixel by pixel of one view."""
-    from flows.maps_one import maps_of_sample, note_of
+    from flows.map_output import maps_of_sample, note_of
 
     folder = maps_of_sample(run, sample, camera, over, out)
     if warning := note_of(folder):

@@ -1,7 +1,7 @@
 """Values for the options of a command, from flags, environment and `dcap.yaml`; the first one wins.
 
-Nothing heavy is imported here: options are checked before the stages are loaded. What is said of the stages alone is
-checked with them (stages.py).
+Nothing heavy is imported here: options are checked before the stages are loaded. Settings of the
+stages are checked with them (stages.py).
 """
 
 import json
@@ -26,15 +26,15 @@ from flows.given_settings import (
     GivenSetting,
     check_underscores,
     given_settings,
-    refused,
+    invalid_value,
     section_of,
-    unknown,
+    unknown_key,
 )
 from flows.options import KEYS, SHOWN, AllSettings, Options
 
 Kind = TypeVar("Kind", bound=Options)
 OWN = ("run", "paths", "server")
-"""The sections of `dcap.yaml` that are no stage's."""
+"""The sections of `dcap.yaml` that belong to no stage."""
 WORD = re.compile(r"'([^']*)'")
 """One of the words that pydantic expected, as it quotes them."""
 OWN_KEYS = tuple(key for key in KEYS if section_of(key) in OWN)
@@ -43,14 +43,14 @@ OWN_KEYS = tuple(key for key in KEYS if section_of(key) in OWN)
 def effective_options(kind: type[Kind], flags: Mapping[str, object]) -> Kind:
     """Return the options of a command: its flags over the environment, that over the file, that over the defaults.
 
-    Raises InputError with the option, or the place of the value, and what is wrong with it.
+    Raises InputError with the option, or the place of the value, and the reason.
     """
     for name in flags:
         if name not in kind.model_fields:
             hint = did_you_mean(name, kind.model_fields) or f"; there are {', '.join(sorted(kind.model_fields))}"
             raise InputError(f"unknown option {name!r}{hint}")
     check_given(given_settings())
-    values: Any = dict(flags)  # by names of fields, not those of pydantic's own parameters
+    values: Any = dict(flags)  # by names of fields, not of pydantic's own parameters
     try:
         return kind(**values)
     except ValidationError as error:
@@ -58,7 +58,7 @@ def effective_options(kind: type[Kind], flags: Mapping[str, object]) -> Kind:
 
 
 def complaint(error: ValidationError) -> str:
-    """Return the first thing that is wrong with the flags, in a line."""
+    """Return the first error in the flags, in one line."""
     first = error.errors(include_url=False)[0]
     if not first["loc"]:
         return reason(first)
@@ -69,19 +69,19 @@ def complaint(error: ValidationError) -> str:
 
 
 def reason(first: ErrorDetails) -> str:
-    """Return what is wrong with a value: in our words where we have some, else in pydantic's."""
+    """Return the reason why a value is refused: in our words if there are some, else in pydantic's."""
     if first["type"] == "literal_error":
         return not_one_of(first["input"], filter(None, WORD.findall(first["ctx"]["expected"])))
     return str(first["ctx"]["error"]) if is_ours(first) else first["msg"]
 
 
 def is_ours(first: ErrorDetails) -> bool:
-    """Return whether the reason is in our words, which go on from the value."""
+    """Return whether the reason is in our words, which continue a sentence that starts with the value."""
     return first["type"] in ("literal_error", "value_error")
 
 
 def check_given(given: Given) -> None:
-    """Refuse unknown keys in the sections of our own, and values that options cannot have."""
+    """Refuse unknown keys in sections that belong to no stage, and invalid values of options."""
     check_underscores(OWN_KEYS)
     for key, one in given.items():
         if key in KEYS:
@@ -89,32 +89,32 @@ def check_given(given: Given) -> None:
         elif key in OWN:
             check_empty(one)
         elif section_of(key) in OWN:
-            raise unknown(one, (own for own in OWN_KEYS if section_of(own) == section_of(key)))
+            raise unknown_key(one, (own for own in OWN_KEYS if section_of(own) == section_of(key)))
 
 
 def check_value(name: str, one: GivenSetting) -> None:
-    """Refuse a value that an option cannot have; text is no number here."""
+    """Refuse an invalid value of an option; text is not converted to numbers."""
     field = AllSettings.model_fields[name]
-    kind: Any = Annotated[field.annotation, *field.metadata]  # not the model, which would take in all other values too
+    kind: Any = Annotated[field.annotation, *field.metadata]  # not the model, which would check all other values too
     try:
         TypeAdapter(kind).validate_json(as_json(plain(one)), strict=True)
     except ValidationError as error:
-        raise refused(one, reason(error.errors(include_url=False)[0])) from None
+        raise invalid_value(one, reason(error.errors(include_url=False)[0])) from None
 
 
 def check_empty(one: GivenSetting) -> None:
     """Refuse a value where keys are expected; a section without any is as good as none."""
     if one.value is not None:
-        raise refused(one, "expected keys and values")
+        raise invalid_value(one, "expected keys and values")
 
 
 def plain(one: GivenSetting) -> object:
-    """Return a value that JSON can hold, a scalar or a list of such; anything nested deeper is refused unread."""
+    """Return a value that JSON can hold, a scalar or a list of scalars; deeper nesting is refused unread."""
     items = one.value if isinstance(one.value, list) else [one.value]
     if any(isinstance(item, list | dict | set) for item in items):
-        raise refused(one, "expected a value or a list of values")
+        raise invalid_value(one, "expected a value or a list of values")
     if any(isinstance(item, float) and not math.isfinite(item) for item in items):
-        raise refused(one, "expected a finite number")
+        raise invalid_value(one, "expected a finite number")
     return one.value
 
 
@@ -125,8 +125,8 @@ def as_json(tree: object) -> str:
 
 @contextmanager
 def exported_paths() -> Iterator[None]:
-    """Put what the file says of places into the environment, for this process and all that it starts, until the last
-    thread that does so ends."""
+    """Export the file's paths and addresses into the environment of this process and its children, until the last
+    thread in such a block leaves it."""
     given = given_settings()
     check_given(given)
     with _shared_paths(given):
@@ -135,7 +135,7 @@ def exported_paths() -> Iterator[None]:
 
 @contextmanager
 def _exported(given: Given) -> Iterator[None]:
-    """Put them there, and take them away again."""
+    """Set the variables, and remove them again."""
     new = {name: str(given[key].value) for key, name in VARIABLES.items() if key in given and not os.environ.get(name)}
     os.environ.update(new)
     EXPORTED.update(new)

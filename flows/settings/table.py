@@ -20,14 +20,14 @@ from flows.settings.effective import OWN_KEYS
 from flows.settings.stages import stage_keys, stage_settings
 
 SECRETS = ("ANTHROPIC_API_KEY", "OPENAI_API_KEY", "PREFECT_API_KEY", "PREFECT_API_AUTH_STRING", "AWS_SECRET_ACCESS_KEY")
-"""Variables that are told to be set or not, never their values; no file of ours holds them."""
+"""Variables with secrets: only whether they are set is shown, never their values; no file of ours holds them."""
 DATA = "paths.data"
-"""Whose default depends on how dcap was installed."""
+"""Keys whose default depends on how dcap was installed."""
 
 
 @dataclass(frozen=True, slots=True)
 class SettingKey:
-    """One setting that there is."""
+    """One known setting."""
 
     key: str
     default: object
@@ -38,7 +38,7 @@ class SettingKey:
 
 @dataclass(frozen=True, slots=True)
 class ShownSetting:
-    """One setting as it is in force."""
+    """One setting with its value in force."""
 
     key: str
     value: object
@@ -76,9 +76,9 @@ def meanings(kind: type[BaseModel]) -> Mapping[str, str]:
 
 
 def settings_in_force(options: AllSettings, flags: Mapping[str, object]) -> list[ShownSetting]:
-    """Return every setting with its value and where that came from.
+    """Return every setting with its value and origin.
 
-    `flags` are what was typed, by name; `options` are what they make with the file and the environment.
+    `flags` are the typed options, by name; `options` are built from them, the file and the environment.
     """
     given, own = given_settings(), options.model_dump(mode="json")
     stages = stage_settings().model_dump(mode="json")

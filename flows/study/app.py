@@ -1,18 +1,21 @@
 """The web application of a study: pages, pictures and models by a rater's link, and the votes.
 
-Everything but the style, the scripts and the refusals lies below `/s/TOKEN/`. A file is named by a comparison, a side
-and a number, never by a path, so that nothing outside of the study is reached and no address tells a method.
+Everything but the style, the scripts and the refusals is below `/s/TOKEN/`. A comparison, a side and a number name a
+file, never a path, so that nothing outside of the study can be reached and no address reveals a method.
 """
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, MutableMapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from fastapi import Depends, FastAPI, HTTPException, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import FileResponse, HTMLResponse, JSONResponse, PlainTextResponse, Response
+from jinja2 import FileSystemLoader, StrictUndefined
+from jinja2.sandbox import SandboxedEnvironment
 from pydantic import BaseModel, Field
 from starlette.exceptions import HTTPException as WebError
+from starlette.types import ASGIApp, Receive, Scope, Send
 
 from dcap.evaluation.page3d.three import ORBIT, three_script
 from dcap.evaluation.statistics.comparisons import JudgedAxis
@@ -20,9 +23,20 @@ from dcap.evaluation.study.design import Side, StudyItem
 from dcap.evaluation.study.session import StudySession
 from dcap.scene.errors import DcapError
 from flows.own_requests import OwnRequests, OwnRequestsOnly
-from flows.study.body_limit import BodyLimit
-from flows.study.pages import STATIC, StudyPages
 
+HERE = Path(__file__).parent
+STATIC, TEMPLATES = HERE / "static", HERE / "templates"
+QUESTIONS = {
+    JudgedAxis.RIGHT_PLACE: ("Right place", "Where is the object more in the place that the sentence asks for?"),
+    JudgedAxis.PHYSICS_NATURALNESS: ("Physics and naturalness", "Where does it lie more as a real object would?"),
+    JudgedAxis.OVERALL: ("Overall", "Which of the two is the better result?"),
+}
+"""Heading and question of each axis."""
+VIEWS = {"overview": "Overview", "closeup": "Close-up of the contact"}
+"""Captions of the views of a placement."""
+MOST_BYTES = 4096
+"""Largest body [bytes]: an answer has about 150."""
+REQUEST = "http.request"
 HEADERS = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; "
     "connect-src 'self' blob: data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
@@ -36,15 +50,15 @@ DAY_SECONDS = 86_400.0
 
 
 class StudyAnswer(BaseModel, extra="forbid"):
-    """What a rater sends for one comparison."""
+    """A rater's answer to one comparison."""
 
     item: str = Field(max_length=16)
     right_place: Side
     physics_naturalness: Side
     overall: Side | None = None
-    """Where the study asks for it."""
+    """Overall choice, if the study asks for it."""
     seconds: float = Field(ge=0.0, allow_inf_nan=False)
-    """Since the placements were shown; kept as a day at most."""
+    """Time since the placements were shown, stored as at most a day [s]."""
 
     @property
     def by_axis(self) -> dict[JudgedAxis, Side]:
@@ -54,7 +68,7 @@ class StudyAnswer(BaseModel, extra="forbid"):
 
 
 def study_app(session: StudySession, own: OwnRequests) -> FastAPI:
-    """The application of one study, which answers its own requests."""
+    """The application of one study; it answers requests from its own pages only."""
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
     pages = StudyPages(session)
     app.add_middleware(BodyLimit)
@@ -151,3 +165,82 @@ def study_app(session: StudySession, own: OwnRequests) -> FastAPI:
         return FileResponse(ORBIT if name == "orbit" else STATIC / f"{name}.js", media_type="text/javascript")
 
     return app
+
+
+class BodyLimit:
+    """Reads a request's body and passes it on, or answers 413 if it is larger than MOST_BYTES, whatever its header
+    says."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass a request on as long as it is small."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        told = dict(scope["headers"]).get(b"content-length", b"0")
+        body = await body_of(receive) if told.isdigit() and int(told) <= MOST_BYTES else None
+        if body is None:
+            await PlainTextResponse(f"more than {MOST_BYTES} bytes", status_code=413)(scope, receive, send)
+            return
+        waiting: list[MutableMapping[str, Any]] = [{"type": REQUEST, "body": body, "more_body": False}]
+
+        async def again() -> MutableMapping[str, Any]:
+            return waiting.pop() if waiting else await receive()
+
+        await self._app(scope, again, send)
+
+
+async def body_of(receive: Receive) -> bytes | None:
+    """The body of a request; None where it is too large."""
+    body, more = b"", True
+    while more and len(body) <= MOST_BYTES:
+        message = await receive()
+        body += message.get("body", b"")
+        more = message["type"] == REQUEST and message.get("more_body", False)
+    return body if len(body) <= MOST_BYTES else None
+
+
+class StudyPages:
+    """Writes the pages of one study."""
+
+    def __init__(self, session: StudySession) -> None:
+        self._session = session
+        self._templates = SandboxedEnvironment(
+            loader=FileSystemLoader(TEMPLATES), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
+            lstrip_blocks=True,
+        )  # fmt: skip
+
+    def introduction(self, token: str, rater: str) -> str:
+        """The scene, the asset and the sentence of the rater's next comparison; thanks where there is none."""
+        item, (done, total) = self._session.current(rater), self._session.progress(rater)
+        if item is None:
+            return self._page("done.html.j2", done=done, total=total)
+        run = self._session.run
+        return self._page(
+            "introduction.html.j2", base=f"/s/{token}", item=item.item, prompt=run.prompts[item.sample], done=done,
+            total=total, first=done == 0, scene=run.clean_picture(item.sample) is not None,
+            asset=run.asset_picture(item.sample) is not None,
+            asset_model=run.asset_model(item.sample) is not None and bool(three_script()),
+        )  # fmt: skip
+
+    def comparison(self, token: str, rater: str) -> str:
+        """The two placements of the rater's next comparison, and the questions."""
+        item, (done, total) = self._session.current(rater), self._session.progress(rater)
+        if item is None:
+            return self._page("done.html.j2", done=done, total=total)
+        views = [VIEWS[path.stem] for path in self._session.pictures(item, Side.LEFT)]
+        return self._page(
+            "comparison.html.j2", base=f"/s/{token}", item=item.item, prompt=self._session.run.prompts[item.sample],
+            done=done, total=total, views=views, sides=[side.value for side in Side],
+            questions=[(axis.value, *QUESTIONS[axis]) for axis in self._session.design.questions],
+            models=self._session.has_models(item) and bool(three_script()),
+        )  # fmt: skip
+
+    def refusal(self, message: str) -> str:
+        """A page with an error message."""
+        return self._page("refusal.html.j2", message=message)
+
+    def _page(self, template: str, **values: object) -> str:
+        return self._templates.get_template(template).render(**values)

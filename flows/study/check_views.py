@@ -1,8 +1,8 @@
-"""Pictures of attention checks: by the cameras and the renderer that took the run's own, so that none is told apart.
+"""Pictures of attention checks, by the cameras and the renderer of the run's own, so that they look the same.
 
-In: the placement that a check is made of, and its surface at rest and as it is shown. Out: a picture for each of the
-placement's own, of the same name and size. The overview is from the same camera; the close-up from the same direction
-and distance, centred on the contact of what is shown, as another method's is. Walls before a camera are cut away where
+In: the placement that a check is made from, and its surface at rest and as shown. Out: a picture for each of the
+placement's own, with the same name and size. The overview is from the same camera; the close-up from the same direction
+and distance, centred on the contact that is shown, as for other methods. Walls in front of a camera are cut away if
 the placement says which things are walls (scene.json).
 """
 
@@ -30,8 +30,8 @@ from tasks.render.settled_meshes import structure_faces
 def check_pictures(
     placement: ShownPlacement, settled: PlacedSurface, shown: PlacedSurface
 ) -> Mapping[str, NDArray[np.uint8]]:
-    """The pictures of one side of a check by name, sRGB; FormatError where scene.json is none, InputError where it is
-    not known from where the placement's own were taken."""
+    """The pictures of one side of a check by name, sRGB; FormatError for an invalid scene.json, InputError if the
+    cameras of the placement's own pictures are not known."""
     views, taken = surface_views(shown, things_of(placement.folder)), taken_from(placement.folder)
     contact = np.array(taken.contact)
     if not np.array_equal(shown.thing_bounds, settled.thing_bounds):
@@ -45,19 +45,19 @@ def check_pictures(
 
 
 def things_of(folder: Path) -> tuple[Instance, ...]:
-    """What the things of a placement's scene are; empty where it does not say."""
+    """Things of a placement's scene from its scene.json; empty without one."""
     return tuple(map(instance_of, read_facts(folder).instances)) if (folder / FACTS).is_file() else ()
 
 
 def contact_of(surface: PlacedSurface, things: tuple[Instance, ...], toward: Direction) -> NDArray[np.float64]:
-    """Where the object touches, or is nearest to what is below, as seen from a direction [m], shape (3,)."""
+    """Point where the object touches the scene below, or is nearest to it, seen from a direction [m], shape (3,)."""
     scene, thing = parts_of(surface)
     structure = structure_faces(segmented(scene, things)) if things else np.zeros(len(scene.mesh.faces), dtype=bool)
     return PlacedThing.of(scene.mesh, structure, thing.mesh).contact_seen(toward, Raycaster(thing.mesh))[1]
 
 
 def surface_views(surface: PlacedSurface, things: tuple[Instance, ...]) -> SceneViews | PreparedMeshes:
-    """What cameras see of a placement: what is cut away depends on the camera where it is known what walls are."""
+    """Meshes that cameras see of a placement; if the walls are known, those in front of each camera are cut away."""
     scene, thing = parts_of(surface)
     look, own = (PaintedMesh(one.mesh, one.paint) for one in (scene, thing))
     return SceneViews(segmented(scene, things), look, [own]) if things else PreparedMeshes([look, own])
@@ -69,7 +69,7 @@ def parts_of(surface: PlacedSurface) -> tuple[PlacedSurface, PlacedSurface]:
 
 
 def segmented(scene: PlacedSurface, things: tuple[Instance, ...]) -> Segmentation:
-    """The scene with whose each face is."""
+    """The scene with the instance of each face."""
     index = {one.id: number for number, one in enumerate(things)}
     number_of = np.array([*(index.get(name, -1) for name in scene.ids), -1], dtype=np.int32)
     owner = number_of[scene.face_id]

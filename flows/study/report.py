@@ -1,4 +1,4 @@
-"""What the votes of a study say: Table 2, the raters, and the votes as a table."""
+"""Results of a study's votes: Table 2, the raters, and the votes as a table."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,14 +19,14 @@ from flows.run_files import chooser_of
 
 @dataclass(frozen=True, slots=True)
 class StudyReport:
-    """What was written of a study, and what stands in it."""
+    """The report of a study, and its files."""
 
     table: StudyTable
     raters: tuple[RaterRow, ...]
     csv: Path
     tex: Path
     changed: tuple[str, ...] = ()
-    """Samples whose final states are others now than when the study began."""
+    """Samples whose final states have changed since the study began."""
 
 
 def report_study(run: str) -> StudyReport:
@@ -48,7 +48,7 @@ def report_study(run: str) -> StudyReport:
 
 
 def check_votes(run: Path, design: StudyDesign, votes: tuple[StudyVote, ...]) -> None:
-    """InputError where a vote belongs to no rater of the study."""
+    """Raise InputError if a vote belongs to no rater of the study."""
     strange = sorted({vote.rater for vote in votes} - set(design.raters))
     if strange:
         raise InputError(f"{run.name}: there are votes of {strange[0]}, whom its study does not know")

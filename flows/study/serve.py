@@ -1,7 +1,7 @@
 """Serves the study of a run until interrupted.
 
-The design is made at the first start and kept; a later start goes on with it, and may add raters. No log of requests is
-kept, and nothing of a rater but the answers.
+The design is made at the first start and kept; a later start resumes it, and may add raters. Requests are not logged,
+and only the answers of a rater are stored.
 """
 
 import logging
@@ -36,33 +36,33 @@ from flows.study.app import study_app
 from flows.study.check_views import check_pictures
 
 STOP_SECONDS = 3
-"""That answers under way have when the server is stopped [s]."""
+"""Time for pending answers when the server stops [s]."""
 WAITING = 128
-"""Connections that may wait to be taken [-]."""
+"""Most connections that wait to be accepted [-]."""
 
 
 @dataclass(frozen=True, slots=True)
 class StudyOptions:
-    """How a study is served."""
+    """Options of serving a study."""
 
     host: str = LOOPBACK
     port: int = 8090
     raters: int | None = None
-    """At least so many links; None: as many as there are, or one."""
+    """Least number of links; None: as many as there are, or one."""
     pairs: int | None = None
-    """Comparisons per rater; None: `design.PER_RATER`, or what the study has."""
+    """Comparisons per rater; None: the study's number, or `design.PER_RATER` for a new one."""
     seed: int | None = None
-    """Of pairs, sides and order; None: 0, or what the study has."""
+    """Seed of pairs, sides and order; None: the study's seed, or 0 for a new one."""
     overall: bool | None = None
-    """Whether a third question asks which is better overall; None: no, or what the study has."""
+    """Whether a third question asks which is better overall; None: as in the study, or no for a new one."""
     url: str = ""
-    """Address at which raters reach it, where another server stands before it; empty: none does."""
+    """Address of a reverse proxy through which raters reach it; empty: none."""
 
 
 def serve_study(
     run: str, options: StudyOptions, say: Callable[[str], None], announce: Callable[[Mapping[str, str]], None]
 ) -> None:
-    """Serve the study of a run; `say` is told what a person should know, `announce` the link of each rater."""
+    """Serve the study of a run; `say` takes notes for the user, `announce` the link of each rater."""
     place = find_run(run)
     rows = read_rows(place)
     folder = place / STUDY_FOLDER
@@ -72,9 +72,9 @@ def serve_study(
     take_views(place, rows, say)
     found = read_study_run(place, rows)
     if known is not None and not known.raters and (options.seed is not None or options.pairs is not None):
-        known = None  # nobody was asked: it was only prepared
+        known = None  # it has no raters yet: it was only prepared
     check_kept(found, known, options)
-    with listening(options.host, options.port) as ear:
+    with open_socket(options.host, options.port) as ear:
         folder.mkdir(exist_ok=True)
         asks_overall = known.asks_overall if known else bool(options.overall)
         with VoteJournal(folder, questions_of(asks_overall)) as journal:
@@ -93,8 +93,8 @@ def serve_study(
 
 
 def prepare_study(run: str, say: Callable[[str], None]) -> StudyDesign:
-    """Design the study of a run that nobody was asked in yet, with its attention checks, so that `serve` begins at
-    once; a study that has raters, or is designed of the same placements, is left as it is."""
+    """Design the study of a run in advance, with its attention checks, so that `serve` starts at once. A study that has
+    raters, or shows the same placements, is not changed."""
     place = find_run(run)
     rows = read_rows(place)
     take_views(place, rows, say)
@@ -126,7 +126,7 @@ def new_design(run: StudyRun, folder: Path, options: StudyOptions, say: Callable
 
 
 def check_kept(run: StudyRun, known: StudyDesign | None, options: StudyOptions) -> None:
-    """InputError where an option is against the study that there is."""
+    """Raise InputError for an option that contradicts the existing study."""
     if known is None:
         return
     kept = run.folder / STUDY_FOLDER
@@ -144,7 +144,7 @@ def check_kept(run: StudyRun, known: StudyDesign | None, options: StudyOptions) 
 
 
 def check_states(run: Path, design: StudyDesign) -> None:
-    """InputError where placements have changed since people voted on them."""
+    """Raise InputError if placements have changed since people voted on them."""
     if changed := changed_since(run, design.states):
         raise InputError(
             f"{run.name}: {len(changed)} placements have changed since its study began ({changed[0]}); move "
@@ -153,7 +153,8 @@ def check_states(run: Path, design: StudyDesign) -> None:
 
 
 def check_shown(run: StudyRun, design: StudyDesign) -> None:
-    """InputError where the run no longer has what its study shows: votes on two placements must not count as one's."""
+    """Raise InputError if the run lacks placements that its study shows: votes on two placements must not count as
+    votes on one."""
     for item in {one for items in design.raters.values() for one in items}:
         gone = [m for m in (item.left, item.right) if (m, item.sample) not in run.shown]
         if gone:
@@ -166,7 +167,7 @@ def check_shown(run: StudyRun, design: StudyDesign) -> None:
                 raise InputError(f"{folder}: an attention check of the study is gone; bring it back or move its study")
 
 
-def listening(host: str, port: int) -> socket.socket:
+def open_socket(host: str, port: int) -> socket.socket:
     """A socket that listens there; InputError where none can be had."""
     try:
         family, kind, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
@@ -184,14 +185,14 @@ def listening(host: str, port: int) -> socket.socket:
 
 
 def shown_host(host: str) -> str:
-    """How a host stands in a link: this machine's name where it listens everywhere."""
+    """Host name for a link: this machine's name if the server listens everywhere."""
     if host in EVERYWHERE:
         return socket.gethostname()
     return f"[{host}]" if ":" in host else host
 
 
 def server_of(session: StudySession, own: OwnRequests) -> uvicorn.Server:
-    """The server, which logs no requests."""
+    """The server, without a log of requests."""
     logging.getLogger("uvicorn.error").setLevel(logging.ERROR)
     return uvicorn.Server(
         uvicorn.Config(

@@ -6,9 +6,9 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 DEEP, LEVEL, RAISED = (24, 62, 158), (236, 236, 236), (196, 52, 38)
-"""Colours of the deepest dent, of what has not moved, and of what bulges out as far."""
+"""Colours of the deepest dent, of unmoved points, and of an equally large bulge."""
 LEAST_SPAN = 1e-4
-"""The dent's colours span at least this [m]: what is smaller is noise."""
+"""Least span of the dent's colours [m]: smaller displacements are noise."""
 DISTINCT = (
     (230, 120, 30), (40, 120, 190), (60, 160, 90), (150, 90, 180), (200, 60, 90), (120, 120, 60), (90, 180, 190),
     (140, 90, 60),
@@ -17,7 +17,7 @@ DISTINCT = (
 
 
 def span_of(height: Array) -> float:
-    """The displacement that gets the strongest colour [m]."""
+    """Displacement with the strongest colour [m]."""
     return float(max(np.abs(height).max(initial=0.0), LEAST_SPAN))
 
 
@@ -30,5 +30,5 @@ def heat_colors(height: Array, span: float) -> NDArray[np.uint8]:
 
 
 def css(color: tuple[int, int, int]) -> str:
-    """A colour for a page."""
+    """A colour in CSS."""
     return "rgb({}, {}, {})".format(*color)

@@ -1,6 +1,6 @@
-"""How scene and object look on the page: with the faces and textures of their files, as far as it can take them.
+"""Looks of scene and object on the page: with the faces and textures of their files, up to the page's limits.
 
-In: what the stages returned. Out: meshes with paint, and sentences on what is shown otherwise than it is.
+In: results of the stages. Out: meshes with paint, and sentences on simplifications of the view.
 """
 
 from collections.abc import Sequence
@@ -21,9 +21,9 @@ from flows.view.surface import thinned
 from tasks.render.source_surfaces import of_source
 
 MOST_FACES = 600_000
-"""Faces of a scene that are drawn; of one with more, vertices are drawn together [-]."""
+"""Most faces of a scene that are drawn; in a larger one, vertices are merged [-]."""
 MOST_TEXTURED = 100_000
-"""Faces of an object that is drawn with its textures [-]."""
+"""Most faces of an object that is drawn with its textures [-]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -32,18 +32,19 @@ class ShownScene:
 
     scene: Segmentation
     surface: SourceSurface
-    """Its faces are those of the scene where its file says more than vertex colours; else they are not drawn."""
+    """Its faces are those of the scene if the file has more than vertex colours; else they are not drawn."""
     notes: tuple[str, ...]
 
     def look(self, mesh: Mesh, origin: NDArray[np.int64]) -> PaintedMesh:
-        """Of a mesh whose faces lie in those of the scene, `origin` (m,)."""
+        """Look of a mesh whose faces are the faces `origin` (m,) of the scene."""
         return PaintedMesh(mesh, paint_from(self.surface, mesh, origin) if self.surface.kept else None)
 
 
 def shown_scene(
     scene: Segmentation, surface: SourceSurface, anchor: Anchor | None, settled: Settled | None
 ) -> ShownScene:
-    """The scene with its textures, or with no more faces than can be drawn, all of them near the contact."""
+    """The scene with its textures, or simplified to a number of faces that can be drawn, with full detail near the
+    contact."""
     if surface.kept and len(surface.mesh.faces) <= MOST_FACES:
         return ShownScene(of_source(scene, surface), surface, ())
     count, notes = len(scene.mesh.faces), too_many("scene", surface)
@@ -59,19 +60,19 @@ def shown_scene(
         kept &= scene.face_instance == scene.index_of(anchor.base_id)
     mesh, origin = thinned(scene.mesh, kept, MOST_FACES)
     few = replace(scene, mesh=mesh, face_instance=scene.face_instance[origin], face_part=scene.face_part[origin])
-    notes += (f"the scene has {count:,} faces; {len(origin):,} are shown, the result was made with all",)
+    notes += (f"the scene has {count:,} faces; {len(origin):,} are shown, the result used all of them",)
     return ShownScene(few, plain, notes)
 
 
 def shown_object(item: Segmentation, surface: SourceSurface, anchor: Anchor) -> tuple[PaintedMesh, tuple[str, ...]]:
-    """The object where it is before the drop, and what is to be said of its look."""
+    """The object in its pose before the drop, and notes on its look."""
     if surface.kept and len(surface.mesh.faces) <= MOST_TEXTURED:
         return PaintedMesh(surface.mesh.transformed(anchor.world_from_object), own_paint(surface)), ()
     return PaintedMesh(item.mesh.transformed(anchor.world_from_object)), too_many("object", surface)
 
 
 def too_many(what: str, surface: SourceSurface) -> tuple[str, ...]:
-    """What is said where a surface with textures is shown without them."""
+    """Note for a textured surface that is shown without its textures."""
     if not surface.kept:
         return ()
     count = len(surface.mesh.faces)
@@ -80,7 +81,7 @@ def too_many(what: str, surface: SourceSurface) -> tuple[str, ...]:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class FittedTextures:
-    """Paints of everything that is drawn, with as many pixels as the page takes."""
+    """Paints of everything that is drawn, reduced to the page's budget of pixels."""
 
     pieces: tuple[CornerPaint | None, ...]
     thing: CornerPaint | None
@@ -91,10 +92,11 @@ class FittedTextures:
 def fitted_textures(
     pieces: Sequence[CornerPaint | None], thing: MovingObject | None, bending: MovingSurfaces | None, frames: int
 ) -> FittedTextures:
-    """Textures of the still parts of the room, of the object, and of what bends, which has an image for every frame."""
+    """Textures of the still parts of the room, of the object, and of bending faces, which have an image for every
+    frame."""
     own, dents = thing.start.paint if thing else None, bending.paints if bending else {}
     deforms = thing is not None and thing.deforms
-    twice = [] if deforms else [own, own]  # and as it is before the drop
+    twice = [] if deforms else [own, own]  # one more for the pose before the drop
     still = fitted([*pieces, *twice], 1, MOST_STILL_PIXELS)
     moving = fitted([*dents.values(), *([own] if deforms else [])], frames, MOST_MOVING_PIXELS)
     reduced = still.reduced + moving.reduced

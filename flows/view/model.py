@@ -1,7 +1,7 @@
-"""What the viewer shows of a placement, as plain arrays: nothing here knows of a browser.
+"""A placement for the viewer, as plain arrays: nothing here knows of a browser.
 
-In: the values that the stages returned. Out: `PlacementView`. A placement without a rest state has what is known of
-it: the room, the pose before the drop, and the pose in which the drop ended.
+In: results of the stages. Out: `PlacementView`. A placement without a rest state shows as much as is known: the room,
+the pose before the drop, and the pose in which the drop ended.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -31,14 +31,14 @@ from tasks.render.motion import DropMotion, MovingScene
 Array = NDArray[np.float64]
 
 MOST_MOVING = 2_500_000
-"""Faces of what moves, over all frames: the page gets all of them at once, so that it plays without a gap [-]."""
+"""Most moving faces, summed over all frames: the page gets all of them at once, so that it plays without gaps [-]."""
 MOST_POINTS = 60_000
-"""Material points of a body that are drawn [-]."""
+"""Most material points of a body that are drawn [-]."""
 UNASSIGNED = "unassigned"
 HOVER = 1.5e-3
-"""Contact points are drawn this far above their place, so that the surface does not hide them [m]."""
+"""Offset of drawn contact points from the surface, which would hide them [m]."""
 OFF_WALL, OFF_FLOOR = 0.3, 0.5
-"""How far from a wall and a floor what is looked at counts as inside the room [m]."""
+"""Distance that a point inside the room keeps from a wall and from the floor [m]."""
 CLOSEUP, CLOSEUP_LIFT = 1.6, 0.35
 """Distance of the close-up over the object's diagonal, and its height over its distance along the floor [-]."""
 LEAST_DOT, LARGEST_DOT = 1e-3, 8e-3
@@ -48,12 +48,12 @@ UP = np.array([0.0, 0.0, 1.0])
 
 @dataclass(frozen=True, eq=False, slots=True)
 class StartView:
-    """Where the camera stands at first."""
+    """Initial pose of the camera."""
 
     position: Array
     target: Array
     fov_deg: float
-    """Across the height of the page [degrees]."""
+    """Vertical field of view [degrees]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -64,14 +64,14 @@ class RoomPiece:
     label: str
     part: str
     structure: bool
-    """A wall, ceiling or floor: drawn from its inner side alone."""
+    """Whether it is a wall, ceiling or floor, which is drawn from its inner side only."""
     ceiling: bool
     surface: DrawnSurface
-    """Its faces that keep their shape, none where all bend."""
+    """Its faces that keep their shape; None if all bend."""
     number: int
     """Index of the part in its instance, -1 where the faces belong to none."""
     poses: Array | None = None
-    """World-from-start map at each frame of a thing that moves as a whole, shape (f, 4, 4); None: it stays."""
+    """World-from-start map at each frame of a thing that moves rigidly, shape (f, 4, 4); None: it does not move."""
     bends: tuple[int, int] | None = None
     """Instance and part of its faces that bend, if there are any."""
 
@@ -101,16 +101,16 @@ class ContactDots:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class AnchorMark:
-    """Where the object was to go."""
+    """Intended place of the object."""
 
     point: Array
     """x_s on the surface [m], shape (3,)."""
     normal: Array
-    """Of the surface there, outward, unit, shape (3,)."""
+    """Unit outward normal of the surface there, shape (3,)."""
     above: Array
-    """Where the vertical ray starts: at the middle of the object before the drop [m], shape (3,)."""
+    """Start of the vertical ray: the middle of the object before the drop [m], shape (3,)."""
     reach: float
-    """Length of what is drawn of the normal [m]."""
+    """Drawn length of the normal [m]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -122,16 +122,16 @@ class PlacementView:
     closeup: StartView | None
     """Near the contact, from the same side; None where there is no object."""
     thing: MovingObject | None
-    """None where no stage got as far as a pose."""
+    """None if no stage reached a pose."""
     bending: MovingSurfaces | None
-    """None where nothing dents."""
+    """None if nothing dents."""
     base_id: str
     span: float
     """Largest displacement of the base's dent at rest [m]."""
     frames: NDArray[np.int64]
-    """Which of the drop's are shown, shape (f,)."""
+    """Indices of the drop's frames that are shown, shape (f,)."""
     time: Array
-    """Of these [s], shape (f,)."""
+    """Times of these frames [s], shape (f,)."""
     settled: bool
     """Whether the drop came to rest."""
     whole: bool
@@ -140,11 +140,11 @@ class PlacementView:
     anchor: AnchorMark | None
     clouds: tuple[MaterialCloud, ...]
     notes: tuple[str, ...]
-    """What is shown otherwise than it is, one sentence each."""
+    """Simplifications of the view, one sentence each."""
 
 
 def placement_view(values: Values, config: PlaceConfig) -> PlacementView:
-    """What is shown of a placement, feasible or not."""
+    """View of a placement, feasible or not."""
     scene, item, anchor, settled = values.scene, values.item, values.anchor, values.settled
     assert scene is not None
     assert item is not None
@@ -194,7 +194,7 @@ def placement_view(values: Values, config: PlaceConfig) -> PlacementView:
 
 
 def scene_view(scene: Segmentation, config: PlaceConfig, surface: SourceSurface | None = None) -> PlacementView:
-    """What is shown of a scene in which nothing is placed yet."""
+    """View of a scene in which nothing is placed yet."""
     shown = shown_scene(scene, surface or SourceSurface.untextured(), None, None)
     camera = camera_for(scene, None, None, config.overview)
     view = StartView(camera.position, camera.target, config.overview.fov_deg)
@@ -208,7 +208,7 @@ def scene_view(scene: Segmentation, config: PlaceConfig, surface: SourceSurface 
 
 
 def whole_look(shown: ShownScene) -> PaintedMesh:
-    """A scene in which nothing moves."""
+    """Look of a scene in which nothing moves."""
     return shown.look(shown.scene.mesh, np.arange(len(shown.scene.mesh.faces)))
 
 
@@ -222,8 +222,8 @@ def repainted(pieces: Sequence[RoomPiece], paints: Sequence[CornerPaint | None])
 def room_pieces(
     scene: Segmentation, look: PaintedMesh, bends: NDArray[np.bool_], inside: Array, poses: Mapping[int, Array]
 ) -> Iterator[RoomPiece]:
-    """The parts of all things without the faces that bend (m,), and the poses of instances that move as a whole;
-    structures are wound so that they are seen from a point inside [m] alone."""
+    """The parts of all things without the faces that bend (m,), and the poses of instances that move rigidly.
+    Structures are wound so that they are only seen from a point inside [m]."""
     structure = np.array([one.structure for one in scene.instances] + [False])[scene.face_instance]
     look = seen_from(look, structure, inside)
     normals = ShadingNormals(look.mesh).of_corners(np.arange(len(look.mesh.faces)))
@@ -248,7 +248,7 @@ def room_pieces(
 
 
 def unsettled_object(start: PaintedMesh, why: Infeasible | None) -> MovingObject:
-    """The object where it was let go, and where the drop ended if there was one."""
+    """The object at its release, and at the end of the drop if there was one."""
     poses = [np.eye(4)]
     last = why.evidence if why else None
     if isinstance(last, LastState):
@@ -260,7 +260,7 @@ def unsettled_object(start: PaintedMesh, why: Infeasible | None) -> MovingObject
 
 
 def start_view(values: Values, config: PlaceConfig) -> StartView:
-    """The camera of the pictures."""
+    """Initial camera: that of the pictures."""
     renders = values.renders
     if renders is not None:
         return StartView(renders.camera_position, renders.camera_target, config.render.fov_deg)
@@ -317,7 +317,7 @@ def anchor_mark(scene: Segmentation, item: Segmentation, anchor: Anchor) -> Anch
 
 
 def material_clouds(values: Values) -> Iterator[MaterialCloud]:
-    """Material points of the soft bodies before the drop, told apart by what they are made of."""
+    """Material points of the soft bodies before the drop, coloured by material."""
     if values.particles is None:
         return
     names: dict[str, int] = {}
@@ -347,5 +347,5 @@ def material_name(values: Values, instance: str, stiffness: float) -> str:
 
 
 def still(surface: DrawnSurface) -> DrawnSurface:
-    """A surface in the colour of what has not moved: the ground of a heat map."""
+    """A surface in the colour of unmoved points: the base of a heat map."""
     return surface.colored(np.broadcast_to(np.array(LEVEL, dtype=np.uint8), surface.mesh.colors.shape))

@@ -1,6 +1,6 @@
-"""What moves in a drop as the page draws it: the object, dents, and things that were placed before.
+"""Moving parts of a drop for the page: the object, dents, and earlier placed things.
 
-In: the moving scene and the object as segmented. Out: surfaces frame by frame, and poses of what keeps its shape.
+In: the moving scene and the object as segmented. Out: surfaces frame by frame, and poses of rigid parts.
 """
 
 from dataclasses import dataclass, replace
@@ -17,7 +17,7 @@ from tasks.render.motion import DropMotion, MovingPoints, MovingScene
 Array = NDArray[np.float64]
 
 MOVING_FACES = 40_000
-"""Most faces of a soft object without textures that are drawn: every frame has its own [-]."""
+"""Most drawn faces of a soft object without textures, which has its own shape in every frame [-]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -29,7 +29,7 @@ class MovingObject:
     poses: Array
     """World-from-start map at each frame, shape (f, 4, 4); of an object that deforms the identity."""
     points: MovingPoints | None = None
-    """What its vertices follow; None: it is rigid."""
+    """Motion that its vertices follow; None: it is rigid."""
 
     @property
     def deforms(self) -> bool:
@@ -37,7 +37,7 @@ class MovingObject:
         return self.points is not None
 
     def surface(self, frame: int) -> DrawnSurface:
-        """Its shape at a frame."""
+        """Its surface at a frame."""
         if self.points is None:
             return whole(self.start)
         return whole(self.start.moved(replace(self.start.mesh, vertices=self.points.at(frame))))
@@ -63,7 +63,7 @@ class MovingSurfaces:
 
     @property
     def faces(self) -> int:
-        """How many change their shape."""
+        """Number of faces that change their shape."""
         return int(self._moving.sum())
 
     def _of(self, piece: tuple[int, int]) -> NDArray[np.int64]:
@@ -101,7 +101,7 @@ def moving_object(look: PaintedMesh, motion: DropMotion) -> MovingObject:
 
 
 def most_frames(surfaces: MovingSurfaces | None, thing: MovingObject, most: int) -> int:
-    """How many frames can be shown with at most so many faces in all of them together [-]."""
+    """Number of frames that can be shown with at most `most` faces in all of them together [-]."""
     faces = surfaces.faces if surfaces else 0
     faces += len(thing.start.mesh.faces) if thing.deforms else 0
     return max(2, most // faces) if faces else most

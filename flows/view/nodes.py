@@ -1,8 +1,8 @@
-"""Draws a placement in a viser scene: one node per part of the room, the object, the dent, and what is marked.
+"""Draws a placement in a viser scene: one node per part of the room, the object, the dent, and the marks.
 
-Nodes: `/room/ID/PART`, below it `dent/FRAME` where it bends; `/object/FRAME`, `/pre_drop`; `/contact`, `/anchor/...`,
-`/ray`, `/particles/...`. The page gets the shapes of all frames at once and shows one of them: a shape that is sent
-anew is missing until the page has read it.
+Nodes: `/room/ID/PART`, below it `dent/FRAME` if it bends; `/object/FRAME`, `/pre_drop`; `/contact`, `/anchor/...`,
+`/ray`, `/particles/...`. The page gets the shapes of all frames at once and shows one of them: a shape sent later
+would be missing until the page has read it.
 """
 
 import threading
@@ -20,10 +20,10 @@ from flows.view.page_glb import PageSurface, glb_of
 from flows.view.surface import DrawnSurface
 
 GHOST_OPACITY, GLASS_OPACITY = 0.25, 0.35
-"""Of the object before the drop, and at rest where one wants to see through it [-]."""
+"""Opacity of the object before the drop, and of the transparent object at rest [-]."""
 ANCHOR_COLOR, NORMAL_COLOR, RAY_COLOR, CONTACT_COLOR = (230, 30, 120), (40, 90, 220), (240, 140, 20), (255, 90, 20)
 ENVIRONMENT = 0.35
-"""Strength of the surroundings' light [-]; viser's own light from above comes on top."""
+"""Strength of the ambient light [-], in addition to viser's own light from above."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -33,11 +33,11 @@ class PieceNode:
     piece: RoomPiece
     node: viser.SceneNodeHandle
     dents: list[viser.GlbHandle]
-    """Its bending faces at each frame that is shown; empty: nothing of it bends."""
+    """Its bending faces at each shown frame; empty: it does not bend."""
 
 
 class PlacementNodes:
-    """The nodes of a placement; `show_frame` moves what moves."""
+    """The nodes of a placement; `show_frame` moves them to a frame."""
 
     def __init__(self, server: viser.ViserServer, view: PlacementView, frame: int | None = None) -> None:
         self._server, self._scene, self.view = server, server.scene, view
@@ -53,7 +53,7 @@ class PlacementNodes:
         self._move()
 
     def show_frame(self, frame: int) -> None:
-        """Put what moves where it is at a frame."""
+        """Move all moving nodes to a frame."""
         with self._lock, self._server.atomic():
             before, self.frame = self.frame, int(np.clip(frame, 0, len(self.view.time) - 1))
             if before == self.frame:
@@ -65,7 +65,7 @@ class PlacementNodes:
             self._move()
 
     def show_heat(self, on: bool) -> None:
-        """Colour the base by how far it gives."""
+        """Colour the base by its displacement."""
         view = self.view
         if view.bending is None:
             return
@@ -99,7 +99,7 @@ class PlacementNodes:
                 node.glb_data = data
 
     def _move(self) -> None:
-        """Put what moves as a whole where it is."""
+        """Set the poses of rigidly moving nodes."""
         frame = int(self.view.frames[self.frame])
         if self.view.thing is not None and self.thing is not None:
             put(self.thing, self.view.thing.poses[frame])
@@ -108,7 +108,7 @@ class PlacementNodes:
                 put(one.node, one.piece.poses[frame])
 
     def _thing_nodes(self) -> tuple[viser.FrameHandle | None, list[viser.GlbHandle]]:
-        """The object, and its shape at every frame or the only one."""
+        """Add the object, with its shape at every frame or its only one."""
         thing = self.view.thing
         if thing is None:
             return None, []
@@ -137,7 +137,7 @@ class PlacementNodes:
         )  # fmt: skip
 
     def _anchor_nodes(self) -> tuple[viser.FrameHandle | None, viser.LineSegmentsHandle | None]:
-        """The point with its normal, and the vertical ray."""
+        """Add the anchor point with its normal, and the vertical ray."""
         mark = self.view.anchor
         if mark is None:
             return None, None
@@ -155,13 +155,13 @@ class PlacementNodes:
 
 
 def light(scene: viser.SceneApi) -> None:
-    """Even light from everywhere and shadows from above: a scan has its own shadows in its colours."""
+    """Set up even ambient light and shadows from above: a scan has its own shadows in its colours."""
     scene.set_up_direction("+z")
     scene.configure_environment_map("studio", environment_intensity=ENVIRONMENT)
 
 
 def stand(server: viser.ViserServer, view: StartView) -> None:
-    """Where the camera of a new page stands, and those of the pages that are open."""
+    """Place the camera of new pages, and of those that are open."""
     up, fov = (0.0, 0.0, 1.0), float(np.radians(view.fov_deg))
     first = server.initial_camera
     first.up, first.fov, first.position, first.look_at = up, fov, view.position, view.target
@@ -178,13 +178,13 @@ def piece_path(instance: str, part: str, number: int) -> str:
 
 
 def plain(name: str) -> str:
-    """A name without what separates nodes."""
+    """A name without the separator of nodes."""
     return name.replace("/", "_") or "_"
 
 
 def add_piece(scene: viser.SceneApi, piece: RoomPiece, view: PlacementView, shown: int = 0) -> PieceNode:
-    """A part of the room with its bending faces at every frame, of which one is shown; a structure is drawn from inside
-    alone and throws no shadow into the room."""
+    """Add a part of the room with its bending faces at every frame, one of them visible. A structure is drawn from
+    inside only and casts no shadow into the room."""
     path, node = piece_path(piece.instance, piece.part, piece.number), None
     if len(piece.surface.mesh.faces):
         data = glb_of(piece.surface, both_sides=not piece.structure)
@@ -201,7 +201,7 @@ def add_piece(scene: viser.SceneApi, piece: RoomPiece, view: PlacementView, show
 
 
 def glbs_of(surfaces: Iterable[DrawnSurface], *, opacity: float = 1.0) -> Iterator[bytes]:
-    """Files of the same faces at several frames."""
+    """GLB files of the same faces at several frames."""
     page: PageSurface | None = None
     for one in surfaces:
         page = page or PageSurface(one)
@@ -215,7 +215,7 @@ def put(node: viser.SceneNodeHandle, pose: NDArray[np.float64]) -> None:
 
 
 def add_cloud(scene: viser.SceneApi, number: int, cloud: MaterialCloud) -> viser.PointCloudHandle:
-    """Material points; hidden at first."""
+    """Add material points, initially hidden."""
     points: NDArray[np.float32] = cloud.points
     return scene.add_point_cloud(
         f"/particles/{plain(cloud.body)}/{number}_{plain(cloud.material)}", points, cloud.color,

@@ -1,9 +1,9 @@
-"""Surfaces as GLB files of the page: those of `dcap.scene.writers.glb`, as this page has to have them.
+"""Surfaces as GLB files for the page: those of `dcap.scene.writers.glb`, adapted to this page.
 
-In: `DrawnSurface`. Out: bytes. The page takes a GLB's axes as they are (z up), bleaches colours that are taken as they
-are, reads vertex colours as linear, and averages normals over the faces at each of its vertices, whatever the file
-says: where textures or borders part vertices this shows as an edge. The normals that are wanted are therefore a morph
-target, which is on. Source: Khronos, "glTF 2.0 Specification", sections 3.7.2, 3.9 and 4.4.
+In: `DrawnSurface`. Out: bytes. The page takes a GLB's axes unchanged (z up), overexposes unlit colours, reads vertex
+colours as linear, and averages normals over the faces at each of its vertices, whatever the file says: where textures
+or borders split vertices this shows as an edge. The wanted normals are therefore written as an active morph target.
+Source: Khronos, "glTF 2.0 Specification", sections 3.7.2, 3.9 and 4.4.
 """
 
 import copy
@@ -21,23 +21,23 @@ from dcap.scene.writers.glb import FLOAT, Node, glb_bytes
 from flows.view.surface import DrawnSurface
 
 ROUGHNESS, ALBEDO = 1.0, 0.7
-"""Of all surfaces; the page's own light from above would bleach colours that are taken as they are [-]."""
+"""Roughness of all surfaces; the page's own light from above would overexpose unlit colours [-]."""
 SHORT = 5123
-"""glTF's number of a component type: colours with more steps than bytes have."""
+"""glTF's number of a component type, for colours with more than 8 bits."""
 LEAST_TURN = 2e-3
-"""Difference of a unit normal that nobody sees [-]."""
+"""Invisible difference of a unit normal [-]."""
 AT_ORIGIN = {"min": [0.0] * 3, "max": [0.0] * 3}
-"""Bounds of a target that moves nothing: the page takes no normals without positions."""
+"""Bounds of a morph target that moves nothing: the page takes no normals without positions."""
 ODD = np.array([0x9E3779B97F4A7C15 >> (3 * one) | 1 for one in range(16)], dtype=np.uint64)
 """Factors of the columns of a hash [-]."""
 
 
 Document = dict[str, Any]
-"""Of a GLB, or an entry of it."""
+"""Part of the JSON document of a GLB."""
 
 
 class PageSurface:
-    """A surface that is written once, and is then sent in any place and look."""
+    """A surface that is encoded once and can then be sent with any positions and look."""
 
     def __init__(self, surface: DrawnSurface) -> None:
         mesh, corners = surface.mesh, 3 * len(surface.mesh.faces)
@@ -54,7 +54,7 @@ class PageSurface:
             one.setdefault("material", len(self._document["materials"]) - 1)
 
     def glb(self, surface: DrawnSurface, *, opacity: float = 1.0, both_sides: bool = True) -> bytes:
-        """The file of the same faces, perhaps elsewhere or in other vertex colours."""
+        """GLB file of the same faces, perhaps moved or in other vertex colours."""
         document, blocks = copy.deepcopy(self._document), list(self._blocks)
 
         def put(accessor: int | None, values: NDArray[np.generic], **more: object) -> int:
@@ -103,7 +103,7 @@ class PageSurface:
 
 
 def restyle(materials: list[Document], opacity: float, *, both_sides: bool) -> None:
-    """Give all materials of a document the look that the page's light asks for."""
+    """Give all materials of a document a look that suits the page's light."""
     for one in materials:
         look = one["pbrMetallicRoughness"]
         *tint, alpha = look.get("baseColorFactor", [1.0] * 4)
@@ -115,12 +115,12 @@ def restyle(materials: list[Document], opacity: float, *, both_sides: bool) -> N
 
 
 def glb_of(surface: DrawnSurface, *, opacity: float = 1.0, both_sides: bool = True) -> bytes:
-    """The file of a surface."""
+    """GLB file of a surface."""
     return PageSurface(surface).glb(surface, opacity=opacity, both_sides=both_sides)
 
 
 def alike(surface: DrawnSurface) -> NDArray[np.int64]:
-    """For each corner the first one that is like it in all that a vertex has, shape (3 m,)."""
+    """For each corner the first corner with the same vertex attributes, shape (3 m,)."""
     faces = surface.mesh.faces
     columns = [
         welded(surface.mesh.vertices)[faces].reshape(-1, 1).astype(np.uint32),
@@ -141,7 +141,8 @@ def alike(surface: DrawnSurface) -> NDArray[np.int64]:
 
 
 def page_normals(points: NDArray[np.float32], faces: NDArray[np.integer]) -> NDArray[np.float32]:
-    """What the page makes of vertices (n, 3) and faces (m, 3): means by area or zero, shape (n, 3)."""
+    """Normals that the page computes from vertices (n, 3) and faces (m, 3): area-weighted means or zero, shape (n,
+    3)."""
     a, b, c = points[faces].astype(np.float64).transpose(1, 0, 2)
     normal, total = np.cross(b - a, c - a), np.zeros((len(points), 3))
     for axis in range(3):

@@ -1,7 +1,7 @@
-"""Textures as the page gets them: cut to what a surface shows of them, and smaller where all would be too much.
+"""Textures for the page: cropped to the part that a surface shows, and scaled down to a budget.
 
-Every node of the page has images of its own. Each is cut to the part that its faces use, and the largest ones give way
-until all together are within the budget.
+Every node of the page has images of its own. Each is cropped to the part that its faces use, and the largest ones are
+scaled down until all together are within the budget.
 """
 
 from collections.abc import Sequence
@@ -16,26 +16,26 @@ from dcap.scene.types.paint import CornerPaint
 from dcap.scene.types.surface_material import SurfaceMaterial
 
 LARGEST_SIDE = 2048
-"""Of an image [pixel]."""
+"""Largest side of an image [pixel]."""
 MOST_STILL_PIXELS, MOST_MOVING_PIXELS = 2**24, 2**23
-"""Pixels of all images of what keeps its shape, and of what has one for every frame [-]."""
+"""Most pixels in all images of rigid surfaces, and of surfaces with a shape for every frame [-]."""
 LEAST = 16
-"""Pixels that an image keeps [-]."""
+"""Least pixels that an image keeps [-]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PageTextures:
-    """Paints that fit."""
+    """Paints within the budget."""
 
     paints: tuple[CornerPaint | None, ...]
     reduced: int
-    """How many images are smaller than they were [-]."""
+    """Number of images that were scaled down [-]."""
     largest: int
-    """Longest side of those [pixel]."""
+    """Longest side of these images [pixel]."""
 
 
 def fitted(paints: Sequence[CornerPaint | None], copies: int, most: int) -> PageTextures:
-    """The paints of several surfaces, each sent so often, with at most so many pixels in all."""
+    """Paints of several surfaces, sent `copies` times each, scaled down to at most `most` pixels in total."""
     cut = [None if one is None else trimmed(one) for one in paints]
     used = [(one, slot) for one in cut if one is not None for slot in slots(one)]
     sizes = np.array([np.prod(one.textures[slot].shape[:2]) for one, slot in used], dtype=np.float64)
@@ -55,12 +55,12 @@ def fitted(paints: Sequence[CornerPaint | None], copies: int, most: int) -> Page
 
 
 def slots(paint: CornerPaint) -> list[int]:
-    """The textures that faces have."""
+    """Textures that faces use."""
     return [int(one) for one in np.unique(paint.texture[paint.texture >= 0])]
 
 
 def largest_share(sizes: NDArray[np.float64], most: float) -> float:
-    """What the larger ones of some numbers may keep so that all are at most `most` in sum."""
+    """Limit to cut the largest of some numbers to, so that their sum is at most `most`."""
     rest = most
     for count, one in zip(range(len(sizes), 0, -1), np.sort(sizes), strict=True):
         if one * count > rest:
@@ -80,7 +80,7 @@ def smaller(image: NDArray[np.uint8], most: float) -> NDArray[np.uint8]:
 
 
 def trimmed(paint: CornerPaint) -> CornerPaint:
-    """A paint whose textures are cut to what its faces show of them; further maps are left out."""
+    """A paint whose textures are cropped to the part that its faces show; further maps are left out."""
     paint = replace(paint, materials=tuple(map(plain_light, paint.materials)), more_uv=())
     images, wraps, uv = list(paint.textures), [paint.wrap(one) for one in range(len(paint.textures))], paint.corner_uv
     uv = uv.copy()
@@ -103,7 +103,7 @@ def trimmed(paint: CornerPaint) -> CornerPaint:
 
 
 def plain_light(said: SurfaceMaterial) -> SurfaceMaterial:
-    """A material without further maps: what the page shows is the base colour, and what shines evenly."""
+    """A material without further maps: the page shows the base colour and uniform gloss."""
     emission = said.emission if said.emissive_map is None else (0.0, 0.0, 0.0)
     return replace(
         said, emission=emission, metallic_roughness_map=None, normal_map=None, occlusion_map=None, emissive_map=None
@@ -111,7 +111,7 @@ def plain_light(said: SurfaceMaterial) -> SurfaceMaterial:
 
 
 def span(places: NDArray[np.float64], count: int, wrap: str) -> tuple[int, int] | None:
-    """First pixel and the one after the last that coordinates reach; None where that is not less than all."""
+    """First pixel and the one after the last that coordinates reach; None if they reach all."""
     low, high = int(np.floor(places.min() * count)) - 1, int(np.ceil(places.max() * count)) + 1
     if wrap == CLAMP:
         low, high = min(max(low, 0), count - 1), max(min(high, count), 1)
@@ -119,7 +119,7 @@ def span(places: NDArray[np.float64], count: int, wrap: str) -> tuple[int, int] 
 
 
 def pixels(index: NDArray[np.int64], count: int, wrap: str) -> NDArray[np.int64]:
-    """Where pixels beyond an image are in it."""
+    """Indices inside the image for pixels beyond its border."""
     if wrap == REPEAT:
         return index % count
     if wrap == MIRROR:

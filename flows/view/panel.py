@@ -1,4 +1,4 @@
-"""The panel beside the scene: the slider over the drop, what is shown, and what the result says of itself."""
+"""The panel next to the scene: the slider over the drop, visibility of nodes, and texts on the result."""
 
 import threading
 from collections import defaultdict
@@ -17,15 +17,15 @@ from flows.view.nodes import PieceNode, PlacementNodes, stand
 from flows.view.signals import CEILING, SignalSeries
 
 FRAME_SECONDS = 0.06
-"""Between two frames while it plays [s]: frames are a share of motion apart, not of time."""
+"""Time between two frames while it plays [s]: frames are equally spaced in motion, not in time."""
 MOST_BOXES = 60
-"""Things that get a box of their own; of more, those of one label share one [-]."""
+"""Most things with a check box each; above, things with one label share a box [-]."""
 STROKES = ("#1c7ed6", "#e8590c", "#2f9e44", "#9c36b5", "#c2255c")
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PanelText:
-    """What the panel says."""
+    """Content of the panel."""
 
     tree: Mapping[str, JsonValue]
     """The content of placement.json."""
@@ -34,7 +34,7 @@ class PanelText:
 
 
 class PlacementPanel:
-    """The widgets of one placement; `close` ends what plays."""
+    """The widgets of one placement; `close` stops the playback."""
 
     def __init__(self, server: viser.ViserServer, nodes: PlacementNodes, view: PlacementView, text: PanelText) -> None:
         self._server, self._nodes, self._view = server, nodes, view
@@ -64,13 +64,13 @@ class PlacementPanel:
         self._player.start()
 
     def close(self) -> None:
-        """End what plays; the widgets go with their server."""
+        """Stop the playback; the server removes the widgets."""
         self._closed.set()
         self._playing.set()
         self._player.join()
 
     def _add_slider(self, gui: viser.GuiApi) -> None:
-        """The slider over the frames, where there is more than one."""
+        """Add the slider over the frames, if there is more than one."""
         last = len(self._view.time) - 1
         self.slider = gui.add_slider(
             "frame", min=0, max=max(last, 1), step=1, initial_value=self._nodes.frame, visible=last > 0
@@ -95,16 +95,16 @@ class PlacementPanel:
             self._playing.set()
 
     def go_to(self, frame: int) -> None:
-        """Move the slider, and with it what is shown."""
+        """Move the slider, and the scene with it."""
         self.slider.value = frame  # type: ignore[misc]  # viser's setter stands apart from its property
 
     def _pause(self) -> None:
-        """Stop where it is."""
+        """Pause at the present frame."""
         self._playing.clear()
         self.play.label = "Play"
 
     def _play(self) -> None:
-        """Go on frame by frame while it plays, until the panel is closed."""
+        """Advance frame by frame while it plays, until the panel is closed."""
         while self._playing.wait() and not self._closed.is_set():
             frame = int(self.slider.value) + 1
             self.go_to(min(frame, len(self._view.time) - 1))
@@ -113,12 +113,12 @@ class PlacementPanel:
             self._closed.wait(FRAME_SECONDS)
 
     def _say_time(self) -> None:
-        """Which moment is shown."""
+        """Show the time of the frame."""
         frame, last = self._nodes.frame, len(self._view.time) - 1
         self.time.content = texts.page(moment(self._view, frame, last))
 
     def _add_toggles(self, gui: viser.GuiApi) -> None:
-        """What is shown and what is not."""
+        """Add the boxes that show and hide nodes."""
         nodes, view = self._nodes, self._view
         if view.notes:
             gui.add_html(texts.page(texts.bullets(view.notes, "")))
@@ -144,7 +144,7 @@ class PlacementPanel:
             gui.add_button("Close-up of the contact").on_click(lambda _: stand(self._server, near))
 
     def _add_heat(self, gui: viser.GuiApi) -> None:
-        """The heat map with its colour bar."""
+        """Add the heat map with its colour bar."""
         legend = gui.add_html(texts.heat_legend(self._view.span), visible=False)
 
         def show(on: bool) -> None:
@@ -154,7 +154,7 @@ class PlacementPanel:
         self._switch("dent as a heat map", show, order=legend.order - 0.5)
 
     def _add_clouds(self, gui: viser.GuiApi) -> None:
-        """The material points with their colours."""
+        """Add the material points with their colours."""
         legend = gui.add_html(texts.cloud_legend(self._view.clouds), visible=False)
 
         def show(on: bool) -> None:
@@ -165,13 +165,13 @@ class PlacementPanel:
         self._switch("material points", show, order=legend.order - 0.5)
 
     def _switch(self, label: str, show: Callable[[bool], None], order: float | None = None) -> None:
-        """A box that is off at first."""
+        """Add a check box, initially off."""
         box = self._server.gui.add_checkbox(label, initial_value=False, order=order)
         box.on_update(lambda _: show(bool(box.value)))
 
 
 def moment(view: PlacementView, frame: int, last: int) -> str:
-    """Which moment a frame is, in words."""
+    """Time of a frame, in words."""
     if not view.settled and len(view.time) == 2:
         return "before the drop" if frame == 0 else "where the drop ended"
     where = "before the drop" if frame == 0 else "at the end" if frame == last else ""
@@ -183,7 +183,7 @@ def moment(view: PlacementView, frame: int, last: int) -> str:
 def shown_box(
     gui: viser.GuiApi, label: str, nodes: Iterable[viser.SceneNodeHandle], *, on: bool
 ) -> viser.GuiCheckboxHandle:
-    """A box that shows and hides nodes."""
+    """Add a check box that shows and hides nodes."""
     shown = list(nodes)
     box = gui.add_checkbox(label, initial_value=on)
 
@@ -197,7 +197,7 @@ def shown_box(
 
 
 def add_room(gui: viser.GuiApi, pieces: list[PieceNode]) -> None:
-    """Boxes of walls and of things; a thing of several parts has one for each part."""
+    """Add check boxes for walls and things; a thing of several parts has one for each part."""
     walls = [one.node for one in pieces if one.piece.structure and not one.piece.ceiling]
     ceilings = [one.node for one in pieces if one.piece.ceiling]
     if ceilings:
@@ -225,7 +225,7 @@ def add_room(gui: viser.GuiApi, pieces: list[PieceNode]) -> None:
 
 
 def add_signals(gui: viser.GuiApi, signals: SignalSeries) -> None:
-    """The signals over their thresholds, on a logarithmic axis."""
+    """Add a plot of the signals over their thresholds, on a logarithmic axis."""
     one = np.ones_like(signals.time)
     gui.add_html(texts.page("Each signal over its threshold: at rest where all are below 1 for a while."))
     lines = [
@@ -249,7 +249,7 @@ def add_signals(gui: viser.GuiApi, signals: SignalSeries) -> None:
 
 
 def add_rotation(gui: viser.GuiApi, rotation: Rotation) -> None:
-    """The choice, and the three pictures if a model was shown some."""
+    """Add the chosen rotation, and the three pictures if a model saw some."""
     gui.add_html(texts.page(texts.rotation_words(rotation)))
     for axis, picture in zip("xyz", rotation.pictures, strict=False):
         gui.add_image(picture, label=f"half a turn about {axis}")

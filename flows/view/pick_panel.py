@@ -1,4 +1,4 @@
-"""The page of a scene in which nothing is placed yet: click a point, read what to type for it, or place here."""
+"""The page of a scene in which nothing is placed yet: click a point, read its command-line option, or place there."""
 
 from collections.abc import Callable
 from html import escape
@@ -13,13 +13,13 @@ from flows.view.panel import add_room
 from flows.view.picking import PickedPoint, SurfacePicker
 
 MARKER = 0.012
-"""Radius of the marker over the room's diagonal, at most MARKER_LARGEST [-]."""
+"""Radius of the marker over the room's diagonal; the radius is at most MARKER_LARGEST [-]."""
 MARKER_LARGEST = 0.02
 """[m]."""
 
 
 class PickPanel:
-    """The widgets of a scene without a placement; `place` is called with the point once the button is pressed."""
+    """The widgets of a scene without a placement; the button calls `place` with the point."""
 
     def __init__(
         self,
@@ -50,16 +50,16 @@ class PickPanel:
         self._listener = server.scene.on_click()(self._clicked)
 
     def close(self) -> None:
-        """Take no further clicks; the widgets go with their server."""
+        """Ignore further clicks; the server removes the widgets."""
         self._server.scene.remove_click_callback(self._listener)
 
     def say(self, text: str, *, wrong: bool = False) -> None:
-        """One line on how it goes."""
+        """Show one line of status."""
         self.state.content = texts.page(f'<p class="{"no" if wrong else ""}">{escape(text)}</p>')
         self.button.disabled = self.picked is None
 
     def point_at(self, origin: tuple[float, ...], direction: tuple[float, ...]) -> None:
-        """Take what a ray meets."""
+        """Pick the point that a ray hits."""
         hidden = frozenset(
             (one.piece.instance, one.piece.number) for one in self.pieces if not one.node.visible
         )  # fmt: skip
@@ -76,11 +76,11 @@ class PickPanel:
         self.button.disabled = False
 
     def _clicked(self, event: viser.SceneClickEvent) -> None:
-        """A click into the scene."""
+        """Handle a click into the scene."""
         self.point_at(event.ray_origin, event.ray_direction)
 
     def press(self) -> None:
-        """The button: nothing else is placed until this is done."""
+        """Handle the button: it is disabled until this placement is done."""
         if self.picked is None or self._place is None or self.button.disabled:
             return
         self.button.disabled = True

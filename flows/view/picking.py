@@ -1,4 +1,4 @@
-"""Points of a scene in which nothing is placed yet: a click, its place on the surface, and what to type for it.
+"""Picks points of a scene in which nothing is placed yet: a click, its surface point, and its command-line option.
 
 In: a scene as segmented, how its file's frame lies in the world, and rays. Out: points in the file's frame and unit.
 """
@@ -16,11 +16,11 @@ from flows.view.model import UNASSIGNED
 Array = NDArray[np.float64]
 
 STEP = 1e-3
-"""Coordinates are told to this [m]."""
+"""Rounding of coordinates [m]."""
 PAST = 1e-4
-"""How far behind a surface that is looked through the ray goes on [m]."""
+"""Distance behind a transparent surface at which the ray continues [m]."""
 MOST_SURFACES = 64
-"""Surfaces that a ray may go through [-]."""
+"""Most surfaces that a ray may pass through [-]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,11 +28,11 @@ class PickedPoint:
     """A point of the scene's surface."""
 
     position: tuple[float, float, float]
-    """In the world [m]."""
+    """Position in the world [m]."""
     at: tuple[float, float, float]
-    """In the file's own frame and unit."""
+    """Position in the file's own frame and unit."""
     option: str
-    """What to type for it: `--at X,Y,Z`."""
+    """Command-line option for it: `--at X,Y,Z`."""
     instance: str
     """Id of the thing it is on."""
     label: str
@@ -42,14 +42,14 @@ class SurfacePicker:
     """A scene prepared for clicks."""
 
     def __init__(self, scene: Segmentation, world_from_file: Array, inside: Array) -> None:
-        """`inside` [m] is the point from which walls are drawn: seen from behind they are looked through."""
+        """`inside` [m] is the point from which walls are visible: from behind they are transparent."""
         self._scene, self._inside = scene, inside
         self._file_from_world = np.linalg.inv(world_from_file)
         self._caster = Raycaster(scene.mesh)
         self._structure = np.array([one.structure for one in scene.instances] + [False])
 
     def pick(self, origin: Array, direction: Array, hidden: frozenset[tuple[str, int]]) -> PickedPoint | None:
-        """What a ray meets first that is shown; `hidden` has the instances' ids and the numbers of their parts."""
+        """First visible point on a ray; `hidden` has the instances' ids and the numbers of their parts."""
         way = direction / np.linalg.norm(direction)
         start = origin
         for _ in range(MOST_SURFACES):
@@ -64,7 +64,7 @@ class SurfacePicker:
         return None
 
     def _looked_through(self, face: int, point: Array, way: Array, hidden: frozenset[tuple[str, int]]) -> bool:
-        """Whether what a ray meets is hidden, or a wall seen from outside."""
+        """Whether the surface that a ray hits is hidden, or a wall seen from outside."""
         index, part = int(self._scene.face_instance[face]), int(self._scene.face_part[face])
         if (self._scene.instances[index].id if index >= 0 else UNASSIGNED, part) in hidden:
             return True
@@ -76,10 +76,10 @@ class SurfacePicker:
         return float(inward @ way) > 0.0
 
     def _told(self, face: int, point: Array) -> PickedPoint:
-        """The point in the words of the command line."""
+        """The point as a command-line option."""
         index = int(self._scene.face_instance[face])
         at = self._file_from_world[:3, :3] @ point + self._file_from_world[:3, 3]
-        unit = float(np.cbrt(abs(np.linalg.det(self._file_from_world[:3, :3]))))  # of the file's units in a metre
+        unit = float(np.cbrt(abs(np.linalg.det(self._file_from_world[:3, :3]))))  # file units per metre
         digits = max(0, math.ceil(-math.log10(STEP * unit) - 1e-9))
         numbers = tuple(round(float(one), digits) + 0.0 for one in at)
         text = ",".join(f"{one:.{digits}f}" for one in numbers)

@@ -1,36 +1,41 @@
-"""The server of the viewer: on this machine alone, on the first free port from the one that was asked."""
+"""The server of the viewer: on this machine only, on the first free port from the requested one."""
 
 import logging
 import os
 import socket
 import sys
 import webbrowser
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
 
 import rich
 import viser
+from websockets.asyncio import server
+from websockets.asyncio.server import ServerConnection
+from websockets.http11 import Request, Response
 
 from dcap.scene.errors import InputError
-from flows.own_requests import LOOPBACK, OwnRequests
-from flows.view.handshake import guarded_servers
+from flows.own_requests import FETCH, LOOPBACK, REFUSED, OwnRequests
 
 PORTS = 20
-"""Ports that are tried [-]."""
+"""Number of ports that are tried [-]."""
 PANEL_WIDTH = 440
 """[pixel]."""
 
 
 class LocalViewer(viser.ViserServer):
-    """A server that nobody outside of this machine reaches: the page's way to a public address is closed, and pages of
-    others are refused (handshake.py)."""
+    """A server that cannot be reached from outside this machine: viser's public sharing is disabled, and requests from
+    foreign pages are refused (handshake.py)."""
 
     def request_share_url(self, verbose: bool = True) -> str | None:
-        """Nothing is shared."""
+        """Share nothing."""
         return None
 
 
 def open_server(port: int) -> LocalViewer:
-    """A server on `port`, or on the next free one; what viser prints is dropped."""
-    rich.reconfigure(stderr=True, quiet=True)  # viser prints to standard output, which is the URL's
+    """A server on `port`, or on the next free one; viser's output is discarded."""
+    rich.reconfigure(stderr=True, quiet=True)  # viser prints to standard output, which is for the URL alone
     logging.getLogger("websockets").setLevel(logging.CRITICAL)  # browsers open connections that they never use
     with guarded_servers(OwnRequests.to(LOOPBACK)):
         server = LocalViewer(host=LOOPBACK, port=free_port_from(port), label="dcap", verbose=False)
@@ -39,17 +44,17 @@ def open_server(port: int) -> LocalViewer:
 
 
 def arrange(server: viser.ViserServer) -> None:
-    """The panel at the right side of the page."""
+    """Set up the panel at the right side of the page."""
     server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
     server.gui.main_panel.dock_right()
     server.gui.main_panel.set_width(PANEL_WIDTH)
 
 
 def free_port_from(port: int) -> int:
-    """The first port from this one that nobody listens on."""
+    """The first port from `port` on which nobody listens."""
     for one in range(port, min(port + PORTS, 65536)):
         with socket.socket() as probe:
-            if os.name == "posix":  # what waits for its last packets is free
+            if os.name == "posix":  # ports in TIME_WAIT count as free
                 probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             try:
                 probe.bind((LOOPBACK, one))
@@ -65,13 +70,43 @@ def url_of(server: viser.ViserServer) -> str:
 
 
 def has_display() -> bool:
-    """Whether a browser window can be seen."""
+    """Whether the machine can show a browser window."""
     if sys.platform != "linux":
         return True
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
 def open_browser(url: str) -> None:
-    """Open the page where there is a display."""
+    """Open the page if there is a display."""
     if has_display():
         webbrowser.open(url)
+
+
+ProcessRequest = Callable[[ServerConnection, Request], Response | None]
+
+
+@contextmanager
+def guarded_servers(own: OwnRequests) -> Iterator[None]:
+    """Servers opened in this block answer requests from their own pages only."""
+    usual = server.serve
+
+    def serve(*where: Any, process_request: ProcessRequest, **how: Any) -> Any:
+        return usual(*where, process_request=guarded(own, process_request), **how)
+
+    server.serve = serve  # type: ignore[assignment, misc]
+    try:
+        yield
+    finally:
+        server.serve = usual  # type: ignore[misc]
+
+
+def guarded(own: OwnRequests, answer: ProcessRequest) -> ProcessRequest:
+    """Refuses foreign requests, and answers the rest."""
+
+    def process_request(connection: ServerConnection, request: Request) -> Response | None:
+        said = request.headers
+        fetch = ("".join(said.get_all(name.decode())[:1]) for name in FETCH)
+        why = own.refusal(said.get_all("Host"), said.get_all("Origin"), *fetch)
+        return connection.respond(REFUSED, f"refused: {why}\n") if why else answer(connection, request)
+
+    return process_request

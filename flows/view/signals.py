@@ -12,7 +12,7 @@ from dcap.scene.types.settled import Settled
 Array = NDArray[np.float64]
 
 FLOOR, CEILING = 1e-3, 1e9
-"""What is drawn of a signal over its threshold [-]: a logarithm has no zero."""
+"""Drawn range of a signal over its threshold [-]: a logarithm has no zero."""
 NAMES = ("linear_speed", "angular_speed", "particle_speed", "force_residual", "torque_residual")
 
 
@@ -23,9 +23,9 @@ class SignalSeries:
     time: Array
     """[s], increasing, shape (s,)."""
     share: dict[str, Array]
-    """Each over its threshold, between FLOOR and CEILING [-], shape (s,) each."""
+    """Signals over their thresholds, between FLOOR and CEILING [-], shape (s,) each."""
     threshold: dict[str, float]
-    """What each is judged by, in its unit."""
+    """Thresholds of the signals, in their units."""
 
 
 def signal_series(settled: Settled, certificate: JsonValue) -> SignalSeries | None:

@@ -1,4 +1,4 @@
-"""Surfaces as the page draws them: with normals and textures, and no more faces than it can take.
+"""Surfaces for the page: with normals and textures, and a limited number of faces.
 
 In: meshes of the pipeline and their paint. Out: `DrawnSurface`, and meshes with fewer faces.
 """
@@ -15,7 +15,7 @@ from dcap.scene.types.paint import CornerPaint, PaintedMesh
 
 Number = TypeVar("Number", bound=np.generic)
 MOST_ROUNDS = 20
-"""Rounds in which cells grow until few enough faces are left [-]."""
+"""Most rounds in which cells grow to reduce the number of faces [-]."""
 GROWTH = 1.25
 
 
@@ -30,7 +30,7 @@ class DrawnSurface:
     """None: the vertex colours say all."""
 
     def colored(self, colors: NDArray[np.uint8]) -> "DrawnSurface":
-        """In other colours of the vertices (n, 3), without textures."""
+        """The surface in other vertex colours (n, 3), without textures."""
         return DrawnSurface(replace(self.mesh, colors=colors), self.normals)
 
 
@@ -56,7 +56,8 @@ def upright_normals(mesh: Mesh) -> NDArray[np.float64]:
 
 
 def seen_from(thing: PaintedMesh, some: NDArray[np.bool_], point: NDArray[np.float64]) -> PaintedMesh:
-    """The surface with some faces (m,) wound so that they are seen from a point [m]: a room's shell that is open."""
+    """The surface with some faces (m,) wound so that they are visible from a point [m], as for an open shell of a
+    room."""
     mesh, paint = thing.mesh, thing.paint
     away = some & (np.einsum("ij,ij->i", mesh.face_normals, mesh.triangles.mean(axis=1) - point) > 0.0)
 
@@ -74,7 +75,7 @@ def seen_from(thing: PaintedMesh, some: NDArray[np.bool_], point: NDArray[np.flo
 def thinned(mesh: Mesh, kept: NDArray[np.bool_], most: int) -> tuple[Mesh, NDArray[np.int64]]:
     """A mesh of about `most` faces, and the face that each came from; faces that are `kept` (m,) stay as they are.
 
-    Vertices are drawn together in the cells of a grid, which grow until few enough faces are left: fast on millions of
+    Vertices are merged in the cells of a grid, which grow until few enough faces are left: fast on millions of
     faces, and every face stays one of its instance and part.
     """
     own = np.arange(len(mesh.faces), dtype=np.int64)
@@ -107,7 +108,7 @@ def thinned(mesh: Mesh, kept: NDArray[np.bool_], most: int) -> tuple[Mesh, NDArr
 def groups(
     vertices: NDArray[np.float64], low: NDArray[np.float64], size: float, fixed: NDArray[np.bool_]
 ) -> NDArray[np.int64]:
-    """Number of the cell of each vertex, of their own for those that are fixed, shape (n,)."""
+    """Number of the cell of each vertex; fixed vertices have cells of their own, shape (n,)."""
     cell = np.floor((vertices - low) / size).astype(np.int64)
     count = cell.max(axis=0) + 1
     key = (cell[:, 0] * count[1] + cell[:, 1]) * count[2] + cell[:, 2]

@@ -27,17 +27,17 @@ UNITS = {
     "linear_speed": "m/s", "angular_speed": "rad/s", "particle_speed": "m/s", "center_drift": "m", "box_change": "m",
     "angle_rad": "rad", "distance_m": "m", "change_rad": "rad", "tilt_rad": "rad", "turn_rad": "rad",
 }  # fmt: skip
-"""Of rows of the certificate; what is not here is a share."""
+"""Units of rows of the certificate; other rows are ratios."""
 GROUPS = {"signals": "at rest", "kick": "after a kick", "placement": "as asked", "lean": "leans as asked"}
 
 
 def page(*parts: str) -> str:
-    """Parts of the panel with their style."""
+    """Wrap parts of the panel in their style."""
     return f'{STYLE}<div class="dcap">{"".join(parts)}</div>'
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]], numbers: Sequence[int] = ()) -> str:
-    """A table of cells that are HTML already; the columns in `numbers` are set to the right."""
+    """A table of cells that are HTML already; the columns in `numbers` are right-aligned."""
 
     def line(cells: Sequence[str], tag: str) -> str:
         return "".join(
@@ -56,7 +56,7 @@ def number(value: JsonValue) -> str:
 
 
 def verdict(tree: Mapping[str, JsonValue]) -> str:
-    """How it ended, why, and what was asked."""
+    """Verdict, reason and prompt."""
     said = {AT_REST: "at rest", AS_POSED: "as posed"}.get(str(tree["verdict"]))
     placed = said is not None
     said = said or f"infeasible: {escape(str(tree['reason']))}"
@@ -65,7 +65,7 @@ def verdict(tree: Mapping[str, JsonValue]) -> str:
 
 
 def facts(tree: Mapping[str, JsonValue]) -> str:
-    """What was made of the sentence."""
+    """Reading of the sentence."""
     rows, base = [], tree["base"]
     if isinstance(base, Mapping):
         rows.append(("on", f"{escape(str(base['label']))} ({escape(str(base['id']))})"))
@@ -80,7 +80,7 @@ def facts(tree: Mapping[str, JsonValue]) -> str:
 
 
 def certificate_rows(tree: JsonValue, group: str = "") -> Iterator[tuple[str, str, Mapping[str, JsonValue]]]:
-    """Every number that has a threshold: its group, its name and the row."""
+    """Every number with a threshold: its group, name and row."""
     if not isinstance(tree, Mapping):
         return
     for name, value in tree.items():
@@ -107,7 +107,7 @@ def mark(good: bool) -> str:
 
 
 def certificate(tree: JsonValue) -> str:
-    """Every number with its threshold, then those that have none."""
+    """Every number with its threshold, then the numbers without one."""
     if not isinstance(tree, Mapping) or not tree:
         return "<p>There is no certificate: nothing was dropped.</p>"
     rows = [
@@ -145,12 +145,12 @@ def contacts(rows: JsonValue) -> str:
 
 
 def scaled(value: JsonValue, factor: float) -> JsonValue:
-    """A number in another unit; what is none stays."""
+    """A number in another unit; other values are unchanged."""
     return value * factor if isinstance(value, (int, float)) else value
 
 
 def materials(rows: JsonValue) -> str:
-    """What every part is made of, and why."""
+    """Material of every part, and the reason for it."""
     if not isinstance(rows, list) or not rows:
         return "<p>No stage got as far as materials.</p>"
     cells = [
@@ -163,31 +163,31 @@ def materials(rows: JsonValue) -> str:
 
 
 def bullets(lines: Sequence[object], nothing: str) -> str:
-    """A list, or what to say where it is empty."""
+    """A list, or `nothing` if it is empty."""
     if not lines:
         return f"<p>{nothing}</p>"
     return "<ul>" + "".join(f"<li>{escape(str(line))}</li>" for line in lines) + "</ul>"
 
 
 def messages(tree: Mapping[str, JsonValue], key: str) -> str:
-    """The `warnings` or the `notes`, of which files of earlier versions have none."""
+    """The `warnings` or the `notes`, which files of earlier versions lack."""
     rows = tree.get(key)
     return bullets(rows if isinstance(rows, list) else [], "None.")
 
 
 def rotation_words(rotation: Rotation) -> str:
-    """Which pose was chosen and why, and what decided where nobody looked at pictures."""
+    """The chosen rotation with its reason, and how it was decided without pictures."""
     if rotation.pictures:
         seen = "A model saw the object turned half about x, y and z:"
     elif rotation.reason == POSE_OF_THE_FILE:
-        seen = "Nobody chose, and nobody looked at pictures."
+        seen = "No rotation was chosen, and no pictures were used."
     else:
-        seen = "Nobody looks at pictures offline: rules over the words of the sentence and the shape decided."
+        seen = "Offline no pictures are used: rules on the words of the sentence and the shape decided."
     return f"<p>Chosen: <b>{escape(rotation.candidate)}</b>. {escape(rotation.reason)}</p><p>{seen}</p>"
 
 
 def heat_legend(span: float) -> str:
-    """The colour bar of the dent."""
+    """Colour bar of the dent."""
     ends = f"<span>-{span * 1e3:.3g} mm (in)</span><span>0</span><span>+{span * 1e3:.3g} mm (out)</span>"
     bar = f"linear-gradient(to right, {css(DEEP)}, {css(LEVEL)}, {css(RAISED)})"
     return page(
@@ -197,7 +197,7 @@ def heat_legend(span: float) -> str:
 
 
 def cloud_legend(clouds: Sequence[MaterialCloud]) -> str:
-    """Which colour is which material."""
+    """Legend of the materials' colours."""
     rows = {
         f'<div><span class="dot" style="background: {css(one.color)}"></span>{escape(one.material)}</div>': None
         for one in clouds

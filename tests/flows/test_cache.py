@@ -16,7 +16,7 @@ from dcap.scene.types.sample import Sample
 from flows.cli.app import main
 from flows.language_options import LanguageOptions
 from flows.place import PlaceConfig
-from flows.run_files import write_asked
+from flows.run_files import write_request
 from flows.sample_records import RECORDS, records_json
 from flows.sample_run import FinishedSample, StageResult
 from tasks.artifact import Ref, Store
@@ -56,7 +56,7 @@ def a_run(data: Path, name: str, *results: Ref[Any]) -> Path:
     folder = data / "runs" / name
     folder.mkdir(parents=True)
     sample = Sample("one", "room.obj", "ball.obj", "put it down", mass=None)
-    write_asked(folder, sample, PlaceConfig(), LanguageOptions())
+    write_request(folder, sample, PlaceConfig(), LanguageOptions())
     rows = tuple(StageResult(one.record.recipe["stage"], one, False) for one in results if one.record)
     finished = FinishedSample(sample, None, rows)  # type: ignore[arg-type] # what was placed is not looked at
     (folder / RECORDS).write_text(json.dumps(records_json(finished)))

@@ -56,7 +56,7 @@ def test_every_mistake_of_a_dataset_file_is_told(data: Path) -> None:
         (1, "key 'prompt' is missing"), (2, "room 'bedrom' is neither"),
         (4, "unknown key 'promt'; did you mean 'prompt'"), (5, "mass is 'heavy'"),
         (6, "expected keys and values"), (7, "up 'x' is not one of"), (8, "seed is -1"),
-        (9, "object 'mgu' is neither beside the file nor in"), (12, "two samples have the id 'a'"),
+        (9, "object 'mgu' is neither next to the file nor in"), (12, "two samples have the id 'a'"),
     ]  # fmt: skip
     assert [line for line, _ in told] == [line for line, _ in expected], told
     assert all(words in what for (_, what), (_, words) in zip(told, expected, strict=True))
@@ -107,7 +107,7 @@ def test_a_name_that_no_file_can_have(data: Path, capsys: pytest.CaptureFixture[
     assert main(["dataset", "check", str(data / ("a" * 300))]) == 2
     assert "no such file or folder" in capsys.readouterr().err
     (finding,) = check_dataset(dataset(data, GOOD.replace("bedroom", "b" * 300))).findings
-    assert "is neither beside the file" in finding.what
+    assert "is neither next to the file" in finding.what
 
 
 def test_a_device_is_no_folder(capsys: pytest.CaptureFixture[str]) -> None:
@@ -199,7 +199,7 @@ def test_a_mesh_by_itself_is_checked(data: Path) -> None:
 def test_the_tracked_dataset_of_splats_is_sound(data: Path) -> None:
     """Nothing but that its rooms are not generated is told; its samples are those of the rooms, in splat_rooms/."""
     for one in check_dataset(SPLAT_ROOMS).findings:
-        assert "is neither beside the file" in one.what or one.severity is not Severity.ERROR, one
+        assert "is neither next to the file" in one.what or one.severity is not Severity.ERROR, one
     rows, all_rows = load_yaml(SPLAT_ROOMS), load_yaml(EMBEDDED)
     assert isinstance(rows, list)
     assert isinstance(all_rows, list)

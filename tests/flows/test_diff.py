@@ -15,7 +15,7 @@ from flows.find_run import ASKED_VERSION
 from flows.judge_run import write_rows
 from flows.language_options import LanguageOptions
 from flows.place import PlaceConfig
-from flows.run_files import write_asked
+from flows.run_files import write_request
 
 VERSION = f'{{"version": {ASKED_VERSION}'
 ONE = Sample("one", "room.glb", "ball.obj", "put it there")
@@ -101,7 +101,7 @@ def test_two_placements_are_compared_whatever_their_files_are_called(
         (data / name).mkdir()
         (data / name / "placement.json").write_text(json.dumps(placed(x=x)))
         sample = replace(ONE, id=f"{thing} in room", object=thing)
-        write_asked(data / name, sample, PlaceConfig(), LanguageOptions())
+        write_request(data / name, sample, PlaceConfig(), LanguageOptions())
     found = compared(capsys, str(data / "a"), str(data / "b"))
     assert (found["only_a"], found["only_b"], found["config"]) == ([], [], [])
     assert [one["position_m"] for one in found["poses"]] == [0.1]

@@ -19,7 +19,7 @@ from tiny_rooms import write_tiny_objects, write_tiny_rooms
 from dcap.scene.errors import InputError
 from dcap.scene.settings import PROJECT_ROOT
 from dcap.synthetic.dataset import make_dataset
-from flows.benchmark_config import asked_digest, dataset_file, judge_options
+from flows.benchmark_config import dataset_file, judge_options, request_digest
 from flows.cli.app import main
 from flows.options import BenchmarkOptions, PaperOptions
 from flows.samples import load_samples
@@ -178,7 +178,7 @@ def test_a_folder_of_scenes_is_sampled(tmp_path: Path, monkeypatch: pytest.Monke
     path, made = dataset_file(options)
     assert path is not None
     assert made is not None
-    assert path == tmp_path / "data" / "runs" / "samples" / f"rooms-{asked_digest(options)}" / "samples.yaml"
+    assert path == tmp_path / "data" / "runs" / "samples" / f"rooms-{request_digest(options)}" / "samples.yaml"
     assert list(made.left_out) == ["room_009"]
     text = path.read_bytes()
     assert len(load_samples(path)) == 4
@@ -195,12 +195,12 @@ def test_what_was_asked_names_the_folder(tmp_path: Path) -> None:
     """Workers, threads and who judges do not count; data set, methods, limit and settings of stages do."""
     base = PaperOptions()
     same = (PaperOptions(workers=7), PaperOptions(threads=3), PaperOptions(judge="anthropic"))
-    assert {asked_digest(one) for one in same} == {asked_digest(base)}
+    assert {request_digest(one) for one in same} == {request_digest(base)}
     others = (
         PaperOptions(limit=3), PaperOptions(methods="dcap"), PaperOptions(dataset=tmp_path), PaperOptions(per_scene=2),
         PaperOptions(solver="mls"), PaperOptions(scenes="hall_01"),
     )  # fmt: skip
-    assert len({asked_digest(one) for one in (base, *others)}) == 1 + len(others)
+    assert len({request_digest(one) for one in (base, *others)}) == 1 + len(others)
 
 
 def test_who_judges(monkeypatch: pytest.MonkeyPatch) -> None:

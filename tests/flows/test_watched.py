@@ -37,7 +37,7 @@ def told(run: Row) -> tuple[str, str, str]:
     return run["state"]["type"], run["state"]["name"], run["state"]["message"] or ""
 
 
-def of_sample(sample: str, pairs: list[tuple[str, str, str]]) -> set[tuple[str, str, str]]:
+def lineage_of_sample(sample: str, pairs: list[tuple[str, str, str]]) -> set[tuple[str, str, str]]:
     """The edges of a sample's stages."""
     return {(f"{stage} {sample}", parameter, f"{made} {sample}") for stage, parameter, made in pairs}
 
@@ -109,7 +109,7 @@ def check_pages(pages: PrefectPages, folder: Path, dataset: Path) -> None:
         assert set(tasks[name]["tags"]) == {f"run:{folder.name}", "method:dcap", "scene:fine"}
     found = edges({name: one for name, one in tasks.items() if name.split()[-1] in ("good", "none")})
     assert found == {
-        *of_sample("good", CHAIN), *of_sample("none", [*CHAIN[:2], *OVERVIEW]),
+        *lineage_of_sample("good", CHAIN), *lineage_of_sample("none", [*CHAIN[:2], *OVERVIEW]),
     }  # fmt: skip
     parents = {name: one["task_inputs"].get("__parents__") for name, one in tasks.items() if name.endswith(" good")}
     assert all([one["id"] for one in some] == [tasks["good"]["id"]] for some in parents.values() if some is not None)

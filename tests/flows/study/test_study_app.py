@@ -19,7 +19,7 @@ from dcap.evaluation.study.journal import read_votes
 from dcap.evaluation.study.study_folder import TOKENS, read_design
 from dcap.scene.readers.gltf.gltf import read_gltf
 from dcap.scene.types.judged_views import PLACED
-from flows.study.body_limit import MOST_BYTES
+from flows.study.app import MOST_BYTES
 
 
 def answer(item: StudyItem, side: Side = Side.LEFT) -> dict[str, object]:

@@ -221,8 +221,8 @@ def test_the_bytes_of_a_surface_are_a_glb_of_its_vertices(server: viser.ViserSer
     ("pictures", "reason", "words"),
     [
         (3, "it is asked", "A model saw the object"),
-        (0, "it is asked", "Nobody looks at pictures offline"),
-        (0, POSE_OF_THE_FILE, "Nobody chose"),
+        (0, "it is asked", "Offline no pictures are used"),
+        (0, POSE_OF_THE_FILE, "No rotation was chosen"),
     ],
 )
 def test_the_rotation_says_who_looked(pictures: int, reason: str, words: str) -> None:

@@ -1,4 +1,4 @@
-"""What a person says of a scene besides a sentence: labels, a point, a box, a height; checked at the border."""
+"""Hints about a scene besides the sentence: labels, a point, a box, a height; checked where they come in."""
 
 from dataclasses import dataclass
 from math import isfinite
@@ -11,19 +11,19 @@ from dcap.scene.types.sample import GivenPlace, KnownHeight
 from tasks.artifact import Ref, Store
 
 LOWEST, HIGHEST = 0.02, 3.0
-"""Surfaces that carry things are between these heights [m]."""
+"""Range of plausible heights of surfaces that carry things [m]."""
 
 
 @dataclass(frozen=True, slots=True)
 class LabelRefs:
-    """Labels in the store: of things, or of the file's vertices."""
+    """Labels in the store, of instances or of the file's vertices."""
 
     things: Ref[GivenLabels] | None = None
     vertices: Ref[VertexLabels] | None = None
 
 
 def given_labels(path: str) -> LabelRefs:
-    """Take a file of labels in; nothing for an empty path."""
+    """Read a file of labels into the store; no labels for an empty path."""
     if not path:
         return LabelRefs()
     if not Path(path).exists():
@@ -35,7 +35,7 @@ def given_labels(path: str) -> LabelRefs:
 
 
 def numbers_of(option: str, text: str, counts: tuple[int, ...], example: str) -> tuple[float, ...]:
-    """Finite numbers between commas; InputError with the option and its value."""
+    """Parse finite numbers between commas; InputError with the option and its value."""
     words = [word.strip() for word in text.split(",")]
     try:
         numbers = tuple(float(word) for word in words)

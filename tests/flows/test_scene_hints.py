@@ -7,8 +7,8 @@ import pytest
 from dcap.scene.errors import InputError
 from dcap.scene.types.sample import GivenPlace, KnownHeight
 from flows.cli.app import main
-from flows.given import given_labels, height_of, place_of
 from flows.options import PlaceOptions
+from flows.scene_hints import given_labels, height_of, place_of
 from flows.settings.effective import effective_options
 
 
