@@ -1,1 +1,1 @@
-"""What a placement is worth: regions, tables and reports."""
+"""Evaluation of placements: regions, tables and reports."""

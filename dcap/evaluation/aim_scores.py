@@ -1,6 +1,6 @@
-"""Whether a sentence was aimed as it was meant: support, part and region against what a person wrote down.
+"""Whether a sentence was aimed as intended: support, part and region against a person's annotation.
 
-Left out of the truth means left open by the sentence: that is not compared and not counted.
+A field missing in the truth is left open by the sentence: it is not compared and not counted.
 """
 
 from collections.abc import Iterable
@@ -31,7 +31,7 @@ class Aim:
 
 @dataclass(frozen=True, slots=True)
 class Marks:
-    """What is right; None where the truth leaves it open."""
+    """Whether each field is right; None if the truth leaves it open."""
 
     base: bool | None
     part: bool | None
@@ -41,12 +41,12 @@ class Marks:
 
     @property
     def all_right(self) -> bool:
-        """Nothing that was compared is wrong."""
+        """Whether no compared field is wrong."""
         return all(getattr(self, field.name) is not False for field in fields(self))
 
 
 def aim_of(intent: Intent | Infeasible, anchor: Anchor | Infeasible | None) -> Aim:
-    """The aim that two stages found; without an anchor what the intent asks for."""
+    """The aim that two stages found; without an anchor that of the intent."""
     if isinstance(intent, Infeasible):
         return Aim(reason=intent.reason)
     asked = Aim(intent.base_id, intent.region.part, " ".join(intent.region.names), frozenset(intent.region.references))
@@ -70,7 +70,7 @@ def marks(truth: Aim, found: Aim) -> Marks:
 
 
 def shares(rows: Iterable[Marks]) -> dict[str, float]:
-    """Share of the compared ones that are right, by what was compared, and of the rows without any fault [-]."""
+    """Share of right values by field, among the compared ones, and share of rows without any fault [-]."""
     rows = list(rows)
     result = {}
     for field in fields(Marks):

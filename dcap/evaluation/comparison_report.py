@@ -1,7 +1,7 @@
-"""What the comparisons of a run's judge come to: win rates by axis and Bradley-Terry ratings, as CSV and LaTeX.
+"""Results of a run's comparisons by its judge: win rates by axis and Bradley-Terry ratings, as CSV and LaTeX.
 
-In: comparisons of a run, who judged, and the names of its methods. Out: `tables/comparisons_by_method.csv` and `.tex`,
-in the layout of the table of what people preferred. The same judgement gives the same bytes.
+In: comparisons of a run, its judge, and the names of its methods. Out: `tables/comparisons_by_method.csv` and `.tex`,
+in the layout of the table of people's preferences. The same judgement gives the same bytes.
 """
 
 from collections.abc import Sequence
@@ -22,18 +22,18 @@ TABLE = "comparisons_by_method"
 
 @dataclass(frozen=True, slots=True)
 class ComparisonTable:
-    """The table and who judged."""
+    """The table with its judge."""
 
     rows: tuple[PreferenceRow, ...]
     """The best overall first."""
     record: JudgeRecord
     comparisons: int
-    """Overall ones, each pair in both orders."""
+    """Number of overall comparisons, each pair in both orders."""
     offline: bool
-    """Whether no model answered for the baselines: their names say so."""
+    """Whether the baselines ran without a model; their names show it."""
 
     def name(self, method: str) -> str:
-        """A method as the table shows it."""
+        """A method's name in the table."""
         return shown_name(method, offline=self.offline)
 
 
@@ -47,7 +47,7 @@ def comparison_table(
 
 
 def write_comparison_table(run: Path, table: ComparisonTable) -> tuple[Path, ...]:
-    """Write the table into a run; one of an earlier judgement goes where nothing is compared any more."""
+    """Write the table into a run; remove that of an earlier judgement if nothing is compared any more."""
     if not table.rows:
         for path in table_files(run / TABLES, TABLE):
             path.unlink(missing_ok=True)
@@ -58,7 +58,7 @@ def write_comparison_table(run: Path, table: ComparisonTable) -> tuple[Path, ...
 
 
 def tex_text(table: ComparisonTable) -> str:
-    """The table as the paper lays out that of people, with notes as comments."""
+    """The table in the paper's layout of people's preferences, with notes as comments."""
     asked = f"{table.comparisons} overall, each pair in both orders; a tie is half a win of each"
     lines = [
         f"% Comparisons by {table.record.judge}: {asked}.",

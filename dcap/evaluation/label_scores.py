@@ -1,4 +1,4 @@
-"""Whether a found label means what a thing really is: the same word, a synonym, or a kind of it.
+"""Whether a found label matches the true kind of a thing: the same word, a synonym, or a kind of it.
 
 A found "sofa" is right for a "multi person sofa", a "cabinet" for a "shoe cabinet", a "table" for a "desk": a desk is a
 table. Synonyms and kinds are those of the lexicon.
@@ -19,5 +19,6 @@ def means_the_same(found: str, true: str) -> bool:
 
 
 def label_accuracy(rows: Sequence[Score]) -> float:
-    """Share of the true things whose found label is right; what was not found counts as wrong. 1 for no things."""
+    """Share of the true things whose found label is right; things that were not found count as wrong. 1 for no
+    things."""
     return float(np.mean([means_the_same(row.found_label, row.label) for row in rows])) if rows else 1.0

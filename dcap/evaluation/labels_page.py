@@ -1,6 +1,6 @@
-"""The page on which a person looks at the things that were found in a scene: numbered pictures, one row per thing.
+"""The page for checking the things that were found in a scene: numbered pictures, one row per thing.
 
-Self-contained: pictures are in it. What it shows is what labels.json says; that is the file to correct.
+Self-contained: pictures are embedded. It shows the content of labels.json, which is the file to correct.
 """
 
 import base64
@@ -19,7 +19,7 @@ from dcap.scene.writers.labels import FoundThing
 
 TEMPLATES = Path(__file__).parent / "templates"
 UNSURE = 0.9
-"""Guesses below this are marked [-]."""
+"""Probability below which a label is marked as uncertain [-]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -28,17 +28,17 @@ class Row:
 
     thing: FoundThing
     picture: NDArray[np.uint8]
-    """Of the thing alone, (h, w, 3)."""
+    """Picture of the thing alone, (h, w, 3)."""
     color: str
-    """Of its number in the pictures, as CSS has it."""
+    """Colour of its number in the pictures, in CSS."""
     parts: str
     """Names of its parts."""
     others: str = ""
-    """What else it may be."""
+    """Alternative labels."""
 
     @property
     def unsure(self) -> bool:
-        """Whether a person should look."""
+        """Whether a person should check it."""
         return self.thing.confidence < UNSURE
 
 
@@ -51,7 +51,8 @@ def labels_page(
     *,
     offline: bool,
 ) -> str:
-    """The page; `command` is how the corrected file is used, `offline` whether rules named what no source names."""
+    """The page; `command` uses the corrected file, `offline` says whether rules labelled things that the source does
+    not name."""
     environment = SandboxedEnvironment(
         loader=FileSystemLoader(TEMPLATES),
         autoescape=True,
@@ -71,7 +72,7 @@ def labels_page(
 
 
 def embedded(rgb: NDArray[np.uint8]) -> str:
-    """A picture as the address of an image."""
+    """A picture as a data URL."""
     out = io.BytesIO()
     Image.fromarray(rgb).save(out, "WEBP", quality=85)
     return "data:image/webp;base64," + base64.b64encode(out.getvalue()).decode()

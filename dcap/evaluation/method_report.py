@@ -1,8 +1,8 @@
-"""How a judge scores and ranks the methods of a run, as CSV and LaTeX: Table 1 of a model, else *Metrics*.
+"""A judge's scores and ranking of a run's methods, as CSV and LaTeX: Table 1 for a model, else *Metrics*.
 
-In: rows of a run with a judge's scores, the comparisons, and who judged. Out: a row per method. Samples are paired: a
+In: rows of a run with a judge's scores, the comparisons, and the judge. Out: a row per method. Samples are paired: a
 sample is a scene with a prompt, and every test compares methods on the same ones. The same judgement gives the same
-bytes. What the offline rubric makes of metrics is never called Table 1.
+bytes. The offline rubric's table is never called Table 1.
 """
 
 from collections.abc import Sequence
@@ -27,9 +27,9 @@ from dcap.evaluation.table_files import TABLES, table_files, write_table
 from dcap.evaluation.table_text import csv_of, number, tex_escaped
 
 TABLE1, METRIC_SCORES = "table1", "metric_scores"
-"""Files of what a model judged, and of what the rubric made of the metrics."""
+"""File names of the table by a model, and by the rubric."""
 TITLES = {TABLE1: "Table 1: scores", METRIC_SCORES: "Metrics: scores by stated rules"}
-"""How people call them."""
+"""Titles of the tables."""
 REFEREE_HINT = "it needs MuJoCo, pip install dcap[referee], and two methods; measures.json says why it could not judge"
 COMPOSITE, ELO = "composite", "elo"
 AXES = (JudgedAxis.RIGHT_PLACE, JudgedAxis.PHYSICS_NATURALNESS)
@@ -45,38 +45,38 @@ HEAD = (
 
 @dataclass(frozen=True, eq=False, slots=True)
 class MethodTable:
-    """The table and what belongs to it."""
+    """The table with its notes."""
 
     methods: tuple[str, ...]
     """All of the run, in the order of the table."""
     rows: dict[str, ScoreRow]
-    """Of those that have any score."""
+    """Rows of methods that have any score."""
     lowest: dict[str, int]
     """Samples of each method that were scored 1 because it made no placement."""
     left_out: dict[str, int]
     """Samples of each method without a score on any axis."""
     anchor: str
-    """Method whose Elo is fixed; empty where nothing was compared."""
+    """Method whose Elo is fixed; empty if nothing was compared."""
     record: JudgeRecord
     tie_rate: float
-    """Of all comparisons [-]."""
+    """Share of ties in all comparisons [-]."""
     left_share: float | None
     """Share of the left side among the decided ones [-]; None without any."""
     offline: bool
-    """Whether no model answered for the baselines: their names say so."""
+    """Whether the baselines ran without a model; their names show it."""
     referee: tuple[int, int]
-    """Placements that the rubric scored with the drift of the independent referee, and all that it scored; (0, 0) of
-    another judge."""
+    """Number of placements that the rubric scored with the drift of the independent referee, and of all that it scored;
+    (0, 0) for another judge."""
     changed: tuple[str, ...] = ()
-    """Placements that are others than those that were judged, by method and sample."""
+    """Placements that have changed since they were judged, by method and sample."""
 
     @property
     def file(self) -> str:
-        """Name of its files: Table 1 is what a model judged."""
+        """Name of its files: Table 1 if a model judged."""
         return METRIC_SCORES if self.record.judge == RUBRIC else TABLE1
 
     def name(self, method: str) -> str:
-        """A method as the table shows it."""
+        """A method's name in the table."""
         return shown_name(method, offline=self.offline)
 
 
@@ -116,7 +116,7 @@ def method_table(
 
 
 def score_arrays(rows: Sequence[SampleOutcome], methods: Sequence[str]) -> dict[str, NDArray[np.float64]]:
-    """Both scores by method, shape (samples, 2) in one order of samples, nan where there is none."""
+    """Both scores by method, shape (samples, 2) in one order of samples, nan where missing."""
     known = {(row.method, row.sample): (row.right_place, row.physics_naturalness) for row in rows}
     samples = sorted({row.sample for row in rows})
     none = (None, None)
@@ -131,7 +131,7 @@ def count(rows: Sequence[SampleOutcome], method: str, standing: Standing) -> int
 
 
 def with_referee(rows: Sequence[SampleOutcome], record: JudgeRecord) -> tuple[int, int]:
-    """How many placements the rubric scored with the referee's drift, and how many at all; (0, 0) of another judge."""
+    """Number of placements that the rubric scored with the referee's drift, and of all; (0, 0) for another judge."""
     scored = [row for row in rows if record.judge == RUBRIC and standing_of(row) is Standing.JUDGED
               and row.physics_naturalness is not None]  # fmt: skip
     return sum(row.referee_drift_m is not None for row in scored), len(scored)
@@ -146,12 +146,12 @@ def write_method_table(run: Path, table: MethodTable) -> tuple[Path, Path]:
 
 
 def csv_text(table: MethodTable) -> str:
-    """A row per method; what is of the whole judgement stands in each row."""
+    """A row per method; values of the whole judgement are repeated in each row."""
     return csv_of([row_cells(table, method) for method in table.methods])
 
 
 def row_cells(table: MethodTable, method: str) -> dict[str, object]:
-    """What stands in a method's row of the CSV; empty where it has no score."""
+    """Cells of a method's row of the CSV; empty without a score."""
     row, record = table.rows.get(method), table.record
     cells: dict[str, object] = {"method": method, "name": table.name(method)}
     for axis in AXES:
@@ -178,7 +178,7 @@ def summary(row: ScoreRow, axis: JudgedAxis) -> ScoreSummary | None:
 
 
 def samples_of(row: ScoreRow | None) -> str:
-    """How many samples have a score, by axis where that is not the same."""
+    """Number of samples with a score, by axis if they differ."""
     counts = [one.samples if one else 0 for one in (summary(row, axis) for axis in AXES)] if row else [0]
     return "/".join(map(str, dict.fromkeys(counts)))
 
@@ -189,7 +189,7 @@ def tested(row: ScoreRow | None, name: str) -> dict[str, object]:
 
 
 def tex_text(table: MethodTable) -> str:
-    """The table as the paper lays it out, with notes as comments."""
+    """The table in the paper's layout, with notes as comments."""
     lines = [f"% {note}" for note in notes(table)]
     lines += ["\\begin{tabular}{lccccr}", "\\hline", f"{' & '.join(HEAD)} \\\\", "\\hline"]
     lines += [f"{' & '.join(tex_cells(table, method))} \\\\" for method in table.methods]
@@ -197,7 +197,7 @@ def tex_text(table: MethodTable) -> str:
 
 
 def tex_cells(table: MethodTable, method: str) -> list[str]:
-    """A method's row; a dash where it has no score."""
+    """A method's row; a dash for a missing score."""
     row, name = table.rows.get(method), tex_escaped(table.name(method))
     if row is None:
         return [name, *["--"] * 4, samples_of(row)]
@@ -212,7 +212,7 @@ def tex_cells(table: MethodTable, method: str) -> list[str]:
 
 
 def notes(table: MethodTable) -> list[str]:
-    """What a reader must know of the table, a sentence each."""
+    """Notes for the reader of the table, one sentence each."""
     record = table.record
     said = [f"{TITLES[table.file]}. Judged by: {record.judge}; {record.questions} questions."]
     judged, scored = table.referee

@@ -9,7 +9,7 @@ from dcap.scene.types.sample import Sample
 
 DCAP, LAYOUTGPT = "dcap", "layoutgpt"
 BASELINES = {"fireplace": "FirePlace*", "layoutgpt": "LayoutGPT", "holodeck": "Holodeck"}
-"""Methods of others, as we rebuilt them; they propose a pose and simulate nothing."""
+"""Other authors' methods, as rebuilt by us; they propose a pose and simulate nothing."""
 ABLATIONS = {
     "rigid_drop": "DCAP, everything rigid",
     "no_drop": "DCAP, pose before the drop",
@@ -23,16 +23,16 @@ ABLATIONS = {
     "uniform_fill": "DCAP, uniform cells",
     "paper": "DCAP, as in the paper (MLS-MPM)",
 }
-"""DCAP without one of its ideas each."""
+"""Ablations: DCAP without one of its ideas each."""
 METHODS = {DCAP: "DCAP", **BASELINES, **ABLATIONS}
 ALL = (DCAP, *BASELINES, "rigid_drop")
-"""What `--methods all` stands for."""
+"""Methods of `--methods all`."""
 OFFLINE = " (offline rules)"
-"""After the name of a baseline that no model answered for."""
+"""Suffix of a baseline's name that ran without a model."""
 
 
 def methods_of(text: str) -> tuple[str, ...]:
-    """Methods of a comma-separated list, in the order of METHODS; InputError for a name that is none."""
+    """Methods of a comma-separated list, in the order of METHODS; InputError for an unknown name."""
     asked = {one.strip() for one in text.split(",") if one.strip()}
     for name in sorted(asked - {"all"}):
         if name not in METHODS:
@@ -51,23 +51,23 @@ def method_named(name: str) -> str:
 
 
 def shown_name(method: str, *, offline: bool) -> str:
-    """A method's name in tables; one that is not known as it is."""
+    """A method's name in tables; unknown names are unchanged."""
     return METHODS.get(method, method) + (OFFLINE if offline and method in BASELINES else "")
 
 
 def baselines_among(methods: Sequence[str]) -> tuple[str, ...]:
-    """What tables test against: those of the methods that are others'; every one where only variants of ours are."""
+    """Methods that tables test against: the baselines among them, or all methods if there are only variants of ours."""
     return tuple(name for name in methods if name in BASELINES) or tuple(methods)
 
 
 def by_method(sample: Sample, method: str) -> Sample:
-    """The sample as another method places it; its id is `METHOD/ID` then."""
+    """The sample for another method; its id becomes `METHOD/ID`."""
     return sample if method == DCAP else replace(sample, id=joined_id(method, sample.id), method=method)
 
 
 def with_examples(samples: Sequence[Sample], every: Sequence[Sample]) -> list[Sample]:
-    """The samples, those of LayoutGPT with the other scenes that samples of the whole data set, `every`, are placed in
-    and that are read as theirs: whichever samples are run, each is shown the same."""
+    """The samples; those of LayoutGPT get as examples all scenes of the whole data set, `every`, that are read with the
+    same options. They do not depend on which samples are run."""
     found = []
     for sample in samples:
         others = dict.fromkeys(
@@ -80,11 +80,11 @@ def with_examples(samples: Sequence[Sample], every: Sequence[Sample]) -> list[Sa
 
 
 def joined_id(method: str, name: str) -> str:
-    """The id of a sample as a method places it."""
+    """The id of a method's sample."""
     return name if method == DCAP else f"{method}/{name}"
 
 
 def split_id(sample_id: str) -> tuple[str, str]:
-    """Method and the sample's own id."""
+    """Split an id into the method and the sample's own id."""
     method, slash, name = sample_id.partition("/")
     return (method, name) if slash and method in METHODS else (DCAP, sample_id)

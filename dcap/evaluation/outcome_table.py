@@ -1,4 +1,4 @@
-"""One row per sample: what came out, what was intended, and whether they agree."""
+"""One row per sample: the outcome, the intended outcome, and whether they agree."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
@@ -17,7 +17,7 @@ SAME_REGION = {"middle": "center"}
 """Region words that mean the same place."""
 TOPS = ("up", "down", "sideways")
 QUADRANT_DEG = 45.0
-"""A word for a direction means the nearest of up, down and the four sides: half of a right angle off at most."""
+"""Largest angle off a direction word, which means the nearest of up, down and the four sides: half of a right angle."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ class ExpectedOutcome:
     base_id: str = ""
     """Id of the intended support; empty if several will do."""
     top: str = ""
-    """Where the object's own top (+z as read) points: up, down or sideways; empty if the sentence leaves it open."""
+    """Direction of the object's own top (+z as read): up, down or sideways; empty if the sentence leaves it open."""
     front: tuple[float, float] | None = None
     """World xy direction of the object's own front (+y as read); None if the sentence leaves it open."""
 
@@ -66,14 +66,14 @@ class SampleOutcome:
     error: str
     """Why the sample failed; empty if it did not."""
     expected: str
-    """Intended outcome in words; empty if nobody stated one."""
+    """Intended outcome in words; empty if not stated."""
     feasible_intended: bool | None
-    """Whether it ought to come to rest; None if nobody said."""
+    """Whether it should come to rest; None if not stated."""
     as_expected: bool | None
     """Whether verdict, reason, support, part, region and orientation are the intended ones."""
     method: str = DCAP
     support_hit: bool | None = None
-    """This and the others below: None where nobody measured, or nothing was stated (docs/metrics.md)."""
+    """This and the others below: None if not measured, or not stated (docs/metrics.md)."""
     part_hit: bool | None = None
     region_distance_m: float | None = None
     orientation_error_deg: float | None = None
@@ -106,7 +106,7 @@ class SampleOutcome:
     physics_naturalness: float | None = None
     """1 to 10."""
     judge: str = ""
-    """Who made the last two."""
+    """Judge of the last two."""
 
 
 def read_truth(tree: object, where: str) -> dict[str, ExpectedOutcome]:
@@ -125,7 +125,7 @@ def read_truth(tree: object, where: str) -> dict[str, ExpectedOutcome]:
 
 
 def text_of(row: Mapping[str, object], key: str, where: str) -> str:
-    """A word; empty where there is none."""
+    """A word; empty if missing."""
     value = row.get(key)
     if value is not None and not isinstance(value, str | int | float):
         raise InputError(f"{where}: {key} is {short(value)}, expected text")
@@ -202,7 +202,7 @@ def row_of(
 
 
 def number(value: object) -> float:
-    """A number, 0 where there is none."""
+    """A number, 0 if missing."""
     return float(value) if isinstance(value, int | float) else 0.0
 
 
@@ -223,7 +223,7 @@ def same_region(found: str, intended: str) -> bool:
 
 
 def oriented(pose: object, truth: ExpectedOutcome) -> bool:
-    """Whether the object's own top and front point where they should."""
+    """Whether the object's own top and front have the intended directions."""
     if not truth.top and truth.front is None:
         return True
     if not isinstance(pose, Mapping):

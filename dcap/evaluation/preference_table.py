@@ -1,6 +1,6 @@
-"""Preferences by method as CSV cells and LaTeX: one layout for what people and what judges of a run preferred.
+"""Preferences by method as CSV cells and LaTeX: one layout for people and for a run's judges.
 
-In: rows of `preference_rows`. Out: cells and lines; what is of the whole table is said by who writes it.
+In: rows of `preference_rows`. Out: cells and lines; the callers add notes on the whole table.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,7 +18,7 @@ MARKED = "% $\\dagger$: better than the best baseline, a baseline also than DCAP
 
 
 def best_first(rows: Sequence[PreferenceRow]) -> tuple[PreferenceRow, ...]:
-    """By the share of the overall comparisons that a method won, of equals by name; last what was not compared."""
+    """Rows sorted by the share of won overall comparisons, then by name; methods without comparisons come last."""
     return tuple(sorted(rows, key=lambda row: (not row.rates, -overall_rate(row), row.method)))
 
 
@@ -29,7 +29,7 @@ def overall_rate(row: PreferenceRow) -> float:
 
 
 def row_cells(row: PreferenceRow, name: str) -> dict[str, object]:
-    """What stands in a method's row of the CSV; empty where it was not compared."""
+    """Cells of a method's row of the CSV; empty if it was not compared."""
     cells: dict[str, object] = {"method": row.method, "name": name}
     for axis in HEADINGS:
         won = row.rates.get(axis)
@@ -45,7 +45,7 @@ def row_cells(row: PreferenceRow, name: str) -> dict[str, object]:
 
 
 def tabular(rows: Sequence[PreferenceRow], name_of: Callable[[str], str]) -> list[str]:
-    """The table as the paper lays it out, line by line."""
+    """The table in the paper's layout, line by line."""
     head = " & ".join(["Method", *HEADINGS.values(), "Bradley--Terry"])
     lines = ["\\begin{tabular}{lcccc}", "\\hline", f"{head} \\\\", "\\hline"]
     for row in rows:
@@ -55,7 +55,7 @@ def tabular(rows: Sequence[PreferenceRow], name_of: Callable[[str], str]) -> lis
 
 
 def tex_rate(row: PreferenceRow, axis: JudgedAxis) -> str:
-    """A win rate in percent with its interval; a dash where there is none."""
+    """A win rate in percent with its interval; a dash without one."""
     won = row.rates.get(axis)
     if won is None:
         return "--"
@@ -65,7 +65,7 @@ def tex_rate(row: PreferenceRow, axis: JudgedAxis) -> str:
 
 
 def tex_rating(row: PreferenceRow) -> str:
-    """A rating with its interval; a dash where there is none."""
+    """A rating with its interval; a dash without one."""
     rated = row.rating
     if rated is None:
         return "--"

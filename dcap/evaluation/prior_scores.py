@@ -1,11 +1,11 @@
-"""How near the size and mass priors come to sizes that others published.
+"""Compares the size and mass priors with published sizes.
 
 In: a CSV file with the columns name, length_m, width_m, height_m, mass_kg, source, note; extents and mass may be empty,
 extents in any order. Out: one row per thing with the ratios prior over published, and the share within a factor. A name
-is read as the label of a file would be. A thing that the lexicon does not know counts as a miss.
+is read like the label of a file. A thing that the lexicon does not know counts as a miss.
 
-Sizes are compared as the rescale compares them: the median (of logarithms) over the axes, sorted by length, of the
-shape that fits best. Where only some extents are published, the largest of them is the thing's largest; of two the
+Sizes are compared as in the rescale: the median (of logarithms) over the axes, sorted by length, of the shape that fits
+best. Where only some extents are published, the largest of them is the thing's largest; of two the
 other may be either of the thing's other axes, for a disc is published as diameter and height.
 """
 
@@ -24,14 +24,14 @@ from dcap.scene.errors import InputError
 COLUMNS = ("name", "length_m", "width_m", "height_m", "mass_kg", "source", "note")
 EXTENTS = COLUMNS[1:4]
 SIZE_FACTOR = 1.5
-"""A size prior is right within this factor [-]."""
+"""Factor within which a size prior is right [-]."""
 MASS_FACTOR = 2.0
-"""A mass prior is right within this factor [-]."""
+"""Factor within which a mass prior is right [-]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Published:
-    """What a source says of one thing."""
+    """Published size of one thing."""
 
     name: str
     extents: tuple[float, ...]
@@ -43,7 +43,7 @@ class Published:
 
 @dataclass(frozen=True, slots=True)
 class PriorScore:
-    """Prior over published; None where nothing is published, infinite where the lexicon does not know the thing."""
+    """Ratio of prior to published; None if nothing is published, infinite if the lexicon does not know the thing."""
 
     name: str
     thing: str
@@ -62,7 +62,7 @@ def read_published(path: Path) -> tuple[Published, ...]:
 
 
 def published(row: dict[str, str], where: str) -> Published:
-    """One row; InputError if a number is none."""
+    """One row; InputError for an invalid number."""
     try:
         extents = sorted((float(row[name]) for name in EXTENTS if row[name]), reverse=True)
         mass = float(row["mass_kg"]) if row["mass_kg"] else None
@@ -74,7 +74,7 @@ def published(row: dict[str, str], where: str) -> Published:
 
 
 def prior_score(one: Published) -> PriorScore:
-    """How far the prior of the thing that the name says is off."""
+    """Error of the prior of the named thing."""
     thing = thing_of(one.name)
     if thing is None:
         return PriorScore(one.name, "", np.inf if one.extents else None, np.inf if one.mass is not None else None)
@@ -98,7 +98,7 @@ def share_within(ratios: Iterable[float | None], factor: float) -> float:
 
 
 def misses(scores: Iterable[PriorScore]) -> list[str]:
-    """The things whose size or mass is not right, in words."""
+    """The things whose size or mass is wrong, in words."""
     return [
         f"{one.name} ({one.thing or 'unknown'}): {kind} {ratio:.2f}"
         for one in scores

@@ -1,4 +1,4 @@
-"""Whether an object rests in the region that the sentence asked for."""
+"""Whether an object rests in the requested region."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,22 +7,22 @@ from dcap.geometry.raycast import Raycaster
 from dcap.scene.types.segmentation import Segmentation
 
 TOLERANCE_M = 0.02
-"""Regions are stated by words; a finger's breadth outside is still inside [m]."""
+"""Tolerance of a region stated in words, about a finger's breadth [m]."""
 
 MOSTLY = 0.5
-"""What has less of its contact on the part that was asked for rests elsewhere [-]: beside the arm of a sofa, on its
-seat."""
+"""Least share of the contact on the requested part for an object to rest on it [-]: not next to the arm of a sofa, on
+the seat."""
 
 
 def part_missed(scene: Segmentation, base: str, part: str, points: NDArray[np.float64], top: float) -> bool:
-    """Whether most of a contact lies on other parts than those of this name of the base.
+    """Whether most of a contact lies outside the base's parts with this name.
 
     Args:
         scene: the scene without the object, undeformed.
-        base: id of the instance asked for.
+        base: id of the requested instance.
         part: name of its part.
         points: of the contact [m], shape (k, 3).
-        top: height of the object's highest point [m]; what is between it and the contact is what gave way.
+        top: height of the object's highest point [m]; the surface between it and the contact was dented.
     """
     if not len(points):
         return False

@@ -1,7 +1,7 @@
-"""The static page of a run: what came of each sample, method beside method, and how the run was made.
+"""The static page of a run: the outcome of each sample, method next to method, and the run's provenance.
 
-In: the rows of a run and the files in its folder. Out: `report.html`, which needs nothing but that folder, with what it
-shows beside it: `metrics.csv|tex` and `placeit3d.csv|tex` in `tables/`, `figures/supports.svg`, `artifacts.sha256`, and
+In: the rows of a run and the files in its folder. Out: `report.html`, which needs nothing but that folder, and its
+files: `metrics.csv|tex` and `placeit3d.csv|tex` in `tables/`, `figures/supports.svg`, `artifacts.sha256`, and
 `view3d.html` with `view3d/`.
 The same files give the same page. A run of one method has a card for each sample; of several, a strip.
 """
@@ -55,14 +55,14 @@ PICTURES = (
     ("contact", "contact"),
 )
 MOST_TILES = 120
-"""Failures in the gallery [-]; the filter finds all of them."""
+"""Most failures in the gallery [-]; the filter finds all of them."""
 MOST_AHEAD = 200
-"""Rows of the table of samples on which a baseline is ahead [-]."""
+"""Most rows of the table of samples on which a baseline is ahead [-]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Card:
-    """What the page shows of one placement."""
+    """Content of the page for one placement."""
 
     row: SampleOutcome
     name: str
@@ -72,7 +72,7 @@ class Card:
     pictures: tuple[tuple[str, str], ...]
     """(path relative to the page, caption)."""
     views: tuple[str, ...]
-    """Pictures that all methods have, relative to `folder`."""
+    """Pictures that exist for all methods, relative to `folder`."""
     before: tuple[tuple[str, str], ...]
     """Pictures of scene and asset alone: (path, caption)."""
     stages: tuple[tuple[str, float, float], ...]
@@ -83,9 +83,9 @@ class Card:
     warnings: tuple[str, ...]
     certificate: str
     scores: Mapping[str, str]
-    """Scores, and what decides them; empty if nothing was measured."""
+    """Scores and their deciding metrics; empty if nothing was measured."""
     marks: tuple[str, ...]
-    """What the filter knows it by, beside method, verdict and support: kinds of failure."""
+    """Kinds of failure, by which the filter finds it, besides method, verdict and support."""
     folder: str
     timings: Timings
 
@@ -102,9 +102,9 @@ class Strip:
     before: tuple[tuple[str, str], ...]
     cards: tuple[Card, ...]
     views: tuple[str, ...]
-    """Names of the views that some method has."""
+    """Names of the views of any method."""
     models: bool
-    """Whether it can be seen in 3D."""
+    """Whether it can be shown in 3D."""
 
 
 def write_report(folder: Path, rows: Sequence[SampleOutcome], summary: RunSummary) -> Path:
@@ -145,7 +145,7 @@ def write_report(folder: Path, rows: Sequence[SampleOutcome], summary: RunSummar
 
 
 def shown_tables(folder: Path, rows: Sequence[SampleOutcome], names: Mapping[str, str]) -> list[ShownTable]:
-    """The tables of a run, those of its metrics written into it."""
+    """The tables of a run; writes those of its metrics into it."""
     several = len(names) > 1
     rows_by_method = {name: [row for row in rows if row.method == name] for name in names}
     tables = [
@@ -203,7 +203,7 @@ def card_of(folder: Path, row: SampleOutcome, name: str) -> Card:
 
 
 def models_of(folder: Path, cards: Sequence[Card]) -> dict[str, tuple[str, ...]]:
-    """Write the page in 3D; methods that it shows, by sample."""
+    """Write the page in 3D; returns the methods that it shows, by sample."""
     samples: dict[str, tuple[str, list[ShownModel]]] = {}
     for card in cards:
         _, models = samples.setdefault(card.row.sample, (card.row.prompt, []))
@@ -236,13 +236,13 @@ def ordered(strips: Sequence[Strip]) -> tuple[str, ...]:
 
 
 def asked_of(summary: RunSummary) -> str:
-    """Who was asked, and what that took; empty where no model was."""
+    """The model that was asked, with tokens and cost; empty without one."""
     spent = summary.language
     return f"{', '.join(spent.models)}: {in_words(spent)}" if spent else ""
 
 
 def tiles_of(summary: RunSummary, rows: Sequence[SampleOutcome]) -> list[tuple[str, str, str]]:
-    """(number, words, kind) of the tiles on top."""
+    """(number, words, kind) of the tiles at the top."""
     posed = sum(row.verdict == AS_POSED for row in rows)
     methods = len({row.method for row in rows})
     counted = [(str(len({row.sample for row in rows})), "samples", "plain"), (str(methods), "methods", "plain")]

@@ -1,7 +1,7 @@
-"""What differs between two runs: outcomes, poses, numbers, what was asked, settings and versions.
+"""Differences between two runs: outcomes, poses, numbers, requests, settings and versions.
 
-In: the facts of both, as somebody has read them. Out: a `RunDiff`. Runs are the same bytes for the same code, settings
-and inputs, so that numbers are compared exactly; times are no difference and stand apart.
+In: the facts of both. Out: a `RunDiff`. The same code, settings and inputs give the same bytes, so numbers are compared
+exactly; times do not count as differences and are listed separately.
 """
 
 from collections.abc import Iterator, Mapping
@@ -17,7 +17,7 @@ Pose = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SampleFacts:
-    """What a run says of a sample."""
+    """Facts of a sample in a run."""
 
     asked: Mapping[str, object]
     outcome: Mapping[str, object]
@@ -30,12 +30,12 @@ class SampleFacts:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RunFacts:
-    """What a run says."""
+    """Facts of a run."""
 
     folder: str
     samples: Mapping[str, SampleFacts]
     config: Mapping[str, object]
-    """By dotted keys; empty where nothing is known of it."""
+    """Settings by dotted keys; empty if unknown."""
     versions: Mapping[str, object]
 
 
@@ -50,7 +50,7 @@ class KeyDifference:
 
 @dataclass(frozen=True, slots=True)
 class SampleDifference:
-    """A word about a sample that differs."""
+    """A word that differs for a sample."""
 
     sample: str
     key: str
@@ -66,21 +66,21 @@ class PoseDifference:
     position_m: float
     """Distance [m]."""
     angle_deg: float
-    """Of the rotation between them."""
+    """Angle of the rotation between them."""
 
 
 @dataclass(frozen=True, slots=True)
 class NumberDifference:
-    """A number about a sample that differs."""
+    """A number that differs for a sample."""
 
     sample: str
     metric: str
     a: float | None
     b: float | None
     difference: float | None
-    """Absolute; None where one of the two is not there or not finite."""
+    """Absolute difference; None if one of the two is missing or not finite."""
     relative: float | None
-    """Over the larger of the two."""
+    """Difference over the larger of the two."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +95,7 @@ class RunDiff:
     outcomes: tuple[SampleDifference, ...]
     poses: tuple[PoseDifference, ...]
     metrics: tuple[NumberDifference, ...]
-    """Largest relative change first, before all what only one has."""
+    """Numbers that only one run has first, then by relative change, the largest first."""
     asked: tuple[SampleDifference, ...]
     config: tuple[KeyDifference, ...]
     versions: tuple[KeyDifference, ...]
@@ -104,7 +104,7 @@ class RunDiff:
 
     @property
     def equal(self) -> bool:
-        """Whether nothing differs, times apart."""
+        """Whether nothing differs, apart from times."""
         return not any(getattr(self, one.name) for one in fields(self) if one.name not in ("a", "b", "times"))
 
 
@@ -133,12 +133,12 @@ def keys(a: Mapping[str, object], b: Mapping[str, object]) -> tuple[KeyDifferenc
 
 
 def words(sample: str, a: Mapping[str, object], b: Mapping[str, object]) -> Iterator[SampleDifference]:
-    """Words about a sample that differ."""
+    """Words that differ for a sample."""
     return (SampleDifference(sample, one.key, one.a, one.b) for one in keys(a, b))
 
 
 def poses(sample: str, a: Pose | None, b: Pose | None) -> Iterator[PoseDifference]:
-    """The difference of two poses, if there is one; that one side has none, its verdict tells."""
+    """The difference of two poses, if any; a missing pose shows in the verdict instead."""
     if a is None or b is None:
         return
     distance, angle = float(np.linalg.norm(a[0] - b[0])), angle_between_deg(a[1], b[1])
@@ -154,7 +154,7 @@ def angle_between_deg(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
 
 
 def numbers(sample: str, a: Mapping[str, float | None], b: Mapping[str, float | None]) -> Iterator[NumberDifference]:
-    """Numbers about a sample that differ."""
+    """Numbers that differ for a sample."""
     for name in dict.fromkeys([*a, *b]):
         x, y = a.get(name), b.get(name)
         if x != y and not (x is not None and y is not None and isnan(x) and isnan(y)):

@@ -1,4 +1,4 @@
-"""Where a run keeps what came of a sample."""
+"""Folders of the samples in a run."""
 
 import hashlib
 import re
@@ -9,9 +9,9 @@ from dcap.evaluation.methods import DCAP, split_id
 
 SAMPLES_FOLDER, METHODS_FOLDER = "samples", "methods"
 LONGEST = 120
-"""Bytes of a folder's name: file systems take 255, and drafts and archives put something around it."""
+"""Longest name of a folder [bytes]: file systems take 255, and drafts and archives add a prefix or suffix."""
 MARK = 16
-"""Hexadecimal digits of the digest that ends a shortened name: a clash of two ids takes billions of them."""
+"""Hexadecimal digits of the digest that ends a shortened name: two of billions of ids may clash."""
 DEVICES = re.compile(r"(?i)(con|prn|aux|nul|com[0-9\u00b9\u00b2\u00b3]|lpt[0-9\u00b9\u00b2\u00b3])(\.|$)")
 """Names that mean devices on Windows, whatever follows their first dot."""
 
@@ -33,16 +33,16 @@ def folder_name(sample_id: str) -> str:
 
 
 def same_folder(name: str) -> str:
-    """What two names have in common that mean one folder where case or the composition of letters does not count."""
+    """Key of a folder's name, equal for names that differ only in case or the composition of letters."""
     return unicodedata.normalize("NFKC", unicodedata.normalize("NFKC", name).casefold())
 
 
 def sample_folder(run: Path, sample_id: str) -> Path:
-    """Folder of one sample in a run; of `METHOD/ID` that of another method than DCAP."""
+    """Folder of one sample in a run; `METHOD/ID` is a sample of another method than DCAP."""
     return placement_folder(run, *split_id(sample_id))
 
 
 def placement_folder(run: Path, method: str, sample: str) -> Path:
-    """Folder of what a method made of a sample."""
+    """Folder of a method's placement of a sample."""
     own = run if method == DCAP else run / METHODS_FOLDER / method
     return own / SAMPLES_FOLDER / folder_name(sample)

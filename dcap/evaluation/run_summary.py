@@ -1,4 +1,4 @@
-"""The counts of a benchmark run: what its summary.json holds and its report says on top."""
+"""The counts of a benchmark run, for summary.json and the head of its report."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,19 +9,19 @@ from dcap.language.model.ledger import Spending
 
 @dataclass(frozen=True, slots=True)
 class RunSummary:
-    """Counts of samples, times, and what a model was asked; summary.json has these keys in this order."""
+    """Counts of samples, times, and the use of a model; summary.json has these keys in this order."""
 
     run: str
     """Folder of the run."""
     samples: int
     at_rest: int
     as_posed: int
-    """Placements of methods that do not settle what they place."""
+    """Placements of methods that do not simulate."""
     infeasible: int
     failed: int
-    """Samples that did not get through; neither at rest nor infeasible."""
+    """Samples with an error; neither at rest nor infeasible."""
     region_missed: int
-    """Samples at rest outside of the region asked for."""
+    """Samples at rest outside of the requested region."""
     feasible_intended: int
     feasible_as_intended: int
     """Of these, the samples at rest as intended."""
@@ -31,15 +31,15 @@ class RunSummary:
     compute_s: float
     """Sum of the stages' times when they were computed [s]."""
     wall_s: float
-    """How long the run took [s]."""
+    """Duration of the run [s]."""
     language: Spending | None = None
-    """What was asked and spent; None if no model was asked."""
+    """Number of questions and spending; None if no model was asked."""
 
 
 def summary_of(
     rows: Sequence[SampleOutcome], *, run: str, wall_s: float, language: Spending | None = None
 ) -> RunSummary:
-    """The counts of a run's samples; `wall_s` is how long the run took [s]."""
+    """The counts of a run's samples; `wall_s` is the duration of the run [s]."""
     feasible = [row for row in rows if row.feasible_intended is True]
     infeasible = [row for row in rows if row.feasible_intended is False]
     return RunSummary(

@@ -1,7 +1,7 @@
-"""How well a segmentation agrees with the truth of a generated room: intersection over union of areas.
+"""Compares a segmentation with the truth of a generated room: intersection over union of areas.
 
 Truth and result are given face by face on the same mesh. Each true instance is compared with one found instance, such
-that the overlaps add up to as much as possible: annotations leave ids out, so these do not tell.
+that the sum of overlaps is largest: annotations lack ids, which therefore cannot be used.
 """
 
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from dcap.scene.types.segmentation import Segmentation
 
 @dataclass(frozen=True, eq=False, slots=True)
 class GroundTruth:
-    """What each face of a mesh really is."""
+    """The true instance and part of each face of a mesh."""
 
     ids: tuple[str, ...]
     labels: tuple[str, ...]
@@ -32,11 +32,11 @@ class Score:
     id: str
     label: str
     found_id: str
-    """Empty: nothing that overlaps it."""
+    """Empty: nothing overlaps it."""
     found_label: str
     iou: float
     parts: tuple[tuple[str, float], ...]
-    """IoU of each part of the truth with what is found under the same name in the found instance."""
+    """IoU of each true part with the part of the same name in the found instance."""
 
 
 def overlaps(truth: GroundTruth, found: Segmentation) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""The distribution of deformable supports per scene as a plot: the paper's figure 3, and what kinds they are."""
+"""The distribution of deformable supports per scene as a plot: the paper's figure 3, and their kinds."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -16,31 +16,31 @@ from dcap.scene.errors import InputError
 from dcap.scene.whole_files import whole_file
 
 SUPPORTS, MATERIALS = "deformable supports", "deformable materials"
-"""What may be counted: the words of the plot."""
+"""Counted things, as words of the plot."""
 RUG = "rug"
-"""The kind of what lies on the floor."""
+"""The kind that lies on the floor."""
 SUFFIXES = (".png", ".svg")
 SIZE = (10.8, 4.7)
 """Width and height [inch]."""
 DPI = 200
 INK, GREY, PALE = "#222222", "#6b7280", "#e5e7eb"
 BLUE, SAND = "#3b6ea5", "#c9a227"
-"""Colours of scenes with deformable supports, and of what has none."""
+"""Colours of scenes with deformable supports, and without."""
 MOST_BARS = 20
-"""More counts than these share bars [-]."""
+"""Most bars of the histogram; more counts share bars [-]."""
 LETTERS = 72
-"""Letters that fit below the histogram side by side [-]."""
+"""Number of letters that fit below the histogram side by side [-]."""
 ROOM_FOR_NOTES = 1.35
-"""Length of the axis of kinds over its longest bar: the numbers stand beyond the bars [-]."""
+"""Length of the axis of kinds over its longest bar: the numbers are beyond the bars [-]."""
 STYLE: dict[RcKeyType, object] = {
     "font.size": 9.0, "svg.hashsalt": "dcap", "svg.fonttype": "none", "text.color": INK, "text.parse_math": False,
     "axes.edgecolor": GREY, "axes.labelcolor": GREY, "xtick.color": INK, "ytick.color": INK,
 }  # fmt: skip
-"""Words stay words in an SVG, and equal plots are equal files."""
+"""Keeps text as text in an SVG, and gives equal files for equal plots."""
 
 
 def plot_suffix(path: Path) -> str:
-    """The suffix that a plot is saved by; InputError for one that none is."""
+    """The suffix of a plot's file; InputError for an unsupported one."""
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise InputError(f"{path}: a plot is saved as {' or '.join(SUFFIXES)}, not as {suffix or 'no suffix'}")
@@ -49,19 +49,19 @@ def plot_suffix(path: Path) -> str:
 
 def save_supports_plot(scenes: Sequence[Counter[str]], path: Path, what: str = SUPPORTS) -> None:
     """Write the plot of the kinds of deformable supports, or of `what` else, that each scene has, as PNG or SVG by the
-    path's suffix; InputError for another suffix or where nothing can be written."""
+    path's suffix; InputError for another suffix, or if it cannot be written."""
     suffix = plot_suffix(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with rc_context(STYLE), whole_file(path) as draft:
-            # the date would make every file another one
+            # a date would change every file
             supports_plot(scenes, what).savefig(draft, dpi=DPI, metadata={"Date": None} if suffix == ".svg" else None)
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {error.strerror}") from None
 
 
 def supports_plot(scenes: Sequence[Counter[str]], what: str = SUPPORTS) -> Figure:
-    """The plot: a histogram of their number in a scene, and how often each kind occurs."""
+    """The plot: a histogram of their number in a scene, and the frequency of each kind."""
     with rc_context(STYLE):
         figure = Figure(SIZE, layout="constrained")
         figure.suptitle(f"{what.capitalize()} per scene", x=0.02, ha="left", fontsize=15)
@@ -73,7 +73,7 @@ def supports_plot(scenes: Sequence[Counter[str]], what: str = SUPPORTS) -> Figur
 
 
 def summary(kinds: Sequence[Counter[str]]) -> str:
-    """The distribution in a line; rugs lie on the floor, so scenes that have nothing else are told apart."""
+    """The distribution in a line; scenes with nothing but rugs, which lie on the floor, are counted separately."""
     if not kinds:
         return "no scene"
     counts = [one.total() for one in kinds]
@@ -101,7 +101,7 @@ def _histogram(axes: Axes, counts: Sequence[int], words: str) -> None:
         range(len(bars)), [scenes for _, scenes, _ in bars], 0.78, color=[BLUE if soft else SAND for *_, soft in bars]
     )
     axes.bar_label(drawn, [str(scenes) if scenes else "" for _, scenes, _ in bars], padding=2)
-    every = ceil(len(bars) * (max(len(label) for label, *_ in bars) + 2) / LETTERS)  # so that labels keep apart
+    every = ceil(len(bars) * (max(len(label) for label, *_ in bars) + 2) / LETTERS)  # keeps labels apart
     axes.set_xticks(range(0, len(bars), every), [label for label, *_ in bars[::every]])
     axes.set_xlim(-0.6, max(len(bars), 4) - 0.4)
     top = 1.08 * max(1, *(scenes for _, scenes, _ in bars))
@@ -119,7 +119,7 @@ def _histogram(axes: Axes, counts: Sequence[int], words: str) -> None:
 def _kinds(axes: Axes, scenes: Sequence[Counter[str]]) -> None:
     total: Counter[str] = sum(scenes, Counter())
     rows = total.most_common()
-    axes.set_title("what they are, and in how many scenes" if rows else "none", loc="left", color=GREY, fontsize=9)
+    axes.set_title("kinds, and the number of scenes with each" if rows else "none", loc="left", color=GREY, fontsize=9)
     axes.spines[:].set_visible(False)
     axes.tick_params(length=0)
     axes.set_xticks([])

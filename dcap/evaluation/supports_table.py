@@ -13,7 +13,7 @@ COLUMNS = ("scene", "instances", "supports", "deformable", "share", *SHOWN)
 
 
 def is_support(label: str) -> bool:
-    """Whether a label names what carries things: furniture and rugs with a part that does, or what gives way."""
+    """Whether a label names a support: furniture and rugs with a carrying part, or a deformable thing."""
     thing = thing_of(label)
     carries = thing is not None and not is_a(thing.id, "structure") and first_part(thing.id) != ""
     return carries or deformable_supports([label]).total() > 0
@@ -22,7 +22,7 @@ def is_support(label: str) -> bool:
 def supports_table(scenes: Mapping[str, Sequence[str]]) -> str:
     """CSV of the scenes, given as the labels of their instances by name, and a last row of all of them.
 
-    `share` is that of deformable supports among supports [-], empty where there are none.
+    `share` is the share of deformable supports among supports [-], empty without supports.
     """
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
@@ -34,7 +34,7 @@ def supports_table(scenes: Mapping[str, Sequence[str]]) -> str:
 
 
 def row_of_labels(name: str, labels: Iterable[str]) -> list[object]:
-    """One row."""
+    """Counts of one scene."""
     known = list(labels)
     kinds: Counter[str] = deformable_supports(known)
     supports = sum(is_support(label) for label in known)

@@ -1,7 +1,7 @@
-"""Files of a run that are written whole, and a table as the two files in which every table is given.
+"""Writes files of a run atomically, and every table as two files.
 
-In: text. Out: `NAME.csv` and `NAME.tex`. A file that is there with the same bytes is left alone, so that a page which
-is written again touches nothing that did not change.
+In: text. Out: `NAME.csv` and `NAME.tex`. A file with the same bytes is not written again, so that rewriting a page
+touches only changed files.
 """
 
 from pathlib import Path
@@ -14,17 +14,17 @@ ENDS = (".csv", ".tex")
 
 
 def table_files(folder: Path, name: str) -> tuple[Path, Path]:
-    """Where the table of a name lies."""
+    """Paths of a table."""
     return folder / f"{name}{ENDS[0]}", folder / f"{name}{ENDS[1]}"
 
 
 def table_links(name: str) -> tuple[str, ...]:
-    """The same as links of a run's page."""
+    """Links of a table for a run's page."""
     return tuple(f"{TABLES}/{name}{end}" for end in ENDS)
 
 
 def write_table(folder: Path, name: str, csv_text: str, tex_text: str) -> tuple[Path, Path]:
-    """Write a table into a folder, which is made if it is not there."""
+    """Write a table into a folder, which is created if missing."""
     folder.mkdir(parents=True, exist_ok=True)
     paths = table_files(folder, name)
     for path, text in zip(paths, (csv_text, tex_text), strict=True):
@@ -33,7 +33,7 @@ def write_table(folder: Path, name: str, csv_text: str, tex_text: str) -> tuple[
 
 
 def write_if_other(path: Path, data: bytes) -> None:
-    """Write a file whole, unless it is there with these bytes."""
+    """Write a file atomically, unless it already has these bytes."""
     if path.is_file() and path.read_bytes() == data:
         return
     write_whole(path, data)

@@ -17,12 +17,12 @@ def csv_of(rows: Sequence[Mapping[str, object]]) -> str:
 
 
 def number(value: float | None, digits: int = 4) -> str:
-    """A number; empty where there is none."""
+    """A number; empty if missing."""
     return "" if value is None or not np.isfinite(value) else f"{value:.{digits}f}"
 
 
 def tex_escaped(text: str) -> str:
-    """Text without what TeX takes for commands, and with signs that it has names for."""
+    """Text with TeX's special characters escaped, and signs replaced by their names."""
     signs = {"°": "$^\\circ$", "²": "$^2$", "–": "--", **{sign: f"\\{sign}" for sign in "_&%#${}"},
              "\\": "\\textbackslash{}", "~": "\\textasciitilde{}", "^": "\\textasciicircum{}"}  # fmt: skip
     return "".join(signs.get(sign, sign) for sign in text)

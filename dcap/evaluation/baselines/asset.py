@@ -1,8 +1,8 @@
-"""The asset as the baselines take it: at the common scale, upright, its front along -y, its box about the origin.
+"""The asset in the baselines' form: at the common scale, upright, its front along -y, its box about the origin.
 
-Their sources place assets of libraries in which every one stands upright and looks the same way. A file may lie or look
-elsewhere, so it is brought into that pose by the rules with which our own method reads a shape; nothing of what the
-sentence says about orientation is used.
+Their sources place assets of libraries in which every asset stands upright and faces the same way. A file may have any
+orientation, so our own method's rules for shapes bring it into that pose; the sentence's words on orientation are not
+used.
 """
 
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ class CanonicalAsset:
     canonical_from_object: Array
     """Maps the object's own mesh to it, scale included, shape (4, 4)."""
     has_front: bool
-    """Whether shape or category tell front from back."""
+    """Whether shape or category distinguish front from back."""
 
     @property
     def size(self) -> Array:

@@ -20,13 +20,13 @@ from dcap.scene.types.segmentation import Instance, Segmentation
 
 Array = NDArray[np.float64]
 GAP = 0.25
-"""Half of the widest gap in a floor that is bridged [m]: a wall or a threshold."""
+"""Half of the widest gap in a floor that is bridged [m]: the width of a wall or a threshold."""
 PLAIN = 0.02
 """Corners of the outline that stand out less are dropped [m]."""
 LEVEL = 0.5
 """Faces of a floor whose unit normal's vertical component is larger show its outline [-]."""
 SHELL = ("wall", "floor", "ceiling")
-"""What makes the room and is no thing in it."""
+"""Labels of the room's structure, which are not things in it."""
 KINDS: Mapping[str, tuple[str, ...]] = {
     "bathroom": ("bathtub", "toilet", "shower", "wash basin"),
     "bedroom": ("bed", "functional bed", "bed combination"),
@@ -35,7 +35,7 @@ KINDS: Mapping[str, tuple[str, ...]] = {
     "dining room": ("dining table",),
     "study": ("desk",),
 }
-"""What a room is by what stands in it, the first that fits; the source's rooms say so themselves."""
+"""Kinds of rooms by a typical thing in them, the first match counts; the source's rooms state their kind."""
 
 
 def floor_plan_of(scene: Segmentation) -> FloorPlan:
@@ -79,7 +79,7 @@ def boxes_of(one: Instance, room: Array) -> list[PlanBox]:
 
 
 def plan_box(one: Instance, part: int, label: str, box: OrientedBox, room: Array) -> PlanBox:
-    """A box that looks at who looks at the thing's front."""
+    """A box that faces the viewer of the thing's front."""
     frame = viewer_frame(box, one.front, room)
     size = np.array([*(2.0 * frame.half), 2.0 * box.half_extents[2]])
     yaw = float(np.arctan2(frame.front[0], -frame.front[1]))
@@ -87,6 +87,6 @@ def plan_box(one: Instance, part: int, label: str, box: OrientedBox, room: Array
 
 
 def kind_of(scene: Segmentation) -> str:
-    """What room it is."""
+    """Kind of the room."""
     labels = {one.label for one in scene.instances}
     return next((kind for kind, things in KINDS.items() if labels & set(things)), "room")

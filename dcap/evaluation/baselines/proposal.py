@@ -1,8 +1,8 @@
-"""A proposed pose as the `Anchor` that all methods return: which thing it seems to be on, and how it came there.
+"""Turns a proposed pose into the `Anchor` that all methods return: the thing it seems to be on, and the reason.
 
-Base and part are told for the report alone: what the middle of the object is over where that is nearest to the
-object's lowest point, else the thing or part whose top is, of those that lie under the middle of its box. The pose
-itself is kept as it was proposed, whatever it cuts or hovers over.
+Base and part only serve the report: the surface below the middle of the object if it is nearest to the object's lowest
+point, else the thing or part under the middle of its box whose top is nearest. The pose itself stays as proposed, even
+if it intersects something or hovers.
 """
 
 import numpy as np
@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 
 def proposed_anchor(scene: Segmentation, item: Mesh, world_from_object: Array, region: str, reason: str) -> Anchor:
-    """The anchor of a final pose, shape (4, 4), of the object's own mesh."""
+    """The anchor for a final pose, shape (4, 4), of the object's own mesh."""
     low, high = item.transformed(world_from_object).bounds
     middle = 0.5 * (low + high)
     base, index = beneath(scene, middle[:2], float(low[2]), float(middle[2]))
@@ -41,7 +41,7 @@ def proposed_anchor(scene: Segmentation, item: Mesh, world_from_object: Array, r
 
 
 def beneath(scene: Segmentation, spot: Array, height: float, middle: float) -> tuple[Instance, int]:
-    """The instance and the index of its part that carry, or would carry, what is over a spot (2,).
+    """The instance, and the index of its part, that carries or would carry an object over a spot (2,).
 
     Either the surface that a ray down from the object's middle [m] meets first, or the part whose top is nearest to
     the object's lowest `height` [m], of those under the spot (of all where nothing is under it): whichever is nearer

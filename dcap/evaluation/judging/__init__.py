@@ -1,1 +1,1 @@
-"""Who judges placements, a model that looks at pictures or a rubric over metrics, and how good a judge is."""
+"""Judges of placements, a model that looks at pictures or a rubric over metrics, and the validation of judges."""

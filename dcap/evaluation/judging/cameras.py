@@ -1,8 +1,8 @@
-"""Where the cameras of judged pictures stand: no method has a say in it.
+"""Chooses the cameras of judged pictures independently of the methods.
 
-In: surfaces of the scene and of the object as each method left them. Out: one overview camera for all methods of a
-sample, which fits all their final states, and close-ups of the contact, from one direction and distance for all, each
-centred on its own contact. The directions are those from which the worst seen of the compared placements is seen best.
+In: each method's final surfaces of the scene and of the object. Out: one overview camera for all methods of a sample,
+which fits all their final states, and close-ups of the contact, with the same direction and distance for all, each
+centred on its own contact. The directions maximise the visibility of the least visible of the compared placements.
 """
 
 from collections.abc import Sequence
@@ -29,46 +29,46 @@ SAMPLES = 2
 """Rays along each side of a pixel at edges [-]."""
 AZIMUTHS = tuple(22.5 * k for k in range(16))
 GRAZING = (12.0, 22.0, 35.0, 50.0)
-"""Elevations of the close-up that are tried, the preferred one first: a gap is seen along the surface [degrees]."""
+"""Elevations that are tried for the close-up, the preferred one first: a gap is visible along the surface [degrees]."""
 ABOVE = (32.0, 45.0, 60.0)
-"""The same of the overview [degrees]."""
+"""Elevations that are tried for the overview [degrees]."""
 CLOSEUPS: tuple[Direction, ...] = tuple((a, e) for e in GRAZING for a in AZIMUTHS)
 OVERVIEWS: tuple[Direction, ...] = tuple((a, e) for e in ABOVE for a in AZIMUTHS)
 ASIDE_DEG = 20.0
-"""Off the way to the middle of the scene that the preferred azimuth is: two sides of things show [degrees]."""
+"""Angle of the preferred azimuth off the direction to the middle of the scene: two sides of things show [degrees]."""
 ENOUGH = 0.8
-"""Share of the most that can be seen which is as good as all [-]."""
+"""Share of the best visibility that counts as good as the best [-]."""
 STEEPER, TURNED = 0.1, 0.3
-"""What a step up in elevation, and a camera on the far side, count less than one that sees all [-]."""
+"""Penalties of a step up in elevation, and of a camera on the far side, against full visibility [-]."""
 CLOSEUP_FOV, OVERVIEW_FOV = 30.0, 40.0
 """Fields of view [degrees]."""
 SHARE, NARROWEST, WIDEST = 0.9, 0.1, 0.4
-"""Width that a close-up shows at the contact: of the object's diagonal [-], at least and at most [m]. 2 mm are
-about four pixels."""
+"""Width that a close-up shows at the contact: over the object's diagonal [-], and its least and largest value [m]. 2 mm
+are about four pixels."""
 BELOW_MIDDLE = 0.12
-"""How far the contact lies under the middle of the close-up, over its width [-]."""
+"""Distance of the contact below the middle of the close-up, over its width [-]."""
 MARGIN = 1.15
-"""Room around what an overview must show [-]."""
+"""Margin of an overview around its content [-]."""
 AROUND = 1.5
-"""How far around the objects a support that is a whole floor is shown [m]."""
+"""Extent around the objects in which a support that is a whole floor is shown [m]."""
 OFF_MIDDLE = 0.1
-"""A support this far from the middle of the scene has a side towards it [m]."""
+"""Distance from the middle of the scene beyond which a support has a side towards it [m]."""
 FRONT = -90.0
-"""Azimuth of that side where the support is in the middle [degrees]."""
+"""Azimuth of that side for a support in the middle [degrees]."""
 COARSE = 96
-"""Rays along each side of the pictures by which it is found what is seen [-]."""
+"""Rays along each side of the pictures for measuring visibility [-]."""
 SEEN_POINTS = 400
-"""Points of the object that tell how much of it is seen [-]."""
+"""Number of points of the object for measuring its visibility [-]."""
 FAR = 6.0
-"""As far as something may hide the object from an overview [m]."""
+"""Largest distance at which something may hide the object from an overview [m]."""
 HIDES, HIDES_M = 0.1, 0.03
-"""Something hides the contact that is nearer than the object's lower edge by more than this share of its diagonal and
-this length [m]: the rim of a dent does not."""
+"""An obstacle hides the contact if it is nearer than the object's lower edge by more than this share of its diagonal
+and this length [m]; the rim of a dent does not."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PlacedThing:
-    """An object among what may hide it: everything but walls and ceilings, which pictures leave out."""
+    """An object among its possible obstacles: everything but walls and ceilings, which pictures leave out."""
 
     thing: Mesh
     around: Raycaster
@@ -83,7 +83,7 @@ class PlacedThing:
 
     @property
     def diagonal(self) -> float:
-        """Of the object's bounds [m]."""
+        """Diagonal of the object's bounds [m]."""
         return float(np.linalg.norm(np.ptp(self.thing.bounds, axis=0)))
 
     def visible_share(self, toward: Direction) -> float:
@@ -129,7 +129,7 @@ class PlacedThing:
 
 
 def sights_of(placed: PlacedThing, support: Array, scene_middle: Array) -> Sights:
-    """What can be seen of a placement; the support by the corners of its box (8, 3) [m]."""
+    """Visibility of a placement; the support is given by the corners of its box (8, 3) [m]."""
     own = Raycaster(placed.thing)
     found = [placed.contact_seen(one, own) for one in CLOSEUPS]
     way = (scene_middle - support.mean(axis=0))[:2]
@@ -150,9 +150,9 @@ class SampleCameras:
 
     overview: Viewpoint
     direction: int
-    """Of all close-ups, an index of CLOSEUPS."""
+    """Direction of all close-ups, an index of CLOSEUPS."""
     width: float
-    """That all close-ups show at the contact [m]."""
+    """Width that all close-ups show at the contact [m]."""
 
     def closeup(self, sights: Sights) -> Viewpoint:
         """The close-up of one of its placements."""
@@ -165,7 +165,7 @@ class SampleCameras:
 
 
 def sample_cameras(placements: Sequence[Sights]) -> SampleCameras:
-    """The cameras of a sample, from what can be seen of each of the placements that are compared."""
+    """The cameras of a sample, from the visibility of each compared placement."""
     ahead = placements[0].ahead_deg
     best = chosen([one.overview for one in placements], OVERVIEWS, ABOVE, ahead)
     diagonal = max(float(np.linalg.norm(np.ptp(one.bounds, axis=0))) for one in placements)
@@ -177,9 +177,9 @@ def sample_cameras(placements: Sequence[Sights]) -> SampleCameras:
 
 
 def chosen(shares: Sequence[Array], ways: Sequence[Direction], elevations: Sequence[float], ahead_deg: float) -> int:
-    """Index of the direction from which the placement that is seen worst is seen best, a low one from the middle of the
-    scene being preferred. What is seen counts against the most that is seen of that placement from anywhere: what is
-    half buried is seen by half at most."""
+    """Index of the direction that maximises the visibility of the least visible placement, preferring low directions
+    from the middle of the scene. Visibility is relative to the best of that placement from anywhere: a half buried
+    object is visible by half at most."""
     seen = np.stack([np.minimum(one / max(float(one.max()), 1e-9) / ENOUGH, 1.0) for one in shares])
     azimuth, elevation = np.array(ways).T
     rank = np.array([elevations.index(one) for one in elevation])
@@ -211,7 +211,7 @@ def asset_view(item: Mesh) -> Viewpoint:
 
 
 def viewpoint(target: Array, toward: Direction, width: float, fov_deg: float) -> Viewpoint:
-    """The camera in a direction that shows `width` [m] at what it looks at (3,)."""
+    """The camera in a direction that shows `width` [m] at its target (3,)."""
     distance = 0.5 * width / np.tan(0.5 * np.radians(fov_deg))
     position = target + distance * along(toward)
     return Viewpoint(rounded(position), rounded(target), fov_deg)

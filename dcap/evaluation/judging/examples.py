@@ -1,7 +1,7 @@
-"""The rubric's examples, with their scores and pictures: what a model that scores sees before the placement.
+"""The rubric's examples, with scores and pictures: a scoring model sees them before the placement.
 
-They are made of an embedded room (known_room.py) when somebody looks, always the same, by the cameras of every
-placement. The room is none of those that a judge is validated with, and no placement of it is an example.
+They are rendered on demand from an embedded room (known_room.py), always the same, with the cameras used for
+placements. The room is not used for validating judges, and no validation placement is an example.
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from dcap.synthetic.rooms import build_room
 ROOM = "guest_01"
 """An embedded room with a bed."""
 CAPTIONS = {"overview": "overview", "closeup": "close-up of the contact"}
-"""How a model is told what a picture of a placement is."""
+"""Captions of a placement's pictures for a model."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,13 +29,13 @@ class Example:
     """BED or FLOOR."""
     place: BallPlace
     words: str
-    """What is to be seen."""
+    """Description of the picture."""
     right_place: float
     physics_naturalness: float
 
     @property
     def caption(self) -> str:
-        """What a model is told of it."""
+        """Caption for a model."""
         return (
             f'"{PROMPTS[self.asked]}": {self.words}. '
             f"right_place {self.right_place:g}, physics_naturalness {self.physics_naturalness:g}"
@@ -58,7 +58,7 @@ def example_room() -> RoomWithBall:
 
 
 def example_pictures() -> tuple[Picture, ...]:
-    """Two pictures of each example, with what a model is told of them."""
+    """Two pictures of each example, with captions for a model."""
     found = []
     for number, one in enumerate(EXAMPLES, 1):
         for view in PLACED:

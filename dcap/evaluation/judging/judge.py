@@ -1,4 +1,4 @@
-"""Placements before a judge: scores of each, and comparisons of all pairs with either on the left.
+"""Has a judge score placements, and compare all pairs with either on the left.
 
 In: placements with their pictures and metrics, and a client. Out: rows of scores and comparisons, in an order that
 depends on the placements alone, so that recorded replies give the same tables to the last byte. Pairs are formed
@@ -31,13 +31,13 @@ MODELS = {
 FAMILIES = {name: maker for maker, names in MODELS.items() for name in names.split()}
 """Makers by a word of a model's name."""
 LEADING = re.compile(r"(?:[a-z]+\.)*([a-z]{2,})")
-"""The word before the first digit, dash or colon, without what dots part from it: `us.maker.word-7b`. One letter is a
+"""The word before the first digit, dash or colon, without dotted prefixes: `us.maker.word-7b`. A single letter is a
 version: `v2`."""
 
 
 @dataclass(frozen=True, slots=True)
 class JudgedPlacement:
-    """What one method made of a sample, as a judge gets it."""
+    """One method's placement of a sample, in the form that a judge takes."""
 
     sample: str
     method: str
@@ -58,7 +58,7 @@ class JudgedScore:
     sample: str
     method: str
     right_place: float | None
-    """1..10; None where the rubric knows no metric of it."""
+    """1..10; None if no metric of the axis is known."""
     physics_naturalness: float | None
     """1..10; None likewise."""
     judge: str
@@ -66,16 +66,16 @@ class JudgedScore:
 
 
 def judge_name(config: LanguageConfig) -> str:
-    """How tables call who judged: a replayed model as when it was asked."""
+    """Name of the judge in tables; a replayed model has its original name."""
     if config.client is ClientName.OFFLINE:
         return RUBRIC
     return f"{config.model}@{config.endpoint}" if config.endpoint else config.model
 
 
 def model_family(model: str) -> str:
-    """Who made a model: by the first word of its name that is known, whatever gateway stands before it; else the word
-    with which the last part of its path begins, as gateways, regions and owners stand before it and sizes and versions
-    behind it. A name that begins with no word is a family of its own."""
+    """Maker of a model, from the first known word of its name, whatever gateway precedes it; else the word with which
+    the last part of its path begins, as gateways, regions and owners precede it, and sizes and versions follow. A name
+    that begins with no word is a family of its own."""
     name = model.lower()
     for word in re.findall(r"[a-z]+\d?", name):
         if family := FAMILIES.get(word) or FAMILIES.get(word.rstrip("0123456789")):
@@ -85,7 +85,7 @@ def model_family(model: str) -> str:
 
 
 def same_family(judge: LanguageConfig, chooser: LanguageConfig) -> bool:
-    """Whether a model judges what a model of the same maker has chosen: it may favour its own."""
+    """Whether a model judges choices by a model of the same maker, which it may favour."""
     if ClientName.OFFLINE in (judge.client, chooser.client):
         return False
     return model_family(judge.model) == model_family(chooser.model)
@@ -102,7 +102,7 @@ def scores(client: Client, placements: Sequence[JudgedPlacement], judge: str) ->
 
 
 def comparisons(client: Client, placements: Sequence[JudgedPlacement], judge: str) -> list[Comparison]:
-    """All pairs of methods of each sample, once with either on the left, each on the axes that are known of both."""
+    """All pairs of methods of each sample, once with either on the left, on the axes that are known for both."""
     asked = [pair for one in pairs(placements) for pair in (one, one[::-1])]
     replies = client.ask_all(JUDGE_PAIR, [pair_request(left, right) for left, right in asked])
     return [
@@ -119,7 +119,7 @@ def pairs(placements: Iterable[JudgedPlacement]) -> list[tuple[JudgedPlacement, 
 
 
 def in_order(placements: Iterable[JudgedPlacement]) -> list[JudgedPlacement]:
-    """By sample and method; InputError if one comes twice."""
+    """Placements sorted by sample and method; InputError for a duplicate."""
     rows = sorted(placements, key=lambda one: (one.sample, one.method))
     for one, after in pairwise(rows):
         if (one.sample, one.method) == (after.sample, after.method):
@@ -134,7 +134,7 @@ def score_request(one: JudgedPlacement) -> ScoreRequest:
 
 
 def pair_request(left: JudgedPlacement, right: JudgedPlacement) -> PairRequest:
-    """The question which is better; InputError if their views are not the same."""
+    """The question which placement is better; InputError if their views differ."""
     if [v.name for v in left.views] != [v.name for v in right.views] or left.prompt != right.prompt:
         raise InputError(
             f"sample {left.sample!r}: {left.method} and {right.method} have other views or prompts; "
@@ -147,10 +147,10 @@ def pair_request(left: JudgedPlacement, right: JudgedPlacement) -> PairRequest:
 
 
 def captioned(which: str, views: tuple[Picture, ...]) -> tuple[Picture, ...]:
-    """The views of a placement, by what they are."""
+    """The views of a placement with their captions."""
     return tuple(Picture(f"{which}, {CAPTIONS.get(one.name, one.name)}", one.make) for one in views)
 
 
 def titled(before: tuple[Picture, ...]) -> tuple[Picture, ...]:
-    """The clean scene and the asset, by what they are."""
+    """The clean scene and the asset with their captions."""
     return tuple(Picture(name, one.make) for name, one in zip(BEFORE_TITLES, before, strict=False))

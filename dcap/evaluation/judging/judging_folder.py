@@ -1,7 +1,7 @@
-"""The folder `judging/` of a run: scores, comparisons, and who made them.
+"""The folder `judging/` of a run: scores, comparisons, and their judge.
 
 `scores.parquet` has a row for each placement, `comparisons.parquet` one for each axis of each comparison, `judge.json`
-who judged and how much that can be trusted. The same judgement is the same bytes, but for what it cost.
+the judge and how far it can be trusted. The same judgement gives the same bytes, except for its cost.
 """
 
 import json
@@ -29,18 +29,18 @@ SCORE_COLUMNS = pa.schema([
 
 @dataclass(frozen=True, slots=True)
 class JudgeRecord:
-    """Who judged a run: the first keys of judge.json."""
+    """Judge of a run: the first keys of judge.json."""
 
     judge: str
-    """As tables call it."""
+    """Its name in tables."""
     client: str
     """offline, anthropic, openai or replay."""
     same_family: bool
-    """Whether judge and the chooser of the placements are models of one maker: it may favour its own."""
+    """Whether the judge and the model that chose the placements have the same maker, which the judge may favour."""
     chooser: str
     """Model that answered the questions of the placements; `offline rules` where none did."""
     questions: int
-    """That were asked: one for each scored placement, two for each pair."""
+    """Number of questions: one for each scored placement, two for each pair."""
     judged: int
     """Placements with a final state."""
     lowest: int
@@ -48,7 +48,7 @@ class JudgeRecord:
     left_out: int
     """Rows of the run that are neither."""
     states: Mapping[str, str] = field(default_factory=dict)
-    """Fingerprint of what was judged, by method and sample: `dcap rerun` may change it afterwards."""
+    """Fingerprints of the judged final states, by method and sample: `dcap rerun` may change them afterwards."""
 
 
 def write_judging(
@@ -77,7 +77,7 @@ def side_tree(report: SideReport) -> dict[str, object]:
 
 
 def read_record(run: Path) -> JudgeRecord | None:
-    """Who judged a run; None if nobody has; FormatError if judge.json is none."""
+    """Read the judge of a run; None without one; FormatError if judge.json is invalid."""
     path = run / JUDGING / JUDGE
     if not path.is_file():
         return None
@@ -89,7 +89,7 @@ def read_record(run: Path) -> JudgeRecord | None:
 
 
 def read_scores(run: Path) -> list[JudgedScore]:
-    """The scores of a run; FormatError if they are none."""
+    """Read the scores of a run; FormatError if they are invalid."""
     path = run / JUDGING / SCORES
     try:
         rows = pq.read_table(path, columns=SCORE_COLUMNS.names).to_pylist()

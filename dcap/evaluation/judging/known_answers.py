@@ -1,10 +1,10 @@
-"""Pairs of placements with a known answer, made from an embedded room: what a judge must get right before it judges.
+"""Pairs of placements with a known answer, made from an embedded room, for validating a judge.
 
-A heavy ball is asked for at the centre of the bed, or on the floor beside it. Where it rests, in a dent of the depth
-and shape that its weight presses, or on the floor, is better than the same ball over or inside its support, by 5 cm
-that nobody overlooks and by the 5, 2 and 1 mm that are the rule among proposals; better than a ball on a mattress that
-does not give way; and better placed than one elsewhere. In each pair one is better on the axis that is named, and on no
-other is anything claimed.
+A heavy ball is requested at the centre of the bed, or on the floor next to it. A ball at rest, in a dent of the depth
+and shape that its weight presses, or on the floor, is better than the same ball over or inside its support, by an
+obvious 5 cm and by the 5, 2 and 1 mm that are typical of proposals; better than a ball on a mattress that does not give
+way; and better placed than one elsewhere. In each pair one placement is better on the stated axis; nothing is claimed
+about other axes.
 
 In: the name of a room with a bed. Out: placements with metrics measured on their meshes (known_room.py).
 """
@@ -29,25 +29,25 @@ from dcap.synthetic.rooms import build_room
 OBJECT = "bowling ball"
 AT_REST = {BED: SETTLED, FLOOR: ON_THE_FLOOR}
 OFFSETS_MM = (50, 5, 2, 1)
-"""How far wrong ones are over or inside their support as it was given [mm]."""
+"""Distances of wrong placements over or inside their undeformed support [mm]."""
 ASIDE = 0.3
-"""How far a ball that settled beside the middle is off [m]."""
+"""Distance of a misplaced settled ball from the middle [m]."""
 BETTER, WORSE = "better", "worse"
 
 
 @dataclass(frozen=True, slots=True)
 class KnownAnswer:
-    """A pair of which one is better on one axis, whoever looks."""
+    """A pair in which one placement is undoubtedly better on one axis."""
 
     better: JudgedPlacement
     worse: JudgedPlacement
     axis: JudgedAxis
     flaw: str
-    """What is wrong with the worse one."""
+    """Flaw of the worse placement."""
 
 
 def known_answers(room_name: str, seed: int = 0) -> list[KnownAnswer]:
-    """The pairs of a room; InputError if it has no bed, or no free floor beside it."""
+    """The pairs of a room; InputError if it has no bed, or no free floor next to it."""
     room = RoomWithBall(room_name, build_room(room_name, seed))
     found = []
     for asked in (BED, FLOOR):
@@ -59,7 +59,7 @@ def known_answers(room_name: str, seed: int = 0) -> list[KnownAnswer]:
 
 
 def flawed(asked: str) -> Iterator[tuple[str, BallPlace, JudgedAxis]]:
-    """What is wrong, the place, and the axis on which the one at rest is better."""
+    """Flaws, their places, and the axis on which the ball at rest is better."""
     for offset in OFFSETS_MM:
         yield f"{offset} mm over the {asked}", BallPlace(asked, 1e-3 * offset), JudgedAxis.PHYSICS_NATURALNESS
         yield f"{offset} mm inside the {asked}", BallPlace(asked, -1e-3 * offset), JudgedAxis.PHYSICS_NATURALNESS
@@ -75,7 +75,7 @@ def flawed(asked: str) -> Iterator[tuple[str, BallPlace, JudgedAxis]]:
 def placement(
     room: RoomWithBall, place: BallPlace, asked: str, method: str, compared: tuple[BallPlace, ...]
 ) -> JudgedPlacement:
-    """One of the placements that are compared as a judge gets it."""
+    """One of the compared placements in the form that a judge takes."""
     return JudgedPlacement(
         sample=room.name,
         method=method,

@@ -1,8 +1,8 @@
-"""An embedded room with a heavy ball in it at stated places: what the pairs with known answers are made of.
+"""An embedded room with a heavy ball at stated places, from which the pairs with known answers are made.
 
-In: a room with a bed, and where the ball is over the bed or the floor. Out: meshes, metrics that are measured on them
-by the code that measures every placement, and pictures by the rules of every placement's (cameras.py). The dent of the
-settled ball has the shape and depth that [J85] gives. What only a simulation would tell is null.
+In: a room with a bed, and a position of the ball over the bed or the floor. Out: meshes, metrics measured on them by
+the same code as for every placement, and pictures by the same rules (cameras.py). The dent of the settled ball has the
+shape and depth of [J85]. Metrics that would need a simulation are null.
 
 [J85] Johnson, Contact Mechanics, 1985, ch. 3.4 and 4.2.
 """
@@ -39,43 +39,43 @@ from dcap.scene.types.mesh import Mesh
 from dcap.synthetic.rooms import BuiltRoom
 
 RADIUS, MASS = 0.108, 5.0
-"""Of a light bowling ball [m], [kg]."""
+"""Radius and mass of a light bowling ball [m], [kg]."""
 COMPLIANCE = (1.0 - 0.3**2) / 4e4
-"""Of the mattress's foam, (1 - nu^2) / E [1/Pa]."""
+"""Compliance of the mattress's foam, (1 - nu^2) / E [1/Pa]."""
 DENT = float((9.0 * (MASS * GRAVITY * COMPLIANCE) ** 2 / (16.0 * RADIUS)) ** (1.0 / 3.0))
-"""How deep the settled ball lies [m]: that of a rigid sphere on an elastic half-space [J85, eq. 4.23]."""
+"""Indentation by the settled ball [m]: a rigid sphere on an elastic half-space [J85, eq. 4.23]."""
 BESIDE = 0.25
 """Distance of the ball on the floor from the bed [m]."""
 FINE = 0.006
 """Edges of the bed's faces around the dent [m]: chords of the ball sag by FINE^2 / (8 RADIUS), 0.04 mm."""
 NEAR = 0.05
-"""How far from the ball, in plan, the room is still looked at [m]."""
+"""Distance from the ball, in plan, within which the room is evaluated [m]."""
 BED, FLOOR = "bed", "floor"
 PROMPTS = {BED: "put the bowling ball at the center of the bed", FLOOR: "put the bowling ball on the floor by the bed"}
 LYING_ON = {BED: ("bed",), FLOOR: ("floor", "rug")}
-"""Labels of what carries the ball on either."""
+"""Label of the support in either case."""
 STRUCTURE = ("floor", "ceiling", "wall", "window", "door")
 COLOR = (40, 50, 110)
 
 Array = NDArray[np.float64]
 KEPT_SCENES = 4
-"""The two of a pair, and the room as it is."""
+"""Number of rooms kept: the two of a pair, and the undeformed one."""
 KEPT_PICTURES = 64
-"""More than the questions about two pairs show."""
+"""Number of pictures kept: more than the questions about two pairs show."""
 
 
 @dataclass(frozen=True, slots=True)
 class BallPlace:
-    """Where the ball is."""
+    """Position of the ball."""
 
     on: str
     """BED or FLOOR."""
     height: float = 0.0
-    """Of the ball over where it touches what is as it was given [m], negative inside."""
+    """Height of the ball over its contact with the undeformed support [m], negative inside."""
     dented: bool = False
     """Whether the bed gives way to it."""
     aside: float = 0.0
-    """How far it is from the middle of the bed, along the bed's longer side [m]."""
+    """Distance from the middle of the bed, along the bed's longer side [m]."""
 
 
 SETTLED = BallPlace(BED, -DENT, dented=True)
@@ -84,14 +84,14 @@ ON_THE_FLOOR = BallPlace(FLOOR)
 
 @dataclass(frozen=True, eq=False, slots=True)
 class OwnedMesh:
-    """A room and whose each face is."""
+    """A room with the instance of each face."""
 
     mesh: Mesh
     owner: NDArray[np.int32]
     """Index of the instance of each face, shape (m,)."""
 
     def over(self, thing: Mesh) -> "OwnedMesh":
-        """What has a face over or under a thing, or near it: all that tells how they touch."""
+        """Parts of the room with a face over, under or near a thing: enough to measure how they touch."""
         low, high = thing.bounds[0, :2] - NEAR, thing.bounds[1, :2] + NEAR
         corner = self.mesh.triangles[:, :, :2]
         there = np.flatnonzero(((corner.max(axis=1) >= low) & (corner.min(axis=1) <= high)).all(axis=1))
@@ -115,7 +115,7 @@ class RoomWithBall:
 
     @cached_property
     def bed_mesh(self) -> Mesh:
-        """The bed as it was given."""
+        """The undeformed bed."""
         return self.room.record.mesh.submesh(np.flatnonzero(self.room.face_instance == self.bed))
 
     @cached_property
@@ -125,11 +125,11 @@ class RoomWithBall:
 
     @cached_property
     def caster(self) -> Raycaster:
-        """The room as it is."""
+        """Rays against the undeformed room."""
         return Raycaster(self.room.record.mesh)
 
     def below(self, xy: Array, height: float = 1.6) -> tuple[Array, str]:
-        """What a plumb line hits from `height` over the floor: point [m], shape (3,), and label."""
+        """First hit of a plumb line from `height` over the floor: point [m], shape (3,), and label."""
         start = np.array([[xy[0], xy[1], self.bed_mesh.bounds[0, 2] + height]])
         hit = self.caster.cast(start, np.array([[0.0, 0.0, -1.0]]))
         face = int(hit.face[0])
@@ -138,7 +138,7 @@ class RoomWithBall:
 
     @cached_property
     def asked(self) -> dict[str, Array]:
-        """The middle of the bed's top, and a point of the floor beside it that the ball fits on [m], each (3,)."""
+        """The middle of the bed's top, and a point of the floor next to it that the ball fits on [m], each (3,)."""
         low, high = self.bed_mesh.bounds[:, :2]
         middle, reach = 0.5 * (low + high), 0.5 * (high - low) + BESIDE + RADIUS
         for step in ((0, 1), (1, 0), (-1, 0), (0, -1)):
@@ -146,7 +146,7 @@ class RoomWithBall:
             room_for_it = float(self.caster.distance_to(raised(point, 2 * RADIUS)[None])[0]) >= RADIUS
             if label in LYING_ON[FLOOR] and room_for_it:
                 return {BED: self.below(middle)[0], FLOOR: point}
-        raise InputError(f"room {self.name} has no free floor beside its bed; known answers need some")
+        raise InputError(f"room {self.name} has no free floor next to its bed; known answers need some")
 
     @cached_property
     def center(self) -> Callable[[BallPlace], Array]:
@@ -154,7 +154,7 @@ class RoomWithBall:
         return cache(self.let_down)
 
     def let_down(self, place: BallPlace) -> Array:
-        """Middle of the ball [m], shape (3,): let down onto the room as it was given, then moved by its height."""
+        """Middle of the ball [m], shape (3,): lowered onto the undeformed room, then moved by its height."""
         xy = self.asked[place.on][:2].copy()
         xy[int(np.argmax(np.ptp(self.bed_mesh.bounds[:, :2], axis=0)))] += place.aside
         over = raised(self.below(xy)[0], 2.0 * RADIUS)
@@ -164,11 +164,11 @@ class RoomWithBall:
 
     @cached_property
     def scene(self) -> Callable[[BallPlace], OwnedMesh]:
-        """`built`, of which the last scenes are kept: a placement is measured and seen from many sides."""
+        """`built` with a cache of the last scenes: a placement is measured and rendered from many sides."""
         return lru_cache(maxsize=KEPT_SCENES)(self.built)
 
     def built(self, place: BallPlace) -> OwnedMesh:
-        """The room of a placement: only where it is said to does the bed give way."""
+        """The room of a placement; the bed is dented only if the place says so."""
         owner = self.owner
         if not place.dented:
             return OwnedMesh(self.room.record.mesh, owner)
@@ -188,7 +188,7 @@ class RoomWithBall:
         return OwnedMesh(mesh, np.concatenate([owner[rest], np.full(len(fine.faces), self.bed, dtype=np.int32)]))
 
     def metrics(self, place: BallPlace, asked: str) -> Metrics:
-        """What is measured of a placement where BED or FLOOR was asked for."""
+        """Metrics of a placement for a request of BED or FLOOR."""
         thing = ball(self.center(place))
         around = self.scene(place).over(thing)
         found = touching(thing, around.mesh)
@@ -209,12 +209,12 @@ class RoomWithBall:
         }
 
     def before(self, asked: str, places: tuple[BallPlace, ...]) -> tuple[Picture, ...]:
-        """The clean room, as places of the ball that are compared are seen, and the ball alone."""
+        """The clean room, by the camera of the compared places, and the ball alone."""
         clean, alone = BEFORE
         return Picture(clean, lambda: self.seen(None, asked, places, PLACED[0])), Picture(alone, asset)
 
     def views(self, place: BallPlace, asked: str, places: tuple[BallPlace, ...]) -> tuple[Picture, ...]:
-        """The pictures of one of the places that are compared."""
+        """The pictures of one of the compared places."""
         return tuple(
             Picture(view, lambda view=view: self.seen(place, asked, places, view))  # type: ignore[misc]
             for view in PLACED
@@ -222,8 +222,8 @@ class RoomWithBall:
 
     @cached_property
     def seen(self) -> Callable[[BallPlace | None, str, tuple[BallPlace, ...], str], NDArray[np.uint8]]:
-        """`drawn`, of which the last pictures are kept: a question shows what the one before it showed, on other sides,
-        and the better placement of a pair is that of many."""
+        """`drawn` with a cache of the last pictures: the next question shows the same ones on other sides, and the
+        better placement of a pair is part of many."""
         return lru_cache(maxsize=KEPT_PICTURES)(self.drawn)
 
     def drawn(self, place: BallPlace | None, asked: str, places: tuple[BallPlace, ...], view: str) -> NDArray[np.uint8]:
@@ -236,7 +236,7 @@ class RoomWithBall:
         return picture(things, camera, samples=SAMPLES).rgb
 
     def viewpoint(self, place: BallPlace | None, asked: str, places: tuple[BallPlace, ...], view: str) -> Viewpoint:
-        """The camera of a view of one of the places that are compared, or of the room before."""
+        """The camera of a view of one of the compared places, or of the clean room."""
         cameras = sample_cameras([self.sights(one, asked) for one in places])
         if place is None or view == PLACED[0]:
             return cameras.overview
@@ -248,7 +248,7 @@ class RoomWithBall:
         return cache(self.look)
 
     def look(self, place: BallPlace, asked: str) -> Sights:
-        """What can be seen of the ball at a place; the support is the bed, or all of the room's floor."""
+        """Visibility of the ball at a place; the support is the bed, or all of the room's floor."""
         around, room = self.scene(place), self.room.record.mesh.bounds
         low, high = self.bed_mesh.bounds if asked == BED else (room[0], np.array([*room[1, :2], room[0, 2]]))
         placed = PlacedThing.of(around.mesh, self.structure(around), ball(self.center(place)))
@@ -260,15 +260,15 @@ class RoomWithBall:
 
 
 def raised(point: Array, height: float) -> Array:
-    """A point so much higher [m], shape (3,)."""
+    """A point raised by `height` [m], shape (3,)."""
     return np.asarray(point + np.array([0.0, 0.0, height]))
 
 
 def skirt(away: Array) -> Array:
-    """How far a soft surface sinks around a ball that has sunk in by DENT [m], at distances from its axis, shape (n,).
+    """Depression of a soft surface around a ball that has sunk in by DENT [m], at distances from its axis, shape (n,).
 
     Outside of the contact, radius a = sqrt(RADIUS DENT): ((2 a^2 - r^2) asin(a / r) + a sqrt(r^2 - a^2)) / (pi RADIUS)
-    [J85, eq. 3.42a]; within it the depth at its rim, from where the ball itself presses.
+    [J85, eq. 3.42a]; within it the depth at its rim, from which on the ball itself presses.
     """
     a = np.sqrt(RADIUS * DENT)
     r = np.maximum(away, a)
@@ -277,7 +277,7 @@ def skirt(away: Array) -> Array:
 
 
 def ball(center: Array) -> Mesh:
-    """The ball with its middle there."""
+    """The ball with its middle at `center`."""
     solid = trimesh.creation.icosphere(4, RADIUS)
     return Mesh.of(np.asarray(solid.vertices) + center, solid.faces, COLOR)
 

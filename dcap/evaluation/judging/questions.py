@@ -1,8 +1,8 @@
-"""What a judge is asked: two scores of one placement, or which of two is better on each axis.
+"""Questions to a judge: two scores of one placement, or which of two is better on each axis.
 
 A model sees the sentence and pictures: examples of the rubric, the clean scene, the asset alone, an overview and a
-close-up of every placement. It never sees which method made one, nor a metric; those are for the metric rubric, which
-answers where no model is asked.
+close-up of every placement. It never sees the method or a metric; metrics are for the metric rubric, which answers
+without a model.
 """
 
 import math
@@ -20,19 +20,19 @@ from dcap.scene.errors import LanguageError
 
 AnswerT = TypeVar("AnswerT")
 TIE_POINTS = 0.25
-"""The rubric calls a tie where scores differ by less: a quarter of a point is less than people tell apart."""
+"""Difference of scores below which the rubric calls a tie: people cannot distinguish a quarter of a point."""
 
 
 @dataclass(frozen=True, slots=True)
 class ScoreRequest:
-    """How good is one placement."""
+    """Question for the scores of one placement."""
 
     prompt: str
     object_name: str
     metrics: Metrics = field(default_factory=dict)
     """For the rubric only."""
     examples: tuple[Picture, ...] = field(default=(), compare=False)
-    """Of placements with their scores, the same in every request."""
+    """Examples of placements with their scores, the same in every request."""
     pictures: tuple[Picture, ...] = field(default=(), compare=False)
 
 
@@ -45,13 +45,13 @@ class PairAnswer(StrEnum):
 
     @property
     def winner(self) -> Winner:
-        """The same by side: A is the left one."""
+        """The winner by side: A is the left one."""
         return {PairAnswer.A: Winner.LEFT, PairAnswer.B: Winner.RIGHT, PairAnswer.TIE: Winner.TIE}[self]
 
 
 @dataclass(frozen=True, slots=True)
 class PairRequest:
-    """Which of two placements is better: A, on the left of a comparison, or B."""
+    """Question which of two placements is better: A, on the left of a comparison, or B."""
 
     prompt: str
     object_name: str
@@ -61,8 +61,9 @@ class PairRequest:
     pictures: tuple[Picture, ...] = field(default=(), compare=False)
 
 
-# The rubric may know nothing of an axis; a model has seen the pictures and must judge it. So null is in no schema that
-# a model gets, is refused where an answer is read, and comes only of the rubric, which does not read its own replies.
+# The rubric may have no metric of an axis; a model has seen the pictures and must judge it. So null is not in the
+# schema
+# for a model and is refused in its answers; only the rubric, whose replies are not parsed, returns it.
 def given(value: AnswerT | None) -> AnswerT:
     """An answer that is not null; ValueError otherwise."""
     if value is None:
@@ -97,17 +98,17 @@ class PairReply(BaseModel, frozen=True, extra="forbid"):
     overall: JudgedAnswer
 
     def winner(self, axis: JudgedAxis) -> Winner | None:
-        """Who wins on an axis; None where that is not known."""
+        """Winner on an axis; None if unknown."""
         value = getattr(self, axis)
         return None if value is None else PairAnswer(value).winner
 
 
 def no_check(reply: BaseModel, request: object) -> None:
-    """Types and ranges say all that a reply must keep."""
+    """Accept every reply: types and ranges say all."""
 
 
 def rubric_score(request: ScoreRequest) -> ScoreReply:
-    """The rubric's two scores, null on an axis of which no metric is known; LanguageError where both are."""
+    """The rubric's two scores, null on an axis without known metrics; LanguageError if both are null."""
     place, physics = known_scores(request.metrics)
     flaws = (worst_metric(request.metrics, axis) for axis in (JudgedAxis.RIGHT_PLACE, JudgedAxis.PHYSICS_NATURALNESS))
     return ScoreReply.model_construct(
@@ -119,7 +120,7 @@ def rubric_score(request: ScoreRequest) -> ScoreReply:
 
 def rubric_pair(request: PairRequest) -> PairReply:
     """The higher score wins an axis that both have; the higher geometric mean of the known axes wins overall, null
-    where the two have not the same axes."""
+    if the two have different axes."""
     left, right = known_scores(request.left_metrics), known_scores(request.right_metrics)
     place, physics = (preferred(a, b) for a, b in zip(left, right, strict=True))
     same = [one is None for one in left] == [one is None for one in right]
@@ -134,7 +135,7 @@ def rubric_pair(request: PairRequest) -> PairReply:
 
 
 def known_scores(metrics: Metrics) -> tuple[float | None, float | None]:
-    """Both scores of the rubric; LanguageError where none is known."""
+    """Both scores of the rubric; LanguageError if neither is known."""
     scores = rubric_scores(metrics)
     if scores == (None, None):
         raise LanguageError(f"the {RUBRIC} cannot judge a placement of which no metric is known; ask a model")
@@ -142,13 +143,13 @@ def known_scores(metrics: Metrics) -> tuple[float | None, float | None]:
 
 
 def all_in_all(scores: tuple[float | None, float | None]) -> float:
-    """Geometric mean of the scores that are known."""
+    """Geometric mean of the known scores."""
     known = [one for one in scores if one is not None]
     return math.prod(known) ** (1.0 / len(known))
 
 
 def preferred(left: float | None, right: float | None) -> PairAnswer | None:
-    """The higher of two scores, a tie where they are nearly equal; None where one is not known."""
+    """The higher of two scores, a tie if they are nearly equal; None if one is unknown."""
     if left is None or right is None:
         return None
     if abs(left - right) < TIE_POINTS:

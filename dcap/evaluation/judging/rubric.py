@@ -1,15 +1,15 @@
-"""The metric rubric: what was measured of a placement as two scores from 1 to 10, by stated rules.
+"""The metric rubric: turns the metrics of a placement into two scores from 1 to 10, by stated rules.
 
 In: the metrics by name. Out: Right Place and Physics & Naturalness. Each metric has a scale of its own: piecewise
 linear in the logarithm of the metric between anchors, flat beyond them, never rising where the metric gets worse. An
-axis is half its worst metric and half the mean of its metrics: one gross flaw cannot be bought back by many small
-virtues, and among equals the others decide. So both scores are monotone in every metric.
+axis is half its worst metric and half the mean of its metrics: many small virtues cannot make up for one gross flaw,
+and among equals the others decide. So both scores are monotone in every metric.
 
-What our own solver or contact model says (OWN) is in no score: a method that settles with them would be measured by
-itself. Rest is what the independent referee sees (`dcap/evaluation/referee`).
+Metrics by our own solver or contact model (OWN) are in no score: a method that settles with them would be measured by
+itself. The independent referee (`dcap/evaluation/referee`) measures rest.
 
-A metric that is null (nothing asked for a direction, no referee at hand) does not count, neither for nor against; a
-score without any metric is null. The anchors are argued in docs/metrics.md.
+A metric that is null (no requested direction, no referee available) does not count; a score without any metric is null.
+docs/metrics.md gives reasons for the anchors.
 """
 
 import math
@@ -20,9 +20,9 @@ from dcap.evaluation.statistics.comparisons import JudgedAxis
 from dcap.scene.errors import InputError
 
 RUBRIC = "metric rubric"
-"""Name of this judge, where no model is asked."""
+"""Name of this judge, which needs no model."""
 Metrics = Mapping[str, float | bool | None]
-"""Metrics by the names of SCALES; further names are not looked at."""
+"""Metrics by the names of SCALES; other names are ignored."""
 BEST, WORST = 10.0, 1.0
 WEIGHT_OF_WORST = 0.5
 """Share of the worst metric in the score of an axis; the mean has the rest."""
@@ -32,7 +32,7 @@ DIGITS = 3
 
 @dataclass(frozen=True, slots=True)
 class MetricScale:
-    """How a number becomes a score."""
+    """Scale from a number to a score."""
 
     anchors: tuple[tuple[float, float], ...]
     """(metric, score), metrics growing; the first must be positive."""
@@ -52,10 +52,10 @@ class MetricScale:
 
 @dataclass(frozen=True, slots=True)
 class TruthScale:
-    """How a yes or no becomes a score."""
+    """Scale from yes or no to a score."""
 
     missed: float
-    """Score of no; yes is the best."""
+    """Score of no; yes has the best score."""
 
     def score(self, value: float) -> float:
         """The score of 0 or 1."""
@@ -85,8 +85,8 @@ SCALES: Mapping[JudgedAxis, Mapping[str, MetricScale | TruthScale]] = {
 
 
 def rubric_scores(metrics: Metrics) -> tuple[float | None, float | None]:
-    """Right Place and Physics & Naturalness, 1..10, None where no metric of the axis is known; InputError if a metric
-    is not named at all, negative, or no number."""
+    """Right Place and Physics & Naturalness, 1..10, None if no metric of the axis is known; InputError if a metric
+    is missing, negative, or no number."""
     place, physics = (axis_score(metrics, axis) for axis in (JudgedAxis.RIGHT_PLACE, JudgedAxis.PHYSICS_NATURALNESS))
     return place, physics
 
@@ -101,7 +101,7 @@ def axis_score(metrics: Metrics, axis: JudgedAxis) -> float | None:
 
 
 def metric_scores(metrics: Metrics, axis: JudgedAxis) -> dict[str, float]:
-    """The score of each metric of an axis that is known, by name."""
+    """The score of each known metric of an axis, by name."""
     found = {}
     for name, scale in SCALES[axis].items():
         if name not in metrics:
@@ -113,7 +113,7 @@ def metric_scores(metrics: Metrics, axis: JudgedAxis) -> dict[str, float]:
 
 
 def checked(name: str, value: float | bool, scale: MetricScale | TruthScale) -> float:
-    """A metric as a number; InputError if it is none."""
+    """A metric as a number; InputError if it is not a number."""
     if not isinstance(value, int | float) or math.isnan(value) or value < 0:
         raise InputError(f"the metric {name} is {value!r}, expected a number that is not negative, or null")
     if isinstance(scale, TruthScale) and value not in (0, 1):

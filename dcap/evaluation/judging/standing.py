@@ -1,9 +1,9 @@
-"""Which placements a judge is asked about, and what happens to the others: the same rule for every method and judge.
+"""Decides which placements are judged, and how the others count: the same rule for every method and judge.
 
-A sample that ought not to be possible is left out: there is nothing to place well. Of the others a placement is judged
-where it has a final state, whoever made it; a method that finds no place, or fails, gets the lowest score on both
-axes without a question, so that refusing what is hard does not pay. Where nobody stated what is intended, a method
-that finds no place may be right: that sample is left out for it. Comparisons need a final state of both.
+A sample that should be infeasible is left out: there is nothing to place well. Of the others a placement is judged if
+it has a final state, by whichever method; a method that finds no place, or fails, gets the lowest score on both axes
+without a question, so that refusing hard samples does not pay. If no intended outcome is stated, a method that finds no
+place may be right: the sample is left out for it. Comparisons need a final state of both.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,7 +16,7 @@ from dcap.evaluation.outcome_table import AS_POSED, AT_REST, SampleOutcome
 
 
 class Standing(StrEnum):
-    """What a judge makes of a sample of a method."""
+    """How a judge treats a method's sample."""
 
     JUDGED = "judged"
     """There is a final state: it is scored and compared."""
@@ -36,7 +36,7 @@ def standing_of(row: SampleOutcome) -> Standing:
 
 
 def lowest_scores(rows: Sequence[SampleOutcome], judge: str) -> list[JudgedScore]:
-    """Scores of the samples that nobody is asked about."""
+    """Scores of samples with the lowest standing, without a question."""
     return [
         JudgedScore(row.sample, row.method, WORST, WORST, judge, f"no placement: {row.reason or row.error}")
         for row in rows
@@ -53,7 +53,7 @@ def without_placement(rows: Sequence[SampleOutcome]) -> dict[str, int]:
 
 
 def with_judged_scores(rows: Sequence[SampleOutcome], scores: Sequence[JudgedScore]) -> tuple[SampleOutcome, ...]:
-    """The rows with a judge's scores; those without a score have none, whoever scored them before."""
+    """The rows with a judge's scores; scores of earlier judges are removed."""
     known: Mapping[tuple[str, str], JudgedScore] = {(one.method, one.sample): one for one in scores}
     found = []
     for row in rows:

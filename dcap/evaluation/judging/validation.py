@@ -1,7 +1,7 @@
-"""How often a judge is right about pairs whose answer is known.
+"""Measures how often a judge is right about pairs with a known answer.
 
-In: a client and pairs (known_answers.py). Out: how many answers are right, of both orders of every pair, by what is
-wrong with the worse one. A tie is not right, however small the difference is.
+In: a client and pairs (known_answers.py). Out: number of right answers, over both orders of every pair, by the flaw
+of the worse one. A tie is not right, however small the difference is.
 """
 
 from collections.abc import Sequence
@@ -20,16 +20,16 @@ from dcap.scene.errors import InputError
 
 @dataclass(frozen=True, slots=True)
 class JudgeAccuracy:
-    """How a judge did."""
+    """Accuracy of a judge."""
 
     judge: str
     right: int
     asked: int
     """Two for each pair: either one on the left."""
     interval: ConfidenceInterval
-    """95 % of the accuracy [Wilson]."""
+    """95 % interval of the accuracy (Wilson)."""
     by_flaw: dict[str, tuple[int, int]]
-    """Right and asked, by what is wrong with the worse placement."""
+    """Right answers and questions, by the flaw of the worse placement."""
     sides: SideReport
 
     @property

@@ -1,9 +1,9 @@
-"""The object over its support, seen along vertical lines: what lies beneath it, how far away, and how deep it is in.
+"""Measures the object over its support along vertical lines: the surface beneath, its distance, and the overlap.
 
-A line starts where the object ends on it: the desk over a chair's seat carries nothing of the chair. Only where that is
-inside a solid it starts at the top of the whole object, so that the surface is found in which an object is partly. What
-a line meets from behind in the upper half of the object is what the object is under, a board that its top touches.
-Nothing here knows what a method meant: only where the meshes are.
+A line starts at the object's highest point on it: the desk over a chair's seat does not carry the chair. Only if that
+point is inside a solid does it start at the top of the whole object, so that it finds the surface of the solid that the
+object intersects. A surface that a line meets from behind in the upper half of the object is above the object, such as
+a board that its top touches. Nothing here knows a method's intention: only the meshes.
 """
 
 from dataclasses import dataclass
@@ -21,9 +21,9 @@ LINES = 96
 ABOVE = 1e-3
 """Lines start this far above the object's highest point on them [m]."""
 HAIR = 1e-5
-"""A line goes on this far below what it passes through [m]."""
+"""Distance below a surface that it passes through at which a line continues [m]."""
 MOST_BOARDS = 16
-"""That a line passes through [-]."""
+"""Most surfaces that a line passes through [-]."""
 DOWN, UP = np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, 1.0])
 
 
@@ -32,40 +32,40 @@ class Columns:
     """Vertical lines through the object that meet something beneath its top."""
 
     plan: Array
-    """Where they are in plan [m], shape (k, 2)."""
+    """Positions in plan [m], shape (k, 2)."""
     index: NDArray[np.int64]
-    """Their places among LINES along each side, shape (k, 2)."""
+    """Indices among LINES along each side, shape (k, 2)."""
     step: Array
-    """Between neighbours along each side [m], shape (2,)."""
+    """Spacing along each side [m], shape (2,)."""
     under: Array
     """Height of the object's lowest point on each [m], shape (k,)."""
     high: Array
     """Height of its highest point on each [m], shape (k,)."""
     drowned: NDArray[np.bool_]
-    """Where that is inside a solid of the scene, shape (k,)."""
+    """Whether that point is inside a solid of the scene, shape (k,)."""
     top: Array
-    """Height of the first surface of the scene below where the line starts [m], -inf where there is none, (k,)."""
+    """Height of the first surface of the scene below the line's start [m], -inf without one, (k,)."""
     face: NDArray[np.int64]
-    """That face of the scene, -1 where there is none, shape (k,)."""
+    """That face of the scene, -1 without one, shape (k,)."""
     upward: NDArray[np.bool_]
     """Whether that face looks up, shape (k,)."""
     end: float
-    """Height of the object's top [m]: a surface over it is none that it is in."""
+    """Height of the object's top [m]: it cannot intersect a surface above it."""
 
     @property
     def gap(self) -> Array:
-        """How far the object is above the scene, negative where it is below its surface [m], inf over nothing, (k,)."""
+        """Distance of the object above the scene, negative below its surface [m], inf over nothing, (k,)."""
         return self.under - self.top
 
     @property
     def nearest(self) -> int:
-        """The line on which it is least far above, or deepest below; -1 where there is nothing beneath."""
+        """The line on which it is least far above, or deepest below; -1 with nothing beneath."""
         return int(np.argmin(self.gap)) if len(self.gap) and np.isfinite(self.gap.min()) else -1
 
 
 def columns(thing: Mesh, beneath: Raycaster, *, sunk: bool = True) -> Columns:
-    """Lines through the object (world frame) over the scene without it; `sunk` says that something of the scene is
-    inside it, so that a surface over a low part of it may be the one in which it is."""
+    """Lines through the object (world frame) over the scene without it. `sunk` says that a part of the scene is inside
+    the object, so that it may intersect a surface over a low part of it."""
     own = Raycaster(thing)
     low, high = thing.bounds
     step = np.maximum((high - low)[:2], 1e-9) / LINES
@@ -84,8 +84,8 @@ def columns(thing: Mesh, beneath: Raycaster, *, sunk: bool = True) -> Columns:
 
 
 def first_below(start: Array, middle: Array, beneath: Raycaster) -> tuple[Array, NDArray[np.int64], NDArray[np.bool_]]:
-    """Height [m] and face of what vertical lines from points (n, 3) meet first, and whether it looks up, shape (n,)
-    each. What is met from behind above `middle` [m], shape (n,), is passed through where a face that looks up follows.
+    """Height [m] and face of the first hit of vertical lines from points (n, 3), and whether it faces up, shape (n,)
+    each. Faces hit from behind above `middle` [m], shape (n,), are passed through if an upward face follows.
     """
     hits = beneath.cast(start, np.tile(DOWN, (len(start), 1)))
     met = np.isfinite(hits.distance)
@@ -113,7 +113,7 @@ def heights(plan: Array, start: float, mesh: Raycaster, way: Array) -> Array:
 
 
 def below(points: Array, scene: Raycaster, end: float) -> NDArray[np.bool_]:
-    """Which points (n, 3) are inside a solid of the scene, as their way up tells: the next surface, no higher than
-    `end` [m], is met from behind, shape (n,)."""
+    """Whether points (n, 3) are inside a solid of the scene, by a ray upward: the next surface, no higher than `end`
+    [m], is hit from behind, shape (n,)."""
     above = scene.cast(points, np.tile(UP, (len(points), 1)))
     return np.asarray((points[:, 2] + above.distance <= end) & (above.normal[:, 2] > 0.0))

@@ -1,8 +1,9 @@
-"""How far an object is inside what it is on: the least way out, up or sideways.
+"""Depth of an object in its support: the least way out, up or sideways.
 
-Along each vertical line on which the object is sunk, what is below the surface has to be lifted out. Where the object
-goes on beside it, half as deep and in the open, it may come out sideways instead: a cupboard's edge that is two
-centimetres inside a ball's side is two centimetres inside, though the ball reaches far below the cupboard's top.
+Along each vertical line on which the object is sunk, the part below the surface has to be lifted out. If the object
+continues next to the line, half as deep and in the open, it may come out sideways instead: a cupboard's edge that is
+two centimetres inside a ball's side has a depth of two centimetres, though the ball reaches far below the cupboard's
+top.
 """
 
 import numpy as np
@@ -20,7 +21,7 @@ BESIDE = np.ones((3, 3), dtype=int)
 
 
 def sunk_depth(solid: MeshDistance, lines: Columns) -> float:
-    """Largest over all sunk lines of the least way out [m], 0 where none is; `solid` is the object."""
+    """Largest of the least ways out over all sunk lines [m], 0 without any; `solid` is the object."""
     ways = lifts(solid, lines)
     sunk = np.flatnonzero(ways > 0.0)
     if not len(sunk):
@@ -32,7 +33,7 @@ def sunk_depth(solid: MeshDistance, lines: Columns) -> float:
     np.maximum.at(deepest, group, ways[sunk])
     found = 0.0
     for one in np.argsort(-deepest):
-        if deepest[one] <= found:  # the rest are less deep, whatever is beside them
+        if deepest[one] <= found:  # the rest are less deep, whatever is next to them
             break
         own = sunk[group == one]
         first = own[ways[own].argmax()]
@@ -42,9 +43,9 @@ def sunk_depth(solid: MeshDistance, lines: Columns) -> float:
 
 
 def lifts(solid: MeshDistance, lines: Columns) -> Array:
-    """How far each line has to be lifted until the object on it is above the surface [m], 0 where it is, shape (k,).
+    """Lift of each line that brings the object on it above the surface [m], 0 if it is above, shape (k,).
 
-    The surface is one that looks up and lies inside the object, or over what is inside a solid as a whole.
+    The surface faces up and lies inside the object, or above an object that is entirely inside a solid.
     """
     ways = np.zeros(len(lines.plan))
     over = lines.upward & (lines.gap < 0.0)
@@ -60,7 +61,8 @@ def lifts(solid: MeshDistance, lines: Columns) -> Array:
 
 
 def ways_aside(lines: Columns, own: NDArray[np.int64], level: float) -> Array:
-    """From lines (m,) to the nearest one on which the object is in the open at a height [m], inf without one, (m,)."""
+    """Distance from lines (m,) to the nearest line on which the object is in the open at a height [m], inf without one,
+    (m,)."""
     free = np.flatnonzero(~lines.drowned & (np.maximum(lines.under, lines.top) < level) & (level < lines.high))
     if not len(free):
         return np.full(len(own), np.inf)

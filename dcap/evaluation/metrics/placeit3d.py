@@ -1,17 +1,17 @@
-"""PlaceIt3D's rules for a placement, over boxes: which of them a sample asks for, and which a final state meets.
+"""PlaceIt3D's rules for a placement, on boxes: those that a sample requires, and those that a final state meets.
 
-In: boxes of the scene's things and of the object as it was left, the `Intent` that all methods of a sample share and
-the truth. Out: yes or no for each rule. The numbers are those that the paper prints: Abdelreheem et al., PlaceIt3D
+In: boxes of the scene's things and of the object in its final state, the `Intent` that all methods of a sample share,
+and the truth. Out: yes or no for each rule. The numbers are those that the paper prints: Abdelreheem et al., PlaceIt3D
 (ICCV 2025, arXiv 2505.05288), supplement 9.1. IoM is intersection over the smaller of the two. Its evaluator is a
-closed program on scans that are not ours: what comes out here are its rules on our boxes and sentences, and no number
-of its benchmark. Where the printed rule leaves something open, what we take is said at each rule.
+closed program on scans that are not ours: the results here are its rules on our boxes and sentences, not numbers of its
+benchmark. Where the printed rule is ambiguous, our choice is stated at the rule.
 
-A sample asks for `on` by its truth (the reading's base where there is none), for `near`, `adjacent` and `between` by
+A sample requires `on` by its truth (the reading's base without one), for `near`, `adjacent` and `between` by
 the words near, next_to and between of the region together with instances as references, and for `facing` by an
 instance that the orientation names. Not counted, for want of a counterpart: references to parts of the base, facings
 of a wall, a door or the viewer, sides, edges, distances, exclusions, poses, and our `under`, which means beneath a top
-and so inside the box of a table, while PlaceIt3D's `below` keeps a centimetre off the thing. Its relations `above`,
-`below`, `is_visible` and `not_visible` are never asked for by our sentences.
+and so inside the box of a table, while PlaceIt3D's `below` keeps a centimetre off the thing. Our
+sentences never require its relations `above`, `below`, `is_visible` and `not_visible`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -38,21 +38,22 @@ ADJACENT_M = 0.03
 IOM = 0.5
 """Least IoM of `on` in plan, of `between` in plan and height, of `facing` across the front [-]."""
 ON_M = 0.01
-"""Largest |dz| of `on` [m]; and, which is ours, the largest gap of what rests on a surface."""
+"""Largest |dz| of `on` [m]; also, by our choice, the largest gap of an object that rests on a surface."""
 OVER_ANCHOR = 0.3
 """Largest overlap of `between` with either anchor [-]."""
 ANCHORS_APART_M = 1.5
 """Largest distance between the anchors of `between` [m]."""
 CONE_DEG = 30.0
-"""Of `facing` [degrees]; here to either side of the front, for whether it is the whole opening is not printed."""
+"""Angle of `facing` [degrees]; here to either side of the front, as the paper does not say whether it is the whole
+opening."""
 FACING_M = 2.0
 """Largest distance of `facing` [m]."""
 ROUNDING = 1e-9
-"""By which a number may miss its threshold [m or -]: boxes are sums and differences of doubles."""
+"""Tolerance of thresholds [m or -]: boxes are sums and differences of doubles."""
 
 
 class ConstraintKind(StrEnum):
-    """Relations of PlaceIt3D that our sentences ask for."""
+    """Relations of PlaceIt3D that our sentences require."""
 
     ON = "on"
     NEAR = "near"
@@ -80,23 +81,23 @@ class AskedConstraint:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class FinalBox:
-    """An object as it was left."""
+    """An object in its final state."""
 
     box: OrientedBox
     """Along the world's axes."""
     front: Array
     """World xy of its front, of any length, shape (2,)."""
     support_id: str
-    """Instance that carries it or is nearest beneath; empty over nothing."""
+    """Instance that carries it or is nearest below; empty over nothing."""
     dz: float
-    """Distance along the vertical to the surface that carries: gap or penetration, whichever is more, not negative [m].
-    Not to the top of the carrier's box, which of a bed is the upper end of its headboard."""
+    """Vertical distance to the surface that carries: gap or penetration, whichever is larger, not negative [m]. Not to
+    the top of the carrier's box, which for a bed is the upper end of its headboard."""
 
 
 def asked_constraints(
     instances: Sequence[Instance], intent: Intent, truth: ExpectedOutcome | None
 ) -> tuple[AskedConstraint, ...]:
-    """What a sample asks for; a relation word with several references is one constraint."""
+    """Constraints of a sample; a relation word with several references is one constraint."""
     bases: tuple[str, ...] | None = (intent.base_id,)
     if truth is not None:
         same = tuple(one.id for one in instances if one.label == truth.base)
@@ -119,7 +120,7 @@ def met(asked: AskedConstraint, final: FinalBox, boxes: Mapping[str, OrientedBox
     Args:
         asked: the constraint; anchors that are not among `boxes` never fulfil it.
         final: the object.
-        boxes: of the scene's instances, by id, as segmented before anything was placed.
+        boxes: of the scene's instances, by id, as segmented before the placement.
         room: size of the room, see `room_size` [m].
     """
     there = [one for one in asked.anchors if one in boxes]
@@ -134,7 +135,7 @@ def met(asked: AskedConstraint, final: FinalBox, boxes: Mapping[str, OrientedBox
 
 
 def room_size(bounds: Array) -> float:
-    """What "room size" is taken to be: the diagonal in plan of the box (2, 3) of the whole scene [m]."""
+    """Our definition of "room size": the diagonal in plan of the box (2, 3) of the whole scene [m]."""
     return float(np.linalg.norm((bounds[1] - bounds[0])[:2]))
 
 
@@ -156,7 +157,7 @@ def physical(penetration: float | None, gap: float | None) -> bool:
 
 
 def within(a: OrientedBox, b: OrientedBox, reach: float) -> bool:
-    """`near` and `adjacent`: whether two boxes come that close [m]."""
+    """`near` and `adjacent`: whether two boxes are within `reach` [m]."""
     return box_distance(a, b) <= reach + ROUNDING
 
 
@@ -210,7 +211,7 @@ def interval_iom(a: tuple[float, float], b: tuple[float, float]) -> float:
 
 
 def heights(box: OrientedBox) -> tuple[float, float]:
-    """Of its lower and upper face [m]."""
+    """Heights of its lower and upper face [m]."""
     return box.bottom, box.top
 
 

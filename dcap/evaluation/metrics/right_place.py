@@ -1,6 +1,6 @@
-"""Right place: what was measured of a final state against what was meant, in raw units.
+"""Right place: measurements of a final state against the intended outcome, in raw units.
 
-Only what somebody stated counts: where the truth says nothing of a part, a region or a direction, the measure is None.
+Only stated intentions count: if the truth names no part, region or direction, the measure is None.
 """
 
 from dataclasses import dataclass
@@ -17,16 +17,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class PlaceMeasures:
-    """None: nothing was stated."""
+    """Measures of the place; None if the truth states nothing."""
 
     support_hit: bool | None = None
     """Whether the object is over the intended support."""
     part_hit: bool | None = None
     """Whether it is over the intended part of it."""
     region_distance_m: float | None = None
-    """From the middle of the contact to the asked region in plan; 0 inside."""
+    """Distance in plan from the middle of the contact to the requested region; 0 inside."""
     orientation_error_deg: float | None = None
-    """Angle between where top and front point and where they should; the larger one of what is stated."""
+    """Angle between actual and intended direction of top or front; the larger one of those stated."""
 
 
 def place_measures(
@@ -36,14 +36,14 @@ def place_measures(
     truth: ExpectedOutcome,
     regions: tuple[Array, ...] = (),
 ) -> PlaceMeasures:
-    """Compare a final state with what was meant.
+    """Compare a final state with the intended outcome.
 
     Args:
-        support: id, label and part of what the object is over; empty where nothing is.
+        support: id, label and part of the thing below the object; empty without one.
         middle: of the contact [m], shape (3,).
         quaternion: (w, x, y, z) of the object's own frame as read, shape (4,).
-        truth: what was meant.
-        regions: areas that are meant, world xy [m], (k, 2) each; the nearest counts; none: nothing is said of them.
+        truth: the intended outcome.
+        regions: intended areas, world xy [m], (k, 2) each; the nearest counts; none: not stated.
     """
     owner, label, part = support
     hit = None
@@ -63,7 +63,7 @@ def distance_to(point: Array, polygon: Array) -> float:
 
 
 def orientation_error(quaternion: Array, truth: ExpectedOutcome) -> float | None:
-    """How far top and front are off [degrees], None where neither is stated."""
+    """Error of top and front [degrees], None if neither is stated."""
     axes = Turn.from_quat(quaternion, scalar_first=True).as_matrix()
     found = []
     height = float(np.degrees(np.arcsin(np.clip(axes[2, 2], -1.0, 1.0))))

@@ -1,4 +1,4 @@
-"""How an object and a scene touch: penetration, gap, contact area, and whether the contact carries the centre of mass.
+"""Contact between an object and a scene: penetration, gap, contact area, and support of the centre of mass.
 
 Units are SI, the frame is the world's (z up). The scene's surfaces may be open, as scans are: only the object has to
 have an inside.
@@ -21,16 +21,16 @@ from dcap.scene.types.mesh import Mesh
 Array = NDArray[np.float64]
 
 TOUCHING = 1e-3
-"""Surfaces closer than this touch [m]: what one sees of a gap in a picture of a room, and ten times what the solver
-leaves."""
+"""Surfaces closer than this touch [m]: the least gap visible in a picture of a room, and ten times the solver's gap."""
 LANDED = 1e-4
-"""An object this close above what carries it has come down on it [m]."""
+"""Largest gap above its support at which an object counts as resting on it [m]."""
 FACING, AT = 0.5, 2e-5
-"""Cosine from which on what is near is before a face [-]; and what is as near as this is at it [m]."""
+"""Least cosine for a near point to be in front of a face [-]; and the distance within which a point is at the face
+[m]."""
 FINE = 1.0 / 64.0
 """Largest edge of the faces that are sampled, over the object's size [-]."""
 LEAST_EDGE = 1e-3
-"""And at least this [m]."""
+"""Least edge of these faces [m]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -38,11 +38,11 @@ class Touching:
     """An object against a scene."""
 
     penetration: float
-    """How deep the object is in the scene [m]: the largest distance of a point of the scene inside the object from the
-    object's surface, or, if that is more, the least way out of what is below a surface; of an object that is inside a
-    solid as a whole how far its lowest point is below the surface."""
+    """Depth of the object in the scene [m]: the largest distance of a point of the scene inside the object from the
+    object's surface, or, if that is larger, the least way out of the part below a surface; for an object that is
+    entirely inside a solid, the depth of its lowest point below the surface."""
     gap: float
-    """How far the object could come down before it touches; 0 where it touches [m]; inf over nothing."""
+    """Distance that the object could come down before it touches; 0 if it touches [m]; inf over nothing."""
     contact_area: float
     """Area of the object's surface within TOUCHING of the scene, or inside it [m^2]."""
     margin: float
@@ -50,8 +50,8 @@ class Touching:
     -inf without one."""
     columns: Columns
     patch: Array
-    """Middles of the pieces of the object's surface that carry it, or would once it has come down by the gap [m],
-    shape (k, 3): a millimetre of air changes the gap, and not what is beneath."""
+    """Middles of the pieces of the object's surface that carry it, or would after it has come down by the gap [m],
+    shape (k, 3): a millimetre of air changes the gap, not the support."""
     patch_area: Array
     """Of each of these pieces [m^2], shape (k,)."""
 
@@ -62,7 +62,7 @@ class Touching:
 
 
 def touching(thing: Mesh, scene: Mesh) -> Touching:
-    """Measure an object at its final pose against the scene without it, as it was left or as it was given."""
+    """Measure an object at its final pose against the scene without it, either deformed or undeformed."""
     size = float(np.ptp(thing.vertices, axis=0).max())
     edge = max(FINE * size, LEAST_EDGE)
     whole = Raycaster(scene)
@@ -71,7 +71,7 @@ def touching(thing: Mesh, scene: Mesh) -> Touching:
     depth = max(inside_depth(solid, around(thing, scene, TOUCHING + edge), edge), enclosed)
     lines = columns(thing, whole, sunk=depth > TOUCHING)
     low = sunk_depth(solid, lines)
-    if low > TOUCHING >= depth:  # it is nearly drowned: the surface is near its top, and deep is what is below
+    if low > TOUCHING >= depth:  # it is nearly submerged: the surface is near its top, and the part below is deep
         lines = columns(thing, whole)
         low = sunk_depth(solid, lines)
     depth = max(depth, low)
@@ -97,9 +97,9 @@ def touching(thing: Mesh, scene: Mesh) -> Touching:
 
 
 def faced(points: Array, normal: Array, scene: Raycaster) -> NDArray[np.bool_]:
-    """Which points (n, 3) of a surface with area normals (n, 3) have the scene within TOUCHING before them, or are that
-    deep behind a face that looks at them, shape (n,): the rim of a side is near what its bottom stands on, and does not
-    touch it."""
+    """Whether points (n, 3) of a surface with area normals (n, 3) have the scene within TOUCHING in front of them, or
+    are that deep behind a face that faces them, shape (n,): the rim of a side is near the ground below its bottom, but
+    does not touch it."""
     place, looks = scene.nearest_facing(points)
     way, length = place - points, np.linalg.norm(normal, axis=1)
     away = np.linalg.norm(way, axis=1)
@@ -137,9 +137,9 @@ def surface_points(mesh: Mesh, box: Array, edge: float) -> Array:
 
 
 def enclosed_depth(thing: Mesh, scene: Raycaster) -> float:
-    """How far the object's lowest point is below the surface over it where it is inside a solid as a whole [m], else 0:
-    none of the surface is inside the object then. Inside: along most vertical lines both the next face above and the
-    next one below are met from behind."""
+    """Depth of the object's lowest point below the surface above it if it is entirely inside a solid [m], else 0: then
+    no part of the surface is inside the object. Inside means: along most vertical lines both the next face above and
+    the next one below are hit from behind."""
     low, high = thing.bounds
     inner = np.linspace(0.2, 0.8, 5)
     plan = np.stack(np.meshgrid(*(low[a] + inner * (high - low)[a] for a in range(2))), axis=-1).reshape(-1, 2)
@@ -152,7 +152,7 @@ def enclosed_depth(thing: Mesh, scene: Raycaster) -> float:
 
 
 def support_margin(patch: Array, center: Array) -> float:
-    """How far inside the convex hull of a contact (k, 3) a centre of mass (3,) is in plan [m], negative outside."""
+    """Distance in plan of a centre of mass (3,) inside the convex hull of a contact (k, 3) [m], negative outside."""
     if not len(patch):
         return -np.inf
     hull = shapely.MultiPoint(patch[:, :2]).convex_hull

@@ -1,4 +1,4 @@
-"""three.js for pages of ours, from the installed trimesh: nothing is downloaded, and no copy of it is ours.
+"""three.js for our pages, from the installed trimesh: nothing is downloaded, and we keep no copy.
 
 trimesh carries a page with all of three.js and the reader of GLB in it, for notebooks; its last statement starts that
 page's own viewer. Without that statement it is a library. three.js is under the MIT licence.
@@ -17,7 +17,7 @@ NEEDED = ("THREE.GLTFLoader=", "WebGLRenderer")
 
 @cache
 def three_script() -> str:
-    """The library as one script; empty where the installed trimesh has none that can be used: pictures remain."""
+    """The library as one script; empty if the installed trimesh has no usable one: then only pictures are shown."""
     try:
         archive = util.decompress(resources.get_bytes(ARCHIVE), file_type="zip")
         page = archive[PAGE].read().decode("utf-8")  # type: ignore[union-attr]

@@ -23,13 +23,13 @@ from dcap.scene.writers.earlier_files import copy_earlier, note_files
 PAGE, FOLDER = "view3d.html", "view3d"
 SCENE = "scene.glb"
 MOST_FACES = 40_000
-"""Of a cut-out [-]: a browser draws all methods side by side, and a run has a file for each placement."""
+"""Most faces of a cut-out [-]: a browser draws all methods side by side, and a run has a file for each placement."""
 LEVEL = 6
-"""Of compression."""
+"""Level of compression."""
 FORMAT = 1
-"""Raised where the same scene.glb gives another script."""
+"""Version of the scripts, raised when the same scene.glb gives another script."""
 AT_A_TIME = 2
-"""Placements that are read at once: each takes the memory of its whole scene."""
+"""Most placements that are read at once: each takes the memory of its whole scene."""
 HERE = Path(__file__).parent
 
 
@@ -41,9 +41,9 @@ class ShownModel:
     name: str
     """The method's shown name."""
     folder: Path
-    """Of the placement, with its scene.glb."""
+    """Folder of the placement, with its scene.glb."""
     link: str
-    """The same relative to the run."""
+    """The folder relative to the run."""
 
 
 def write_view3d(run: Path, samples: Mapping[str, tuple[str, Sequence[ShownModel]]]) -> dict[str, tuple[str, ...]]:
@@ -54,7 +54,7 @@ def write_view3d(run: Path, samples: Mapping[str, tuple[str, Sequence[ShownModel
         samples: prompt and placements by the id of a sample, in the order of the page.
 
     Returns:
-        Methods that can be seen, by sample; nothing where the installed trimesh has no three.js.
+        Methods that can be shown, by sample; none if the installed trimesh has no three.js.
     """
     library = three_script()
     if not library:
@@ -78,7 +78,7 @@ def write_view3d(run: Path, samples: Mapping[str, tuple[str, Sequence[ShownModel
 
 
 def write_model(folder: Path, model: ShownModel) -> bool:
-    """Write the script of a placement unless it is there for this very scene.glb; False where it has none to show."""
+    """Write the script of a placement unless there is one for the same scene.glb; False if there is nothing to show."""
     source, path = model.folder / SCENE, folder / f"{model.link}.js"
     if not source.is_file():
         return False

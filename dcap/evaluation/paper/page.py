@@ -1,7 +1,7 @@
-"""The page of a whole evaluation: every table, figure and file of a run, beside the sections of the paper they answer.
+"""The page of a whole evaluation: every table, figure and file of a run, next to the section of the paper it answers.
 
-In: a finished run with its rows, facts of its scenes, and what there is to say of the study. Out: `index.html`, and
-what `write_scene_facts` writes. The pictures and tables of single placements stay in `report.html`.
+In: a finished run with its rows, facts of its scenes, and notes on the study. Out: `index.html`, and the files of
+`write_scene_facts`. The pictures and tables of single placements stay in `report.html`.
 """
 
 import json
@@ -36,14 +36,14 @@ MOST_STRIPS = 60
 
 @dataclass(frozen=True, slots=True)
 class PaperNotes:
-    """What no file of the run says."""
+    """Notes that no file of the run contains."""
 
     study: str
     """How to serve the study, or why there is none."""
     left_out: Mapping[str, str]
-    """Scenes and objects that were not used, and why."""
+    """Unused scenes and objects, and why."""
     choice: str
-    """How the samples were chosen."""
+    """Choice of the samples, in a sentence."""
 
 
 def write_paper_page(
@@ -84,7 +84,7 @@ def judged_by_model(run: Path) -> bool:
 
 
 def settings_of(run: Path, names: Mapping[str, str]) -> list[tuple[str, str]]:
-    """What was asked, for people; what run.json does not tell is left out."""
+    """The request, for people; values missing in run.json are left out."""
     tree = read_run(run)
     record = read_record(run)
     versions = tree.get("versions")
@@ -107,7 +107,7 @@ def settings_of(run: Path, names: Mapping[str, str]) -> list[tuple[str, str]]:
 
 
 def told_at(tree: Mapping[str, object], key: str) -> str:
-    """What stands under a dotted key; empty where nothing does."""
+    """The value under a dotted key; empty without one."""
     value: object = tree
     for word in key.split("."):
         value = value.get(word) if isinstance(value, Mapping) else None

@@ -1,4 +1,4 @@
-"""What the scenes of an evaluation are: their meshes, what in them gives way, and figure 3 in both of its counts.
+"""Facts of an evaluation's scenes: their meshes, their deformable supports, and figure 3 in both of its counts.
 
 In: facts of each scene. Out: `tables/dataset.csv|tex`, `tables/figure3.csv|tex`, `figures/deformable_supports.png` and
 `figures/deformable_materials.png`. Two counts: labelled supports that give way, and the different deformable materials
@@ -23,12 +23,12 @@ FIGURES = {SUPPORTS: "figures/deformable_supports.png", MATERIALS: "figures/defo
 
 @dataclass(frozen=True, slots=True)
 class SceneFacts:
-    """One scene as the stages have it."""
+    """One scene after the stages that read it."""
 
     scene: str
     """Its name, or path."""
     mesh: str
-    """Where its mesh comes from: given, SuGaR, or reconstructed from the splats."""
+    """Origin of its mesh: given, SuGaR, or reconstructed from the splats."""
     file: str
     """Path of that mesh, or of the splats."""
     faces: int
@@ -39,7 +39,7 @@ class SceneFacts:
 
     @property
     def supports(self) -> list[tuple[str, tuple[str, ...]]]:
-        """Those that things can be put on."""
+        """Instances that can carry things."""
         return [(label, parts) for label, parts in self.things if is_support(label)]
 
     @property
@@ -64,7 +64,7 @@ class ShownFigure:
 
 
 def write_scene_facts(run: Path, scenes: Sequence[SceneFacts]) -> tuple[list[ShownTable], list[ShownFigure]]:
-    """Write tables and figures into a run; the same for its page. Nothing where no scene could be read."""
+    """Write tables and figures into a run, and return them for its page; nothing if no scene could be read."""
     if not scenes:
         return [], []
     tables = [
@@ -86,7 +86,7 @@ FIGURE_NOTE = (
 
 
 def dataset_words(scenes: Sequence[SceneFacts]) -> str:
-    """What the data set holds, in a line."""
+    """Content of the data set, in a line."""
     sources = Counter(one.mesh for one in scenes)
     closed = sum(one.open_edges == 0 for one in scenes)
     return (
@@ -104,7 +104,7 @@ def dataset_row(one: SceneFacts) -> Mapping[str, object]:
 
 
 def figure_row(one: SceneFacts) -> Mapping[str, object]:
-    """Both counts of a scene, and what they count."""
+    """Both counts of a scene, and the counted things."""
     return {
         "scene": one.scene, "supports": len(one.supports), "deformable_supports": one.kinds.total(),
         "deformable_materials": one.materials.total(), "kinds": listed(one.kinds), "materials": " ".join(one.materials),
@@ -117,7 +117,7 @@ def listed(kinds: Counter[str]) -> str:
 
 
 def written(run: Path, name: str, title: str, rows: Sequence[Mapping[str, object]], note: str) -> ShownTable:
-    """Write a table into a run, and return it as the page shows it."""
+    """Write a table into a run, and return it for the page."""
     head = tuple(rows[0])
     cells = [tuple(str(row[column]) for column in head) for row in rows]
     write_table(run / TABLES, name, csv_of(rows), tex_of(head, cells))

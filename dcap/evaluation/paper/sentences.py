@@ -1,4 +1,5 @@
-"""The paper's sections 4.1 to 4.4, statement by statement: which files of a run answer each, or why none does."""
+"""The paper's sections 4.1 to 4.4, statement by statement, with the files of a run that answer each, or why none
+does."""
 
 import csv
 from collections.abc import Iterator
@@ -7,24 +8,24 @@ from pathlib import Path
 
 SENTENCES = Path(__file__).with_name("sentences.csv")
 MOST_LINKS = 4
-"""Files of one statement that are linked [-]."""
+"""Most linked files of one statement [-]."""
 
 
 @dataclass(frozen=True, slots=True)
 class PaperSentence:
-    """A statement and what a run has of it."""
+    """A statement and its files in a run."""
 
     section: str
     topic: str
     """In our words."""
     files: tuple[str, ...]
-    """That are there, relative to the run; the first MOST_LINKS."""
+    """Existing files, relative to the run; the first MOST_LINKS."""
     more: int
-    """How many more there are."""
+    """Number of further files."""
     lacking: tuple[str, ...]
     """Patterns that no file of the run fits."""
     note: str
-    """What to know, or why there is no file."""
+    """A note, or why there is no file."""
 
 
 def paper_sentences(run: Path) -> list[PaperSentence]:
@@ -33,7 +34,7 @@ def paper_sentences(run: Path) -> list[PaperSentence]:
 
 
 def found_in(run: Path) -> Iterator[PaperSentence]:
-    """Look each up."""
+    """Find the files of each statement."""
     with SENTENCES.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     for row in rows:

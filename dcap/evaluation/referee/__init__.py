@@ -1,1 +1,1 @@
-"""The independent referee: what a rigid-body engine and a geometry library that are not ours say of a rest state."""
+"""The independent referee: checks a rest state with a rigid-body engine and a geometry library that are not ours."""

@@ -1,7 +1,7 @@
 """One second of a rigid body in MuJoCo, among shapes that do not move.
 
-Contacts are stiff and overdamped: what lands stops within a step and does not bounce, what overlaps at the start comes
-out with the time constant of a twentieth of a second, without being thrown; what rests sinks in by 0.01 mm.
+Contacts are stiff and overdamped: a landing body stops within a step and does not bounce; an initial overlap decays
+with the time constant of a twentieth of a second, without throwing the body; a resting body sinks in by 0.01 mm.
 """
 
 from dataclasses import dataclass
@@ -19,30 +19,30 @@ Array = NDArray[np.float64]
 
 MISSING = "the referee needs MuJoCo: pip install dcap[referee]"
 STEP, QUIET_STEP, QUIET = 5e-4, 2e-3, 5e-3
-"""[s]: what falls from a centimetre goes 0.2 mm in a step; and where all of a body that touches something is slower
-than QUIET [m/s], which goes 0.01 mm in one."""
+"""Time steps [s]: after a fall of a centimetre a body moves 0.2 mm in a step; the long step is for a body in contact
+that is everywhere slower than QUIET [m/s], which moves 0.01 mm in one."""
 APART = 0.05
-"""Time constant with which overlap goes [s]."""
+"""Time constant with which an overlap decays [s]."""
 SOLIMP = (0.99, 0.99, 1e-3, 0.5, 2.0)
 """Impedance d [-], the same at all depths: at rest a contact is g (1 - d) / d (timeconst * dampratio * d)^2 deep,
 9.7e-6 m with long steps."""
 IMPRATIO = 10.0
-"""How much harder friction is than the normal contact [-]: it creeps by micrometres in a second."""
+"""Stiffness of friction over that of the normal contact [-]: it creeps by micrometres in a second."""
 TORSION = 1e-3
-"""Torsional friction [m]: a contact of points a millimetre apart has as much."""
+"""Torsional friction [m], as of a contact of points a millimetre apart."""
 LEAST_FRICTION = 1e-5
-"""Least coefficient that MuJoCo takes."""
+"""Least coefficient that MuJoCo accepts."""
 SLIDING, ROLLING = 3, 6
 """Dimensions of a contact without and with resistance to rolling."""
 MEMORY = 1 << 29
-"""For contacts [bytes]."""
+"""Memory for contacts [bytes]."""
 LAST = 0.1
-"""Share of the time at its end over which what carries is averaged [-]."""
+"""Final share of the time over which the carrying forces are averaged [-]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Motion:
-    """What became of the body."""
+    """Motion of the body."""
 
     drift_m: float
     """Largest distance of the centre of mass from its start [m]."""
@@ -57,7 +57,7 @@ def simulate(fixed: Prisms, friction: Array, free: Prisms, inertial: InertialPro
 
     Args:
         fixed: the shapes of the scene.
-        friction: of the pair of the body and each thing: sliding [-] and rolling resistance [m], shape (k, 2).
+        friction: between the body and each thing: sliding [-] and rolling resistance [m], shape (k, 2).
         free: the shapes of the body.
         inertial: in the world.
         seconds: how long [s].
@@ -68,7 +68,7 @@ def simulate(fixed: Prisms, friction: Array, free: Prisms, inertial: InertialPro
         import mujoco  # an extra
     except ImportError:
         raise InputError(MISSING) from None
-    mujoco.set_mju_user_warning(lambda text: None)  # else into a file in the working folder; they are counted below
+    mujoco.set_mju_user_warning(lambda text: None)  # else a file in the working folder; counted below
     try:
         model = spec_of(fixed, friction, free, inertial).compile()
     except ValueError as error:
@@ -98,7 +98,7 @@ def simulate(fixed: Prisms, friction: Array, free: Prisms, inertial: InertialPro
 
 def set_step(model: Any, step: float) -> None:
     """Set the time step [s], and contacts as stiff as it allows: with the least time constant that MuJoCo takes, two
-    steps, and the damping ratio with which overlap goes at the same rate, APART = 2 timeconst dampratio^2."""
+    steps, and the damping ratio at which overlap decays at the same rate, APART = 2 timeconst dampratio^2."""
     model.opt.timestep = step
     model.geom_solref[:] = 2.0 * step, np.sqrt(0.25 * APART / step)
 
@@ -123,15 +123,15 @@ def spec_of(fixed: Prisms, friction: Array, free: Prisms, inertial: InertialProp
         shape = add_shape(spec, spec.worldbody, f"fixed_{number}", corners)
         shape.friction, shape.priority, shape.contype, shape.conaffinity = (sliding, TORSION, rolling), 1, 1, 0
         shape.condim = ROLLING if rolling > LEAST_FRICTION else SLIDING
-    for number, corners in enumerate(free.corners):  # the scene's friction, of the pair, has priority
+    for number, corners in enumerate(free.corners):  # the scene's friction, which is for the pair, has priority
         shape = add_shape(spec, body, f"free_{number}", corners - inertial.center_of_mass)
         shape.contype, shape.conaffinity = 0, 1
     return spec
 
 
 def add_shape(spec: Any, body: Any, name: str, corners: Array) -> Any:
-    """Add a convex shape with corners (n, 3) [m] in a body's frame. MuJoCo keeps them in single precision, which is
-    exact enough about their own middle."""
+    """Add a convex shape with corners (n, 3) [m] in a body's frame. MuJoCo stores them in single precision, which is
+    exact enough relative to their middle."""
     import mujoco
 
     middle = corners.mean(axis=0)

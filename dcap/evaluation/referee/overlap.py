@@ -1,8 +1,8 @@
-"""How deep an object and a scene overlap, by Open3D's signed distances alone.
+"""Depth of the overlap between an object and a scene, only by Open3D's signed distances.
 
 In: both surfaces. Out: the largest distance of a point of one inside the other from the other's surface: of the scene
 inside the object, and of the object inside each closed piece of the scene. A scan, which is open, has no inside: there
-the scene's points in the object tell.
+only the scene's points in the object count.
 """
 
 import numpy as np
@@ -19,11 +19,11 @@ Array = NDArray[np.float64]
 FINE, LEAST_EDGE = 1.0 / 64.0, 1e-3
 """Longest edge of the faces that are sampled over the object's size [-], and at least [m]."""
 VOTES = 11
-"""Rays whose majority tells whether a point is inside: one may graze an edge."""
+"""Number of rays whose majority decides whether a point is inside: one may graze an edge."""
 
 
 def overlap_depth(thing: Mesh, scene: Mesh, owner: NDArray[np.int64]) -> float:
-    """How deep they overlap [m], 0 where they do not."""
+    """Depth of their overlap [m], 0 without one."""
     box = thing.bounds
     edge = max(FINE * float(np.ptp(box, axis=0).max()), LEAST_EDGE)
     met = within(scene.triangles, box[0], box[1])
@@ -43,14 +43,14 @@ def samples(mesh: Mesh, box: Array, edge: float) -> Array:
 
 
 def depth_in(solid: Mesh, points: Array) -> float:
-    """Largest depth of points (n, 3) inside a surface [m], 0 where none is inside."""
+    """Largest depth of points (n, 3) inside a surface [m], 0 if none is inside."""
     import open3d
 
     low, high = solid.bounds
     points = points[((points > low) & (points < high)).all(axis=1)]
     if not len(points):
         return 0.0
-    middle = solid.bounds.mean(axis=0)  # Open3D counts in single precision
+    middle = solid.bounds.mean(axis=0)  # Open3D computes in single precision
     scene = open3d.t.geometry.RaycastingScene()
     scene.add_triangles(tensor(solid.vertices - middle), tensor(solid.faces, np.uint32))
     signed = scene.compute_signed_distance(tensor(points - middle), nsamples=VOTES).numpy()
@@ -58,6 +58,6 @@ def depth_in(solid: Mesh, points: Array) -> float:
 
 
 def closed_pieces(mesh: Mesh) -> list[Mesh]:
-    """The connected pieces of a surface that are closed."""
+    """The closed connected pieces of a surface."""
     piece, is_open = numbered_pieces(mesh)
     return [mesh.submesh(np.flatnonzero(piece == one)) for one in np.flatnonzero(~is_open)]

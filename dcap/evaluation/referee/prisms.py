@@ -1,8 +1,8 @@
-"""Surfaces as convex prisms, which collide where the surface is: dents, rims and hollows stay what they are.
+"""Surfaces as convex prisms, which collide at the surface itself: dents, rims and hollows keep their shape.
 
 MuJoCo collides a mesh as its convex hull. A prism is a triangle sunk into the solid against its normal; all of them
-together have the surface of the solid, and are as deep as it allows. Near the contact surfaces keep 0.05 mm where the
-number of faces allows it; farther away, where things only fall, they are coarse.
+together have the surface of the solid, and are as deep as it allows. Near the contact, surfaces are kept to 0.05 mm if
+the number of faces allows it; farther away, where things only fall, they are coarse.
 """
 
 from dataclasses import dataclass
@@ -22,28 +22,29 @@ Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 NEAR = 0.02
-"""Surfaces this near to each other [m] are kept as they are."""
+"""Distance between surfaces within which they keep their detail [m]."""
 ASIDE, ABOVE = 2.0, 0.1
-"""How far aside and above of the object the scene is looked at [m]; below it all is: a second's slide down 40 degrees
-with friction 0.5 is 1.3 m."""
+"""Distance to the sides and above the object within which the scene is used [m]; below it, all is: a slide of one
+second down 40 degrees with friction 0.5 is 1.3 m."""
 DEEPEST, SHEET = 0.1, 2e-3
-"""Depth of a prism at most [m], so that what is in it is pushed out on the right side; and of an object's sheet."""
+"""Largest depth of a prism [m], so that a body in it is pushed out on the right side; and that of an object's sheet."""
 THROUGH, LEAST = 0.45, 2e-4
-"""Depth of a prism over the thickness of the solid at most [-]: those of opposite sides do not meet; at least [m]."""
+"""Largest depth of a prism over the solid's thickness [-], so that those of opposite sides do not meet; least depth
+[m]."""
 THIN = 2e-3
-"""Where a scene is thinner [m], the side that looks at the object stands for both, with the full depth."""
+"""Thickness of a scene below which the side facing the object represents both, with the full depth [m]."""
 NARROW = 1e-5
-"""A face lower than this [m] has no prism; the crack that it leaves is as narrow."""
+"""Height of a face below which it has no prism [m]; the gap that it leaves is as narrow."""
 START = 2e-5
-"""Begin of a ray beneath its face [m]."""
+"""Start of a ray beneath its face [m]."""
 
 
 FINE, FINE_BUDGETS = 5e-5, (4000, 2000, 1000, 500, 250)
-"""Largest distance of near surfaces from what collides [m], and numbers of faces: the least that keeps it is taken,
-else the first. Fewer faces stay as they are."""
+"""Largest distance of near surfaces from their collision shapes [m], and numbers of faces: the least number that keeps
+it is taken, else the first. Surfaces with fewer faces are not changed."""
 FAR_VERTICES, FAR_CELL, CLEAR = (100, 400, 1600), 0.5 * NEAR, 0.25 * NEAR
-"""Numbers of vertices of surfaces that are not near, and how far they may be moved at first [m]: the least is taken
-that leaves the other body this clear [m], else all. What falls on them has left its place."""
+"""Numbers of vertices of surfaces that are not near, and the first allowed displacement [m]: the least number is taken
+that leaves the other body this clear [m], else all. A body that falls on them has left its place."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -53,13 +54,13 @@ class Prisms:
     corners: Array
     """[m], shape (n, 6, 3)."""
     owner: NDArray[np.int64]
-    """Which thing each is of, shape (n,)."""
+    """Index of the thing of each, shape (n,)."""
     deviation: float
-    """How far near the contact they are from the surface at most [m]."""
+    """Largest distance from the surface near the contact [m]."""
 
 
 def scene_prisms(scene: Mesh, owner: NDArray[np.int64], thing: Mesh) -> Prisms:
-    """What of a scene an object may touch or fall on within a second."""
+    """The part of a scene that an object may touch or fall on within a second."""
     low, high = thing.bounds + np.array([[-ASIDE, -ASIDE, -np.inf], [ASIDE, ASIDE, ABOVE]])
     reached = within(scene.triangles, low, high)
     center = thing.bounds.mean(axis=0)
@@ -81,7 +82,7 @@ def scene_prisms(scene: Mesh, owner: NDArray[np.int64], thing: Mesh) -> Prisms:
 
 
 def object_prisms(thing: Mesh, scene: Mesh) -> Prisms:
-    """An object; its sides may be as thin as sheets, because what they touch is not."""
+    """Prisms of an object; its sides may be as thin as sheets, because the scene they touch is not."""
     whole = wound(thing)
     beside = around(scene, thing.bounds, NEAR)
     near, sheet = close_to(whole, beside), doubled(whole)
@@ -98,14 +99,14 @@ def object_prisms(thing: Mesh, scene: Mesh) -> Prisms:
 
 
 def kept(mesh: Mesh, mask: Bools) -> ThinnedSurface:
-    """Some faces (m,) of a mesh as they are, or fewer faces at the same place where they are many."""
+    """Some faces (m,) of a mesh unchanged, or fewer faces of the same shape if they are many."""
     some = mesh.submesh(np.flatnonzero(mask))
     return thinned(some, FINE, FINE_BUDGETS) if len(some.faces) > FINE_BUDGETS[-1] else ThinnedSurface(some, 0.0)
 
 
 def coarse(mesh: Mesh, mask: Bools, other: Mesh) -> ThinnedSurface:
-    """Some faces (m,) of a mesh that are not NEAR another one, as few as leave it clear; how far they are off does not
-    count."""
+    """Some faces (m,) of a mesh that are not NEAR another one, reduced as far as it stays clear; their deviation does
+    not count."""
     import open3d
 
     some = mesh.submesh(np.flatnonzero(mask))
@@ -130,8 +131,8 @@ def sunk(corner: Array, unit: Array, depth: Array) -> Array:
 
 
 def under(few: Mesh, solid: Mesh) -> tuple[Array, Bools, Array]:
-    """Outward unit normals of faces, which of them have a breadth, and how thick the solid is under each [m], inf of a
-    sheet."""
+    """Outward unit normals of faces, whether each has a breadth, and the thickness of the solid under each [m], inf for
+    a sheet."""
     corner, normal = few.triangles, few.face_normals
     length = np.linalg.norm(normal, axis=1)
     longest = np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=2).max(axis=1, initial=0.0)
@@ -144,17 +145,17 @@ def under(few: Mesh, solid: Mesh) -> tuple[Array, Bools, Array]:
 
 
 def within(corner: Array, low: Array, high: Array) -> Bools:
-    """Which triangles (n, 3, 3) have a box that meets another box, shape (n,)."""
+    """Whether the boxes of triangles (n, 3, 3) meet another box, shape (n,)."""
     return np.asarray(((corner.max(axis=1) >= low) & (corner.min(axis=1) <= high)).all(axis=1))
 
 
 def around(mesh: Mesh, bounds: Array, reach: float) -> Mesh:
-    """Faces of a mesh that may be as near as that to a box [m]."""
+    """Faces of a mesh that may be within `reach` of a box [m]."""
     return mesh.submesh(np.flatnonzero(within(mesh.triangles, bounds[0] - reach, bounds[1] + reach)))
 
 
 def close_to(mesh: Mesh, other: Mesh) -> Bools:
-    """Which faces of a mesh may be NEAR another mesh, shape (m,)."""
+    """Whether faces of a mesh may be NEAR another mesh, shape (m,)."""
     if not len(other.faces):
         return np.zeros(len(mesh.faces), dtype=bool)
     corner = mesh.triangles
@@ -167,8 +168,8 @@ def close_to(mesh: Mesh, other: Mesh) -> Bools:
 
 
 def wound(mesh: Mesh) -> Mesh:
-    """A thing wound outwards: a closed one by its pieces' volumes, an open one, a scan, by how it looks from above, as
-    the drop takes it."""
+    """A thing wound outwards: a closed one by its pieces' volumes, an open one (a scan) by its look from above, as in
+    the drop."""
     if is_closed(mesh):
         return outward(mesh)
     caster = Raycaster(mesh)
@@ -178,12 +179,12 @@ def wound(mesh: Mesh) -> Mesh:
 
 
 def doubled(mesh: Mesh) -> Bools:
-    """Which faces have another one at the same place: sheets with two sides, shape (m,)."""
+    """Whether faces have another one at the same place, as sheets with two sides, shape (m,)."""
     corners = np.sort(welded(mesh.vertices)[mesh.faces], axis=1)
     _, same, count = np.unique(corners, axis=0, return_inverse=True, return_counts=True)
     return np.asarray(count[same.reshape(-1)] > 1)
 
 
 def looks_away(mesh: Mesh, point: Array) -> Bools:
-    """Which faces look away from a point [m], shape (m,)."""
+    """Whether faces look away from a point [m], shape (m,)."""
     return np.asarray(np.einsum("ij,ij->i", mesh.face_normals, point - mesh.triangles.mean(axis=1)) < 0.0)

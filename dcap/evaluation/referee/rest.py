@@ -1,4 +1,4 @@
-"""What MuJoCo makes of a rest state in one second, and how deep it overlaps by Open3D's distances.
+"""Judges a rest state: its motion in one second of MuJoCo, and its overlap by Open3D's distances.
 
 In: the final triangles of an object and of the scene around it (world frame, z up, metres), the object's mass and the
 friction of each pair. Out: a `RestVerdict`. Everything is rigid, dents included, and the same for every method. Neither
@@ -28,19 +28,19 @@ from dcap.scene.types.particles import InertialProperties
 Array = NDArray[np.float64]
 
 SECONDS = 1.0
-"""How long is simulated [s]."""
+"""Simulated time [s]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Surroundings:
-    """The scene that an object rests in, as it was left."""
+    """The scene that an object rests in, in its final state."""
 
     mesh: Mesh
     """All of it, wound outwards."""
     owner: NDArray[np.int64]
-    """Which thing each face is of, an index of `friction`, shape (m,)."""
+    """Thing of each face, an index of `friction`, shape (m,)."""
     friction: Array
-    """Of the pair of the object and each thing: sliding [-] and rolling resistance [m], shape (k, 2)."""
+    """Friction between the object and each thing: sliding [-] and rolling resistance [m], shape (k, 2)."""
 
     def __post_init__(self) -> None:
         check_array("owner of the surroundings", self.owner, len(self.mesh.faces))
@@ -58,35 +58,35 @@ class Surroundings:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RestVerdict:
-    """What the referee says of a rest state."""
+    """The referee's verdict on a rest state."""
 
     seconds: float
-    """That were simulated [s]."""
+    """Simulated time [s]."""
     drift_m: float
-    """Largest distance of the centre of mass from where it was [m]."""
+    """Largest distance of the centre of mass from its start [m]."""
     drift_deg: float
-    """Largest turn from how it was [degrees]."""
+    """Largest turn from the start [degrees]."""
     carried: Array
-    """Share of the weight that each thing carries in the last tenth of the second [-], shape (k,); negative where it
+    """Share of the weight that each thing carries in the last tenth of the second [-], shape (k,); negative if it
     presses from above."""
     penetration_m: float
-    """How deep object and scene overlap at the start, by Open3D's distances [m]."""
+    """Overlap of object and scene at the start, by Open3D's distances [m]."""
     deviation_m: float
-    """How far the shapes that collide are from the surfaces near the contact, at most [m]."""
+    """Largest distance of the collision shapes from the surfaces near the contact [m]."""
 
     @property
     def supported(self) -> bool:
-        """Whether the scene carries the object at the end, rather than that it falls."""
+        """Whether the scene carries the object at the end; else it falls."""
         return bool(self.carried.sum() >= CARRIED)
 
     @property
     def carrier(self) -> int:
-        """Index of the thing that carries most at the end; -1 where nothing does."""
+        """Index of the thing that carries most at the end; -1 if nothing does."""
         return int(self.carried.argmax()) if self.supported else -1
 
 
 CARRIED = 0.5
-"""Least share of the weight on what carries an object [-]: halfway between a fall and rest."""
+"""Least share of the weight that a support carries [-]: halfway between a fall and rest."""
 
 
 def judge_rest(
@@ -102,11 +102,11 @@ def judge_rest(
 
     Args:
         thing: the object's final surface.
-        scene: what it is on and near, as it was left. What is out of reach within the time may be missing.
+        scene: its surroundings in their final state. Parts out of reach within the time may be missing.
         mass: of the object [kg], of one density.
-        center_of_mass: where it is not that of one density [m], shape (3,).
-        inertial: mass, centre of mass and inertia about it in the world, where known; instead of the two.
-        seconds: how long is simulated [s].
+        center_of_mass: if it is not that of one density [m], shape (3,).
+        inertial: mass, centre of mass and inertia about it in the world, if known; instead of the two.
+        seconds: simulated time [s].
     """
     if inertial is None:
         if mass is None:

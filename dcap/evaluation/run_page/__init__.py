@@ -1,1 +1,1 @@
-"""What the page of a run shows: strips, tables, failures, costs and provenance, each made of the files of the run."""
+"""Content of a run's page: strips, tables, failures, costs and provenance, each made from the files of the run."""

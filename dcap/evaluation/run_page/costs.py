@@ -1,4 +1,4 @@
-"""What a run took: seconds by stage and method, as they were when each stage was computed."""
+"""Costs of a run: seconds by stage and method, measured when each stage was computed."""
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
@@ -11,7 +11,7 @@ Timings = Mapping[str, float]
 
 
 def costs_table(timings: Mapping[str, Sequence[Timings]], names: Mapping[str, str]) -> ShownTable | None:
-    """Median and mean seconds of each stage and in all, by method; None where nothing is known.
+    """Median and mean seconds of each stage and in total, by method; None if nothing is known.
 
     Args:
         timings: of each method's placements.

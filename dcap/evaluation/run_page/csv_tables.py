@@ -1,7 +1,7 @@
-"""Tables that lie in a run as CSV, as people read them on its page.
+"""Formats a run's CSV tables for people on its page.
 
-In: `tables/NAME.csv`, whose columns tell a value, its spread, its interval and whether it is significant. Out: one cell
-for what belongs together, with as many digits as the eye compares; what is the same in every row is said once below.
+In: `tables/NAME.csv`, with columns for a value, its spread, its interval and its significance. Out: one cell for each
+group, rounded for reading; columns that are equal in every row become one sentence below.
 """
 
 import csv
@@ -13,11 +13,11 @@ from dcap.evaluation.table_files import ENDS, TABLES
 
 DAGGER, SIGNIFICANT, SPREAD, LOW, HIGH, WINS = "†", "_significant", "_sd", "_low", "_high", "_wins"
 MOST_ROWS, MOST_COLUMNS = 60, 24
-"""Of a table that are shown [-]; the whole is in the file."""
+"""Most rows of a table that are shown [-]; the file has all."""
 LEAST_WHOLE = 100.0
-"""A number that is not whole is shown without decimals from here on, with two below [-]."""
+"""Size from which a number that is not whole is shown without decimals, else with two [-]."""
 LEAST_FIXED = 0.1
-"""Below it two digits are shown that are no zeros [-]."""
+"""Size below which two significant digits are shown [-]."""
 YES_OR_NO = {"True": "yes", "False": "no"}
 SHOWN_WORDS = {
     "right_place": "Right Place",
@@ -25,11 +25,11 @@ SHOWN_WORDS = {
     "bradley_terry": "Bradley–Terry",
     "elo": "Elo",
 }
-"""How people write what the columns' names begin with."""
+"""Spelling of prefixes of the columns' names for people."""
 
 
 def table_from_csv(run: Path, name: str, title: str) -> ShownTable | None:
-    """A table that lies in the run; None where it does not, or is not one."""
+    """A table from a run's folder; None if it is missing or invalid."""
     path = run / TABLES / f"{name}.csv"
     try:
         rows = list(csv.reader(path.read_text(encoding="utf-8").splitlines()))
@@ -64,7 +64,7 @@ def joined(
 
 
 def heading(column: str) -> str:
-    """A column's name as people write it."""
+    """A column's name for people."""
     for name, words in SHOWN_WORDS.items():
         if f"{column}_".startswith(f"{name}_"):
             column = f"{words}{column.removeprefix(name)}"
@@ -81,7 +81,7 @@ def joined_cell(row: Mapping[str, str], column: str, marks: Mapping[str, str], s
 
 
 def eyed(text: str) -> str:
-    """A cell of the file with the digits that the eye compares, and words instead of Python's truth values."""
+    """A cell of the file rounded for reading, with words instead of Python's truth values."""
     if text in YES_OR_NO or "." not in text:
         return YES_OR_NO.get(text, text)
     try:

@@ -1,6 +1,6 @@
-"""What went wrong in a run and why, and where another method than DCAP did better.
+"""Failures of a run with their causes, and samples on which another method than DCAP is better.
 
-In: rows. Out: failures with their causes, worst kind first; per axis the samples on which a baseline is ahead.
+In: rows. Out: failures with their causes, worst kind first; for each axis the samples on which a baseline is ahead.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,9 +16,9 @@ from dcap.evaluation.run_page.tables import NOTHING, RESTING
 from dcap.evaluation.statistics.comparisons import JudgedAxis
 
 LOW_SCORE = 5.0
-"""Below this a score is low: the middle of the scale, where a metric is between seen and clearly wrong [-]."""
+"""Score below which it is low: the middle of the scale, where a metric is between visible and clearly wrong [-]."""
 SURE = 1e-9
-"""Scores that differ by less are equal."""
+"""Difference below which scores are equal."""
 AXES = {JudgedAxis.RIGHT_PLACE: "Right Place", JudgedAxis.PHYSICS_NATURALNESS: "P&N"}
 FAILED, INFEASIBLE, UNEXPECTED, LOW = "failed", "infeasible", "not as intended", "low score"
 KINDS = (FAILED, INFEASIBLE, UNEXPECTED, LOW)
@@ -26,7 +26,7 @@ KINDS = (FAILED, INFEASIBLE, UNEXPECTED, LOW)
 
 @dataclass(frozen=True, slots=True)
 class ShownFailure:
-    """A placement that is not as it should be."""
+    """A placement that failed in some way."""
 
     row: SampleOutcome
     kinds: tuple[str, ...]
@@ -36,24 +36,24 @@ class ShownFailure:
 
 @dataclass(frozen=True, slots=True)
 class BaselineAhead:
-    """A sample that a baseline does better on an axis."""
+    """A sample on which a baseline is better on some axis."""
 
     row: SampleOutcome
     """The baseline's."""
     ours: SampleOutcome
     axes: tuple[str, ...]
     margin: float
-    """By how much its composite is higher; a placement counts as 0 where it has none [-]."""
+    """Difference of the composites; a placement without one counts as 0 [-]."""
 
 
 def failures_of(rows: Sequence[SampleOutcome]) -> list[ShownFailure]:
-    """All failures: errors first, then what was refused, then what is elsewhere or otherwise, then low scores."""
+    """All failures: errors first, then refusals, then wrong places or orientations, then low scores."""
     found = [one for one in map(failure_of, rows) if one is not None]
     return sorted(found, key=lambda one: (KINDS.index(one.kinds[0]), lowest(one.row)))
 
 
 def failure_of(row: SampleOutcome) -> ShownFailure | None:
-    """Why a placement is a failure; None if it is none."""
+    """A placement's failures; None without any."""
     if row.error:
         return ShownFailure(row, (FAILED,), (shortened(row.error),))
     found: list[tuple[str, str]] = []
@@ -70,7 +70,7 @@ def failure_of(row: SampleOutcome) -> ShownFailure | None:
 
 
 def came_out(row: SampleOutcome) -> str:
-    """An outcome in the words that intended ones are told in."""
+    """An outcome in the same words as intended outcomes."""
     if row.verdict not in RESTING:
         return f"infeasible: {row.reason}"
     where = " ".join(word for word in (row.base, row.part, row.region) if word)
@@ -80,7 +80,7 @@ def came_out(row: SampleOutcome) -> str:
 
 
 def because(row: SampleOutcome, axis: JudgedAxis) -> str:
-    """The metric that is worst on an axis, where one is known."""
+    """The worst metric of an axis, if known."""
     worst = worst_metric(row_metrics(row), axis)
     return f", worst metric {worst}" if worst else ""
 
@@ -91,7 +91,7 @@ def lowest(row: SampleOutcome) -> float:
 
 
 def composite(row: SampleOutcome) -> float:
-    """Geometric mean of the scores that there are; 0 without any."""
+    """Geometric mean of the known scores; 0 without any."""
     known = [one for one in (row.right_place, row.physics_naturalness) if one is not None]
     return prod(known) ** (1.0 / len(known)) if known else 0.0
 
@@ -117,7 +117,7 @@ def ahead(row: SampleOutcome, other: SampleOutcome, axis: JudgedAxis) -> bool:
 
 
 def score_cells(row: SampleOutcome) -> Mapping[str, str]:
-    """Scores, and in raw units what decides them, as text."""
+    """Scores and their deciding metrics in raw units, as text."""
     numbers: dict[str, tuple[float | None, str]] = {
         "RP": (row.right_place, "{:.1f}"), "P&N": (row.physics_naturalness, "{:.1f}"),
         "penetration": (scaled(row.penetration_m), "{:.2g} mm"), "gap": (scaled(row.gap_m), "{:.2g} mm"),
@@ -127,5 +127,5 @@ def score_cells(row: SampleOutcome) -> Mapping[str, str]:
 
 
 def scaled(metres: float | None) -> float | None:
-    """Millimetres."""
+    """A length in millimetres."""
     return None if metres is None else 1e3 * metres

@@ -1,14 +1,14 @@
-"""PlaceIt3D's measures by method: shares of constraints and of samples that hold, by its rules on our boxes.
+"""PlaceIt3D's measures by method: shares of met constraints and of samples, by its rules on our boxes.
 
 In: rows of a run. Out: `tables/placeit3d.csv`, `tables/placeit3d.tex` and the same as a table of the page. A sample has
 one physical constraint, its spatial ones, and a rotational one if it asks for it; visibility is not measured. The
 measures are those of arXiv 2505.05288: of all constraints (global), samples with all (complete), with all but the
 physical one (language), and of each kind. What counts:
 
-- a placement that was measured, with what was measured of it; one that was not is left out;
-- a sample that was meant to be placed and was not, as a failure with the constraints that it has for other methods of
-  the run, or the physical one alone where no other knows them;
-- no sample that ought not to be possible, as for every judge (`judging/standing.py`).
+- a measured placement, with its measurements; one without is left out;
+- a sample that should have been placed and was not, as a failure with its constraints from other methods of the run, or
+  only the physical one if no other has them;
+- no sample that should be infeasible, as for every judge (`judging/standing.py`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -30,29 +30,29 @@ SHARES = (
 """Columns of the CSV."""
 NOTE = (
     "Percent of constraints (global, spatial, rotational, physical) or of samples (complete, language), by PlaceIt3D's "
-    "rules on this run's boxes; where there are two, against the scene as it was left / as it was given. What was "
-    "meant to be placed and was not meets nothing. These are no results of its benchmark."
+    "rules on this run's boxes; where there are two, against the scene as it was left / as it was given. A sample that "
+    "should have been placed and was not meets nothing. These are no results of its benchmark."
 )
 
 
 @dataclass(frozen=True, slots=True)
 class SampleConstraints:
-    """What holds of one sample by one method."""
+    """Constraints of one sample that one method meets."""
 
     spatial: int
-    """Constraints asked for."""
+    """Number of requested spatial constraints."""
     spatial_met: int
     rotational: bool
-    """Whether one is asked for."""
+    """Whether a rotational constraint is requested."""
     rotational_met: bool
     physical: bool
-    """In the scene as it was left."""
+    """Whether the physical constraint is met in the final scene."""
     physical_given: bool
     placed: bool
 
     @property
     def worded(self) -> bool:
-        """Whether the sentence asks for anything, or nothing was placed at all."""
+        """Whether the sentence requests any constraint, or nothing was placed."""
         return self.spatial > 0 or self.rotational or not self.placed
 
     @property
@@ -62,19 +62,19 @@ class SampleConstraints:
 
     @property
     def asked(self) -> int:
-        """How many constraints there are."""
+        """Number of constraints."""
         return 1 + self.spatial + self.rotational
 
 
 @dataclass(frozen=True, slots=True)
 class ConstraintShares:
-    """What a method reaches; shares [-] are None where there is nothing to count."""
+    """Results of a method; shares [-] are None if there is nothing to count."""
 
     samples: int
     not_placed: int
-    """Of these, meant to be placed and not."""
+    """Number of these that should have been placed and were not."""
     constraints: int
-    """Asked for by these samples."""
+    """Number of constraints requested by these samples."""
     all_constraints: float | None
     all_constraints_given: float | None
     complete: float | None
@@ -89,7 +89,7 @@ class ConstraintShares:
 def placeit3d_table(
     run: Path, rows: Mapping[str, Sequence[SampleOutcome]], names: Mapping[str, str]
 ) -> ShownTable | None:
-    """Write the measures of each method into the run and return them as a table; None where nothing was measured.
+    """Write the measures of each method into the run and return them as a table; None if nothing was measured.
 
     Args:
         run: its folder.
@@ -120,8 +120,8 @@ def shares_by_method(rows: Mapping[str, Sequence[SampleOutcome]]) -> dict[str, C
 
 
 def asked_of(rows: Sequence[SampleOutcome]) -> dict[str, tuple[int, bool]]:
-    """Spatial constraints of each sample that some method was measured on, and whether there is a rotational one; the
-    most where methods read a sentence differently."""
+    """Number of spatial constraints of each sample with a measured method, and whether there is a rotational one; the
+    largest number if methods read a sentence differently."""
     found: dict[str, tuple[int, bool]] = {}
     for row in rows:
         if row.placeit3d_spatial_asked is not None:
@@ -132,7 +132,8 @@ def asked_of(rows: Sequence[SampleOutcome]) -> dict[str, tuple[int, bool]]:
 
 
 def constraints_of(row: SampleOutcome, asked: tuple[int, bool]) -> SampleConstraints | None:
-    """What holds of a row; None where it does not count. `asked` is that of the sample for other methods."""
+    """Constraints that a row meets; None if it does not count. `asked` are the sample's constraints for other
+    methods."""
     standing = standing_of(row)
     if standing is Standing.LOWEST:
         return SampleConstraints(asked[0], 0, asked[1], False, False, False, placed=False)
@@ -167,7 +168,7 @@ def shares_of(samples: Sequence[SampleConstraints]) -> ConstraintShares:
 
 
 def share(count: int, of: int) -> float | None:
-    """A share; None of nothing."""
+    """A share; None of zero."""
     return count / of if of else None
 
 
@@ -186,7 +187,7 @@ def cells(one: ConstraintShares) -> tuple[str, ...]:
 
 
 def both(left: float | None, given: float | None) -> str:
-    """Of the scene as left and as given."""
+    """Shares for the final scene and for the given one."""
     return NOTHING if left is None else f"{percent(left)} / {percent(given)}"
 
 
@@ -196,7 +197,7 @@ def percent(value: float | None) -> str:
 
 
 def csv_text(found: Mapping[str, ConstraintShares], names: Mapping[str, str]) -> str:
-    """A row per method; shares from 0 to 1, empty where there is nothing to count."""
+    """A row per method; shares from 0 to 1, empty if there is nothing to count."""
     return csv_of([
         {"method": method, "name": names[method], "samples": one.samples, "not_placed": one.not_placed,
          "constraints": one.constraints, **{name: number(getattr(one, name)) for name in SHARES}}

@@ -1,7 +1,7 @@
-"""What the files of one placement say: facts, stage times, materials, certificate, pictures.
+"""Reads the files of one placement: facts, stage times, materials, certificate, pictures.
 
-In: the folder of a placement in a run, and its row. Out: words for the page. Everything is as the files have it: a file
-that is missing or strange leaves its part of the page empty.
+In: the folder of a placement in a run, and its row. Out: texts for the page. A file that is missing or invalid leaves
+its part of the page empty.
 """
 
 import json
@@ -14,7 +14,7 @@ from dcap.scene.types.judged_views import PLACED
 
 PLACEMENT = "placement.json"
 MOST_NOTES, MOST_LETTERS = 20, 300
-"""Notes of a placement on the page, and letters of one [-]: the page of a thousand placements must open."""
+"""Most notes of a placement on the page, and most letters of one [-]: the page of a thousand placements must open."""
 
 
 def kind_of(row: SampleOutcome) -> str:
@@ -35,8 +35,8 @@ def read_placement(folder: Path) -> JsonObject:
 
 
 def views_of(folder: Path) -> tuple[str, ...]:
-    """Paths of the pictures that compare a placement with others, below its folder: those that judges see, once
-    somebody has judged; until then its own."""
+    """Paths of the pictures that compare a placement with others, below its folder: after judging those that judges
+    see, until then its own."""
     judged, own = [f"views/{name}.png" for name in PLACED], ["settled.png", "closeup.png"]
     names = judged if all((folder / name).is_file() for name in judged) else own
     return tuple(name for name in names if (folder / name).is_file())
@@ -51,7 +51,7 @@ def stage_bars(timings: object) -> tuple[tuple[str, float, float], ...]:
 
 
 def facts_of(row: SampleOutcome, tree: Mapping[str, object]) -> tuple[tuple[str, str], ...]:
-    """Name and value of what is worth a glance."""
+    """Names and values of the main facts."""
     facts = [("support", " · ".join(word for word in (row.base, row.part) if word)), ("region", row.region)]
     if row.region_missed:
         facts.append(("region", "missed"))
@@ -74,7 +74,7 @@ def facts_of(row: SampleOutcome, tree: Mapping[str, object]) -> tuple[tuple[str,
 
 
 def materials_of(tree: Mapping[str, object]) -> tuple[tuple[str, str, str], ...]:
-    """What each part of object, base and neighbours is taken to be made of, and why; what is alike once."""
+    """Materials of each part of object, base and neighbours, with reasons; equal rows appear once."""
     rows = tree.get("materials")
     found = [one for one in rows if isinstance(one, Mapping)] if isinstance(rows, list) else []
     named = ((f"{one['body']}, {one['part']}", str(one["material"]), str(one.get("reason", ""))) for one in found)
@@ -82,7 +82,7 @@ def materials_of(tree: Mapping[str, object]) -> tuple[tuple[str, str, str], ...]
 
 
 def notes_of(tree: Mapping[str, object]) -> tuple[str, ...]:
-    """The warnings of a placement, cut where they are many or long."""
+    """The warnings of a placement, cut if they are many or long."""
     found = tree.get("warnings")
     notes = [shortened(str(one)) for one in found] if isinstance(found, list) else []
     more = len(notes) - MOST_NOTES
@@ -90,12 +90,12 @@ def notes_of(tree: Mapping[str, object]) -> tuple[str, ...]:
 
 
 def shortened(text: str) -> str:
-    """A text of not too many letters."""
+    """A text cut to a largest number of letters."""
     return text if len(text) <= MOST_LETTERS else f"{text[:MOST_LETTERS].rstrip()} …"
 
 
 def certificate_text(tree: Mapping[str, object]) -> str:
-    """The certificate of a placement as lines of text, and its contacts; empty where nothing rests."""
+    """The certificate of a placement as lines of text, and its contacts; empty without a rest state."""
     lines = list(certificate_lines("", tree.get("certificate")))
     contacts = tree.get("contacts")
     if lines and isinstance(contacts, list):

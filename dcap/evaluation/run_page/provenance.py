@@ -1,6 +1,6 @@
-"""Where the numbers of a run come from: versions, seeds, configuration, and the digest of every file that was made.
+"""Provenance of a run: versions, seeds, configuration, and the digest of every file that it made.
 
-In: run.json and the folders of the placements. Out: `artifacts.sha256`, which `sha256sum -c` checks, and words.
+In: run.json and the folders of the placements. Out: `artifacts.sha256`, which `sha256sum -c` checks, and texts.
 """
 
 import hashlib
@@ -18,7 +18,7 @@ RUN, HASHES = "run.json", "artifacts.sha256"
 
 @dataclass(frozen=True, slots=True)
 class Provenance:
-    """What the page tells of a run's origin."""
+    """A run's provenance for its page."""
 
     facts: tuple[tuple[str, str], ...]
     versions: tuple[tuple[str, str], ...]
@@ -27,7 +27,7 @@ class Provenance:
     files: int
     """Files in `artifacts.sha256` [-]."""
     digest: str
-    """Of that list."""
+    """Digest of that list."""
 
 
 def provenance_of(run: Path, folders: Sequence[Path]) -> Provenance:
@@ -59,7 +59,7 @@ def provenance_of(run: Path, folders: Sequence[Path]) -> Provenance:
 
 
 def read_run(run: Path) -> JsonObject:
-    """run.json, empty if there is none."""
+    """Read run.json, empty if there is none."""
     try:
         tree = json.loads((run / RUN).read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -68,7 +68,7 @@ def read_run(run: Path) -> JsonObject:
 
 
 def listed(value: object) -> Sequence[object]:
-    """A list, empty where there is none."""
+    """A list, empty for any other value."""
     return value if isinstance(value, list) else []
 
 
@@ -82,7 +82,7 @@ def seeds_of(asked: Mapping[str, object]) -> str:
 
 
 def config_seeds(tree: Mapping[str, object], path: str = "") -> list[tuple[str, object]]:
-    """Every `seed` of a configuration with the place where it stands."""
+    """Every `seed` of a configuration with its key."""
     found: list[tuple[str, object]] = []
     for key, value in tree.items():
         name = f"{path}.{key}" if path else str(key)
@@ -94,7 +94,7 @@ def config_seeds(tree: Mapping[str, object], path: str = "") -> list[tuple[str, 
 
 
 def language_of(asked: Mapping[str, object]) -> str:
-    """Who answered: the options that were given, `offline` if none were."""
+    """The language options of the run, `offline` without any."""
     told = asked.get("language")
     if not isinstance(told, Mapping):
         return ""

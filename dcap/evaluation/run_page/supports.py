@@ -1,4 +1,4 @@
-"""Figure 3 for the scenes of a run: how many deformable supports each has, from the scene.json of its placements."""
+"""Figure 3 for the scenes of a run: the number of deformable supports in each, from scene.json of its placements."""
 
 import json
 from collections import Counter
@@ -24,11 +24,11 @@ class SupportsFigure:
     scenes: int
     """Scenes of the run [-]."""
     known: int
-    """Of these, those that some placement tells the labels of."""
+    """Number of these whose labels are known from some placement."""
 
 
 def supports_figure(run: Path, rows: Sequence[SampleOutcome]) -> SupportsFigure | None:
-    """Draw the figure into the run; None where no scene is known."""
+    """Draw the figure into the run; None if no scene is known."""
     found: dict[str, Counter[str] | None] = {}
     for row in rows:
         if found.get(row.scene) is None:
@@ -42,7 +42,7 @@ def supports_figure(run: Path, rows: Sequence[SampleOutcome]) -> SupportsFigure 
 
 
 def labels_of(path: Path) -> list[str] | None:
-    """Labels of what is in a scene but for what was placed; None where there is no such file."""
+    """Labels of a scene's things without the placed ones; None if there is no such file."""
     try:
         tree = json.loads(path.read_text(encoding="utf-8"))
         return [str(one["label"]) for one in tree["instances"] if one["id"] != tree.get("object")]

@@ -1,7 +1,7 @@
 """A table of the page, and that of metrics by method, which is also written as CSV and LaTeX.
 
-In: rows of a run. Out: headings and cells as text; `tables/metrics.csv`, `tables/metrics.tex` (SI in the CSV, units
-that suit the eye elsewhere).
+In: rows of a run. Out: headings and cells as text; `tables/metrics.csv`, `tables/metrics.tex` (SI in the CSV, readable
+units elsewhere).
 """
 
 import csv
@@ -18,7 +18,7 @@ from dcap.evaluation.table_text import tex_escaped
 METRICS = "metrics"
 NOTHING = "–"
 RESTING = (AT_REST, AS_POSED)
-"""Verdicts of placements of which something can be measured."""
+"""Verdicts of placements that can be measured."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,19 +29,19 @@ class ShownTable:
     head: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     files: tuple[str, ...]
-    """Where the same is as CSV and LaTeX, relative to the run."""
+    """Its files in CSV and LaTeX, relative to the run."""
     note: str = ""
 
 
 @dataclass(frozen=True, slots=True)
 class ShownMetric:
-    """A column of results.parquet as people read it."""
+    """A column of results.parquet in a form for people."""
 
     column: str
     words: str
     unit: str
     factor: float
-    """From SI to `unit`."""
+    """Factor from SI to `unit`."""
     share: bool = False
     """Whether it is yes or no: its mean is a share, and a median says nothing."""
 
@@ -73,7 +73,7 @@ SHOWN_METRICS = (
 
 
 def values_of(rows: Sequence[SampleOutcome], metric: ShownMetric) -> list[float]:
-    """What is known of a metric [SI]."""
+    """Known values of a metric [SI]."""
     found = [getattr(row, metric.column) for row in resting(rows)]
     return [float(one) for one in found if one is not None]
 
@@ -81,7 +81,7 @@ def values_of(rows: Sequence[SampleOutcome], metric: ShownMetric) -> list[float]
 def metrics_table(
     run: Path, rows: Mapping[str, Sequence[SampleOutcome]], names: Mapping[str, str]
 ) -> ShownTable | None:
-    """Write the metrics of each method into the run and return them as a table; None where nothing was measured.
+    """Write the metrics of each method into the run and return them as a table; None if nothing was measured.
 
     Args:
         run: its folder.
@@ -103,14 +103,14 @@ def metrics_table(
     return ShownTable(
         "Metrics", ("", *(names[method] for method in rows)), (placed_rows, *cells),
         table_links(METRICS),
-        "Median (mean) over the placements; for yes or no the share of yes; n where a metric is known of fewer. "
-        "What is marked (ours) comes from DCAP's own solver or contact model and is in no score. "
+        "Median (mean) over the placements; for yes or no the share of yes; n if a metric is known for fewer. "
+        "Metrics marked (ours) come from DCAP's own solver or contact model and are in no score. "
         f"{without_referee(rows)}Definitions: docs/metrics.md.",
     )  # fmt: skip
 
 
 def without_referee(rows: Mapping[str, Sequence[SampleOutcome]]) -> str:
-    """A sentence where the independent referee judged nothing though the final states were simulated on."""
+    """A sentence for the case that the simulation was continued but the independent referee judged nothing."""
     own = [row for rows_of in rows.values() for row in resting(rows_of)]
     if all(row.drift_s is None for row in own) or any(row.referee_s is not None for row in own):
         return ""
@@ -123,12 +123,12 @@ def resting(rows: Sequence[SampleOutcome]) -> list[SampleOutcome]:
 
 
 def placed(rows: Sequence[SampleOutcome]) -> str:
-    """How many of a method's samples have a placement."""
+    """Number of a method's samples with a placement."""
     return f"{len(resting(rows))} of {len(rows)}"
 
 
 def cell(metric: ShownMetric, values: Sequence[float], of: int) -> str:
-    """Median and mean, or a share; with the count where it is less than `of`."""
+    """Median and mean, or a share; with the count if it is less than `of`."""
     if not values:
         return NOTHING
     middle = mean(values) if metric.share else median(values)
@@ -137,7 +137,7 @@ def cell(metric: ShownMetric, values: Sequence[float], of: int) -> str:
 
 
 def shown(value: float) -> str:
-    """A number for people: what is less than a millionth of its unit is rounding, and 0."""
+    """A number for people; less than a millionth of its unit is rounding and shown as 0."""
     return f"{round(value, 6) + 0.0:.3g}"
 
 
@@ -163,9 +163,9 @@ def metrics_tex(
     names: Mapping[str, str],
     counts: Mapping[str, int],
 ) -> str:
-    """A row per metric, a column per method: median (mean), or a share; n where a metric is known of fewer than the
+    """A row per metric, a column per method: median (mean), or a share; n if a metric is known for fewer than the
     placements of the method."""
-    lines = ["% Median (mean) over placements; of yes and no the share of yes; n where it is known of fewer.",
+    lines = ["% Median (mean) over placements; for yes or no the share of yes; n if it is known for fewer.",
              f"\\begin{{tabular}}{{l{'c' * len(found)}}}", "\\hline",
              f"{' & '.join(['Metric', *(tex_escaped(names[one]) for one in found)])} \\\\", "\\hline"]  # fmt: skip
     for one in metrics:

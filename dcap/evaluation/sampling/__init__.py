@@ -1,1 +1,1 @@
-"""Data sets: which placements may be asked of a scene, in which words, and what should come of them."""
+"""Data sets: possible placement requests for a scene, their sentences, and their intended outcomes."""

@@ -1,4 +1,5 @@
-"""Chance that depends on nothing but words: a digest as a number, so that no draw depends on another or on an order."""
+"""Random draws that depend only on words: a digest as a number, so that no draw depends on another or on their
+order."""
 
 import hashlib
 from collections.abc import Sequence
@@ -10,7 +11,7 @@ DIGITS = 13
 
 
 def chance(*words: object) -> float:
-    """A number in [0, 1) that is as good as random, the same for the same words."""
+    """A pseudo-random number in [0, 1), the same for the same words."""
     digest = hashlib.sha256("\n".join(map(str, words)).encode()).hexdigest()
     return float(int(digest[:DIGITS], 16) / 16**DIGITS)
 

@@ -1,7 +1,7 @@
-"""What is asked to make samples of a scene: so many sentences with their truths, checked against what the scene holds.
+"""Question for samples of a scene: a number of sentences with their truths, checked against the scene's content.
 
-Offline the templates answer. A model sees instances and objects with their sizes and writes freely; what it says must
-hold of the scene as far as labels, parts and sizes tell, or it is asked again with the reason.
+Offline the templates answer. A model sees instances and objects with their sizes and writes freely; its samples must be
+true of the scene as far as labels, parts and sizes tell, or it is asked again with the reason.
 """
 
 from collections.abc import Iterator, Sequence
@@ -20,18 +20,18 @@ from dcap.language.protocol.replies import Region
 from dcap.language.protocol.requests import InstanceView, Vector
 
 LONGEST_SENTENCE = 300
-"""Characters [-]."""
+"""Longest sentence [characters]."""
 MOST_SAMPLES = 200
-"""Of one scene [-]."""
+"""Most samples of one scene [-]."""
 TELLS_APART = frozenset({"side", "count", "colour", "viewer", "id word", "region", "restrict", "now"})
-"""Kinds of words that may say which of several alike things is meant, by themselves."""
+"""Kinds of words that alone may identify one of several similar things."""
 Top = Literal["", "up", "down", "sideways"]
 RefusalReason = Literal["", "target_not_found", "too_large_for_target"]
 
 
 @dataclass(frozen=True, slots=True)
 class SamplesRequest:
-    """So many placements for a scene."""
+    """A request for placements in a scene."""
 
     scene: str
     """Its name."""
@@ -39,15 +39,15 @@ class SamplesRequest:
     room_center: Vector
     """Middle of the scene [m]."""
     assets: tuple[PlacedAsset, ...]
-    """What can be placed."""
+    """Objects that can be placed."""
     count: int
     infeasible: int
-    """How many of them ought to be refused."""
+    """Number of samples that should be refused."""
     seed: int
 
 
 class SampleDraft(BaseModel, frozen=True, extra="forbid"):
-    """A sentence and what should come of it."""
+    """A sentence with its intended outcome."""
 
     object: str = Field(description="name of a listed asset")
     prompt: str = Field(min_length=1, max_length=LONGEST_SENTENCE, description="one English sentence in one line")
@@ -86,7 +86,7 @@ class SamplesReply(BaseModel, frozen=True, extra="forbid"):
     samples: tuple[SampleDraft, ...] = Field(max_length=MOST_SAMPLES)
 
     def check(self, request: SamplesRequest) -> None:
-        """ValueError for what does not hold of the scene, says nothing new, or is not as many as asked for."""
+        """Raise ValueError for samples that are not true of the scene, are duplicates, or have the wrong number."""
         if len(self.samples) != request.count:
             raise ValueError(f"{len(self.samples)} samples, expected {request.count}")
         refused = sum(one.reason != "" for one in self.samples)
@@ -102,7 +102,7 @@ class SamplesReply(BaseModel, frozen=True, extra="forbid"):
 
 
 def check_sample(one: SampleDraft, request: SamplesRequest) -> None:
-    """ValueError for a sample that does not hold of the scene."""
+    """Raise ValueError for a sample that is not true of the scene."""
     asset = next((asset for asset in request.assets if asset.name == one.object), None)
     base = next((i for i in request.instances if i.id == one.base_id), None)
     said = f"sample {one.prompt!r}"
@@ -161,8 +161,8 @@ def speaks_of(prompt: str, base: InstanceView) -> bool:
 
 
 def says_which(prompt: str, base: InstanceView, instances: Sequence[InstanceView]) -> bool:
-    """Whether a sentence has any words that could tell an instance from those of its label: a place, a colour,
-    a number, or another thing of the scene. That they do is not known: where it has none, they do not."""
+    """Whether a sentence has any words that could distinguish an instance from others of its label: a place, a colour,
+    a number, or another thing of the scene. Whether they do is unknown; without any, the instance is ambiguous."""
     if any(meaning.kind in TELLS_APART for meaning in meanings(prompt)):
         return True
     own = label_words(base.label)
@@ -172,13 +172,13 @@ def says_which(prompt: str, base: InstanceView, instances: Sequence[InstanceView
 
 
 def same_noun(one: InstanceView, other: InstanceView) -> bool:
-    """Whether a word for the one may mean the other."""
+    """Whether a word for one thing may mean the other."""
     thing, another = thing_name(one), thing_name(other)
     return bool(thing and another) and (in_line(thing, another) or in_line(another, thing))
 
 
 def meanings(prompt: str) -> Iterator[Meaning]:
-    """Whatever any words of a sentence mean somewhere."""
+    """All possible meanings of the words of a sentence."""
     words = split_words(prompt)
     for begin in range(len(words)):
         for end in range(begin + 1, min(len(words), begin + longest_phrase()) + 1):
@@ -186,7 +186,7 @@ def meanings(prompt: str) -> Iterator[Meaning]:
 
 
 def is_such(asset: PlacedAsset, instance: InstanceView) -> bool:
-    """Whether an instance goes by the object's own name: a sentence that speaks of it means the object."""
+    """Whether an instance shares the object's name: a sentence with that name means the object."""
     thing = thing_name(instance)
     return (thing != "" and in_line(thing, asset.thing)) or set(label_words(instance.label)) <= set(asset.noun.split())
 
@@ -206,7 +206,7 @@ def by_templates(request: SamplesRequest) -> SamplesReply:
 
 
 def draft_of(one: TemplateSample) -> SampleDraft:
-    """A sample of the templates as a reply has it."""
+    """A sample of the templates in the form of a reply."""
     ask, surface = one.ask, one.ask.surface
     tops = {"upright": "up", "upside_down": "down", "on_side": "sideways"}
     reasons = {"absent": "target_not_found", "too large": "too_large_for_target"}
@@ -215,7 +215,7 @@ def draft_of(one: TemplateSample) -> SampleDraft:
             "object": ask.asset.name,
             "prompt": one.prompt,
             "base_id": surface.base.id if surface is not None else "",
-            "any_such": surface is not None and surface.several and not ask.landmark,  # a landmark says which
+            "any_such": surface is not None and surface.several and not ask.landmark,  # a landmark identifies it
             "part": surface.part if surface is not None else "",
             "regions": ask.regions,
             "top": tops.get(ask.pose, ""),

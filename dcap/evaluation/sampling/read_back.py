@@ -1,6 +1,6 @@
-"""What the embedded reader makes of sentences whose truth is known: support, part, region, pose and facing.
+"""Compares the embedded reader's reading of sentences with their truth: support, part, region, pose and facing.
 
-A measure of both. Nothing is left out because the reader misses it: a benchmark that is cut to its reader flatters it.
+It measures both. No sample is left out because the reader misses it: a benchmark cut to its reader would flatter it.
 """
 
 from dcap.evaluation.outcome_table import ExpectedOutcome, same_region
@@ -17,8 +17,8 @@ POSES_OF_TOP = {
 
 
 def misread(request: IntentRequest, truth: ExpectedOutcome, faced: str = "") -> str:
-    """What the reader understands otherwise, in words; empty where it agrees. `faced` is the id of what the sentence
-    says that the object shall look at."""
+    """The reader's deviations in words; empty if it agrees. `faced` is the id of the thing that the object should face
+    according to the sentence."""
     try:
         reply = OfflineClient().ask(INTENT, request)
     except LanguageError as refused:
@@ -35,7 +35,7 @@ def misread(request: IntentRequest, truth: ExpectedOutcome, faced: str = "") -> 
     if truth.region and not same_region(" ".join(reply.regions), truth.region):
         return f"region {' '.join(reply.regions) or 'none'}"
     if not truth.region and (reply.regions or reply.constraints):
-        return f"region {' '.join(reply.regions)} where none is asked for"
+        return f"region {' '.join(reply.regions)} where none is requested"
     if truth.top and reply.pose not in POSES_OF_TOP[truth.top]:
         return f"pose {reply.pose}"
     if reply.facing != faced:

@@ -1,7 +1,7 @@
-"""What may be asked of a scene: an object, a surface, a place on it and a pose, each with its truth.
+"""Possible requests for a scene: an object, a surface, a place on it and a pose, each with its truth.
 
-In: carrying surfaces and objects. Out: every `PlacementAsk` that is plausible, and those that ought to be refused. An
-object plausibly fits where its footprint leaves room; whether it comes to rest is for a solver to say.
+In: carrying surfaces and objects. Out: every plausible `PlacementAsk`, and those that should be refused. An object
+plausibly fits if its footprint leaves room; only a solver decides whether it comes to rest.
 """
 
 import math
@@ -15,27 +15,27 @@ from dcap.language.offline.vessels import faced_by_opening
 from dcap.language.protocol.requests import InstanceView, Vector
 
 FITS, FITS_PART = 0.8, 0.45
-"""Largest share of a surface's side that an object may take on the whole of it, and on a half or at an edge [-]."""
+"""Largest share of a surface's side for an object on the whole surface, and on a half or at an edge [-]."""
 FILLS = 0.5
-"""Largest share of the free area that it may take [-]."""
+"""Largest share of the free area that it may occupy [-]."""
 TALL = 1.3
-"""Height over width from which a standing thing has a side to be laid on [-]."""
+"""Least height over width of a standing thing that has a side to be laid on [-]."""
 SLENDER, SLENDER_SOFT = 8.0, 3.0
-"""Height over width from which it would topple on a rigid surface, and on a soft one [-]."""
+"""Least height over width at which it would topple on a rigid surface, and on a soft one [-]."""
 ROUND = 1.15
-"""A thing that is less longer than thick has neither a top nor a side [-]."""
+"""Least elongation of a thing with a top or a side [-]."""
 TOO_LARGE = 1.5
-"""An object whose shorter side exceeds the longer one of a surface by this factor does not fit [-]."""
+"""Factor between an object's shorter side and a surface's longer one above which it does not fit [-]."""
 FACED_FROM = 1.0 / 3.0
-"""Least distance of what is faced from the middle of a surface, over its longer side: wherever in its middle third an
-object lies, it looks there in about the same direction [-]."""
+"""Least distance of a faced thing from the middle of a surface, over its longer side: from anywhere in the middle third
+of the surface, it is in about the same direction [-]."""
 FACED_WIDTH = 1.0
-"""Largest width of what is faced, over its distance [-]."""
+"""Largest width of a faced thing, over its distance [-]."""
 ON_THE_FLOOR = ("furniture", "ball", "toy", "shoe", "bag", "basket", "box", "dumbbell", "cushion", "bucket", "plant")
-"""Kinds of things that one puts on the floor."""
+"""Kinds of things that stand on the floor."""
 ABSENT = ("bed", "sofa", "armchair", "bench", "stool", "desk", "dining table", "coffee table", "nightstand", "shelf",
           "bathtub", "piano", "dresser", "washing machine", "rug", "treadmill")  # fmt: skip
-"""What is asked for where it is not there."""
+"""Supports for requests of things that the scene lacks."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,15 +43,16 @@ class PlacedAsset:
     """An object as it would be placed."""
 
     name: str
-    """By which the data set calls its file."""
+    """Name of its file in the data set."""
     noun: str
-    """What a sentence calls it."""
+    """Its name in sentences."""
     thing: str
-    """What it is, a thing of the lexicon."""
+    """Its kind, a thing of the lexicon."""
     size: Vector
-    """Extents along x, y, z as it stands in its file, in its placed size [m]."""
+    """Extents along x, y, z in the file's pose, at its placed size [m]."""
     front: tuple[float, float] | None = None
-    """Horizontal unit vector out of its front, in its file; None if neither shape nor category tells it."""
+    """Horizontal unit vector out of its front, in the file's frame; None if neither shape nor category determines
+    it."""
 
     def is_kind(self, *kinds: str) -> bool:
         """Whether it is one of some kinds."""
@@ -59,7 +60,7 @@ class PlacedAsset:
 
     @property
     def rolls(self) -> bool:
-        """Whether it is about as thick as long."""
+        """Whether it rolls: it is about as thick as long."""
         return max(self.size) < ROUND * min(self.size)
 
     @property
@@ -70,31 +71,31 @@ class PlacedAsset:
 
 @dataclass(frozen=True, slots=True)
 class PlacementAsk:
-    """A placement that may be asked for."""
+    """A possible placement request."""
 
     asset: PlacedAsset
     surface: CarryingSurface | None
-    """None: what is asked for is not there."""
+    """None: the requested support does not exist."""
     place: str
-    """whole, center, left, ..., absent or too large: which sentences fit."""
+    """whole, center, left, ..., absent or too large; decides the sentences that fit."""
     regions: tuple[str, ...] = ()
     landmark: str = ""
-    """What it is to be next to."""
+    """Thing that it should be next to."""
     absent: str = ""
-    """What is not there."""
+    """Requested support that the scene lacks."""
     pose: str = ""
     """upright, upside_down, on_side, or empty."""
     faced: InstanceView | None = None
-    """Thing that its front is to look at."""
+    """Thing that its front should face."""
 
     @property
     def base(self) -> str:
-        """Label of what carries, empty where that is not there."""
+        """Label of the support, empty if it does not exist."""
         return self.surface.base.label if self.surface is not None else ""
 
     @property
     def key(self) -> str:
-        """What tells it from every other."""
+        """Unique key of the request."""
         base = self.surface.base.id if self.surface is not None else self.absent
         words = (self.asset.name, base, self.place, *self.regions, self.landmark, self.pose)
         return " ".join(words if self.faced is None else (*words, "facing", self.faced.id))
@@ -103,7 +104,7 @@ class PlacementAsk:
 def feasible_asks(
     surfaces: Sequence[CarryingSurface], assets: Sequence[PlacedAsset], instances: Sequence[InstanceView]
 ) -> Iterator[PlacementAsk]:
-    """Everything that ought to come to rest."""
+    """All requests that should come to rest."""
     for surface in surfaces:
         for asset in assets:
             if not goes_with(asset, surface):
@@ -127,7 +128,7 @@ def faced_from(
         return
     for one in instances:
         distance = math.hypot(*towards(surface.base, one))
-        if abs(one.center[2] - surface.base.high[2]) > distance:  # nobody faces what is overhead
+        if abs(one.center[2] - surface.base.high[2]) > distance:  # nothing faces things overhead
             continue
         width = math.hypot(one.high[0] - one.low[0], one.high[1] - one.low[1])
         if distance < FACED_FROM * surface.sides[0] or width > FACED_WIDTH * distance:
@@ -156,7 +157,7 @@ def asked_front(asset: PlacedAsset, base: InstanceView, faced: InstanceView) -> 
 
 
 def goes_with(asset: PlacedAsset, surface: CarryingSurface) -> bool:
-    """Whether one would put such a thing there, and it has room."""
+    """Whether such a thing belongs there, and has room."""
     if in_line(asset.thing, surface.thing) or any(is_a(thing_name(one), asset.thing) for one in surface.landmarks):
         return False
     if surface.is_kind(*WALKED_ON) and not asset.is_kind(*ON_THE_FLOOR):
@@ -177,7 +178,7 @@ def area(surface: CarryingSurface) -> float:
 
 
 def footprint(asset: PlacedAsset) -> tuple[float, float]:
-    """Longer and shorter side of what it covers in any pose that it may be placed in [m]."""
+    """Longer and shorter side of its footprint over all possible poses [m]."""
     x, y, z = asset.size
     upright = things()[asset.thing].rest == "upright"
     sides = (x, y) if upright else tuple(sorted((x, y, z))[1:])
@@ -185,18 +186,18 @@ def footprint(asset: PlacedAsset) -> tuple[float, float]:
 
 
 def height(asset: PlacedAsset) -> float:
-    """The most that it rises above a surface [m]."""
+    """Its largest height above a surface [m]."""
     return asset.size[2] if things()[asset.thing].rest != "any" else max(asset.size)
 
 
 def fits(asset: PlacedAsset, surface: CarryingSurface, share: float) -> bool:
-    """Whether it takes no more than a share of each side, and is lower than what is above."""
+    """Whether it takes at most a share of each side, and fits under the things above."""
     long, short = footprint(asset)
     return long <= share * surface.sides[0] and short <= share * surface.sides[1] and height(asset) < surface.headroom
 
 
 def places_on(surface: CarryingSurface, asset: PlacedAsset) -> Iterator[PlacementAsk]:
-    """The whole surface, its middle, halves, edges, corners and what is next to something on it."""
+    """The whole surface, its middle, halves, edges, corners, and places next to things on it."""
     if not surface.is_kind("floor") or not surface.landmarks:
         yield PlacementAsk(asset, surface, "whole")
     small = 2 * footprint(asset)[0] <= 2 * FITS_PART * surface.sides[1]
@@ -222,7 +223,7 @@ def places_on(surface: CarryingSurface, asset: PlacedAsset) -> Iterator[Placemen
 
 
 def poses_of(asset: PlacedAsset, surface: CarryingSurface) -> Iterator[str]:
-    """Poses that a sentence may ask for and that hold."""
+    """Poses that a sentence may request and that are stable."""
     if asset.rolls and not asset.is_kind(*faced_by_opening()):
         return
     if asset.stands and not surface.soft:
@@ -239,13 +240,13 @@ def fits_lying(asset: PlacedAsset, surface: CarryingSurface) -> bool:
     return max(asset.size) <= FITS * surface.sides[1]
 
 
-# what ought to be refused ------------------------------------------------------------------------------------------
+# requests that should be refused -----------------------------------------------------------------------------------
 
 
 def refused_asks(
     surfaces: Sequence[CarryingSurface], assets: Sequence[PlacedAsset], instances: Sequence[InstanceView]
 ) -> Iterator[PlacementAsk]:
-    """What is not there, and what has no room."""
+    """Requests for missing supports, and for objects without room."""
     missing = absent_things(instances)
     for asset in assets:
         for name in missing:
@@ -257,12 +258,12 @@ def refused_asks(
 
 
 def is_too_large(asset: PlacedAsset, surface: CarryingSurface) -> bool:
-    """Whether it clearly has no room, however it is turned about the vertical."""
+    """Whether it clearly has no room at any angle about the vertical."""
     return min(asset.size) >= TOO_LARGE * surface.sides[0]
 
 
 def absent_things(instances: Sequence[InstanceView]) -> list[str]:
-    """Things of ABSENT that nothing in the scene could be called; none where some of it is not known for sure."""
+    """Things of ABSENT that match nothing in the scene; none if a label in the scene is uncertain."""
     if not all(is_sure(one) for one in instances if not one.structure):
         return []
     return [name for name in ABSENT if not any(may_be_called(one, name) for one in instances)]

@@ -12,11 +12,11 @@ from dcap.scene.errors import InputError
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 ROUNDING = 1e-6
-"""By which a sum of shares may miss 1 [-]."""
+"""Tolerance of the sum of shares [-]."""
 
 
 def shares_of(text: str) -> dict[str, float]:
-    """Shares by name, of `train=0.8,val=0.1,test=0.1`; InputError for what is none, or does not add up to 1."""
+    """Shares by name from `train=0.8,val=0.1,test=0.1`; InputError for invalid shares, or a sum other than 1."""
     shares: dict[str, float] = {}
     for word in text.split(","):
         name, _, value = (part.strip() for part in word.partition("="))
@@ -35,7 +35,7 @@ def shares_of(text: str) -> dict[str, float]:
 
 
 def split_scenes(scenes: Sequence[str], shares: Mapping[str, float], seed: int) -> dict[str, tuple[str, ...]]:
-    """The scenes of each split, sorted; sizes by largest remainders. InputError where one would have none."""
+    """The scenes of each split, sorted; sizes by largest remainders. InputError if a split would be empty."""
     order = sorted(scenes, key=lambda one: (chance(seed, "split", one), one))
     exact = {name: share * len(order) for name, share in shares.items()}
     sizes = {name: int(size + ROUNDING) for name, size in exact.items()}

@@ -1,4 +1,5 @@
-"""A few samples of a data set that differ as much as they can: in scene, object, support and intended outcome."""
+"""Chooses a few samples of a data set that differ as much as possible in scene, object, support and intended
+outcome."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -10,11 +11,11 @@ from dcap.scene.types.sample import Sample
 def spread_samples(
     samples: Sequence[Sample], truths: Sequence[ExpectedOutcome | None], limit: int | None
 ) -> list[Sample]:
-    """At most `limit` samples, in their order; all where it is None.
+    """At most `limit` samples, in their order; all if it is None.
 
-    Those that ought to be impossible keep their share, at least one if there is any and the limit allows two. Within
-    either group, each next sample is one whose scene, object and support were chosen least often; of several such the
-    one that lies farthest in the list from all that are chosen.
+    Infeasible samples keep their share, at least one if there is any and the limit allows two. Within either group,
+    each next sample is one whose scene, object and support were chosen least often, and among several the one farthest
+    in the list from all chosen ones.
     """
     if limit is None or limit >= len(samples):
         return list(samples)
@@ -38,5 +39,5 @@ def spread_samples(
 
 
 def traits_of(sample: Sample, truth: ExpectedOutcome | None) -> tuple[tuple[str, str], ...]:
-    """What tells a sample from others."""
+    """Traits that distinguish samples."""
     return ("scene", sample.scene), ("object", sample.object), ("support", truth.base if truth else "")

@@ -1,7 +1,7 @@
-"""What of a scene can carry something: by its label and parts, with its room, and how a sentence can name it.
+"""Surfaces of a scene that can carry things: by label and parts, with their free room and their names in sentences.
 
-In: the instances as clients see them. Out: `CarryingSurface` rows. Only what the source names, or what is named as
-surely, counts: a truth must not rest on a guess. The embedded reader has no say: what it would misread is kept.
+In: the instances as clients see them. Out: `CarryingSurface` rows. Only labels from the source, or equally certain
+ones, count: a truth must not rest on a guess. The embedded reader has no influence: things it would misread are kept.
 """
 
 from collections.abc import Sequence
@@ -26,37 +26,37 @@ SURE = 0.9
 """Least confidence of a label on which a truth may rest [-]."""
 CARRIERS = ("bed", "sofa", "armchair", "chair", "bench", "stool", "table", "desk", "nightstand", "shelf", "cabinet",
             "rug", "floor")  # fmt: skip
-"""Kinds of things on which one is asked to put something; shades, rims and sills carry badly."""
+"""Kinds of things that requests name as supports; shades, rims and sills carry badly."""
 FLAT_TOPS = ("table", "desk", "nightstand", "cabinet")
-"""Those on whose edges and corners things stay."""
+"""Kinds on whose edges and corners things stay."""
 WALKED_ON = ("floor", "rug")
 HIGHEST = 1.5
-"""A surface above this is out of reach [m]."""
+"""Height above which a surface is out of reach [m]."""
 LEAST_SIDE = 0.15
-"""A narrower surface carries nothing that one would ask for [m]."""
+"""Least width of a surface for placing things [m]."""
 CELLS = 24
-"""Cells along each side of a surface in which what stands on it is counted [-]."""
+"""Cells along each side of a surface in which standing things are counted [-]."""
 CLEAR = 0.02
-"""What begins less than this above a surface stands on it [m]."""
+"""Largest gap between a surface and a thing that stands on it [m]."""
 OVERHEAD = 2.2
-"""Free height where nothing is above [m]."""
+"""Free height with nothing above [m]."""
 LONGEST_NAME = 2
-"""Words of a label that are said as they are [-]."""
+"""Most words of a label that is used as a name [-]."""
 LYING = ("book", "pillow", "cushion", "blanket", "clothes")
-"""What lies on furniture and is no landmark there."""
+"""Things that lie on furniture but are no landmarks there."""
 
 
 @dataclass(frozen=True, slots=True)
 class CarryingSurface:
-    """A surface that may be asked for."""
+    """A surface for requests."""
 
     base: InstanceView
     thing: str
-    """What it is, a thing of the lexicon."""
+    """Its kind, a thing of the lexicon."""
     names: tuple[str, ...]
     """Nouns that mean it and nothing else."""
     several: bool
-    """Whether other instances have the same label: a sentence means any of them."""
+    """Whether other instances have the same label: then a sentence means any of them."""
     part: str
     """Name of the part that carries; empty where more than one may."""
     sides: tuple[float, float]
@@ -64,13 +64,13 @@ class CarryingSurface:
     headroom: float
     """Free height above most of it [m]."""
     free: float
-    """Share that nothing stands on [-]."""
+    """Free share of the surface [-]."""
     center_free: bool
-    """Whether nothing stands on its middle."""
+    """Whether its middle is free."""
     soft: bool
-    """Whether it gives way under what is put on it."""
+    """Whether it is deformable."""
     landmarks: tuple[InstanceView, ...]
-    """What stands on it and can be named, or on a floor beside it."""
+    """Nameable things that stand on it, or on a floor next to it."""
 
     def is_kind(self, *kinds: str) -> bool:
         """Whether it is one of some kinds."""
@@ -78,26 +78,26 @@ class CarryingSurface:
 
 
 def carrying_surfaces(instances: Sequence[InstanceView]) -> tuple[CarryingSurface, ...]:
-    """One row for each label that can be asked for, in the order of ids."""
+    """One row for each label that requests can name, in the order of ids."""
     found: dict[str, CarryingSurface] = {}
     for one in sorted(instances, key=lambda one: one.id):
         surface = surface_of(one, instances)
         if surface is not None:
             key = " ".join(label_words(one.label))
             known = found.get(key)
-            # of several alike the one with the least room decides what fits
+            # of several similar ones the one with the least room decides what fits
             if known is None or surface.free * np.prod(surface.sides) < known.free * np.prod(known.sides):
                 found[key] = surface
     return tuple(sorted(found.values(), key=lambda one: one.base.id))
 
 
 def is_sure(instance: InstanceView) -> bool:
-    """Whether nobody doubts what it is."""
+    """Whether its label is certain."""
     return not instance.guesses and instance.confidence >= SURE
 
 
 def thing_name(instance: InstanceView) -> str:
-    """The thing that its label means; empty where the lexicon does not know it."""
+    """The thing that its label means; empty if the lexicon does not know it."""
     thing = thing_of(instance.label)
     return thing.id if thing is not None else ""
 
@@ -132,8 +132,8 @@ def surface_of(base: InstanceView, instances: Sequence[InstanceView]) -> Carryin
 
 
 def naming(base: InstanceView, instances: Sequence[InstanceView]) -> tuple[bool, tuple[str, ...]]:
-    """Whether there are several of its label, and the nouns that mean these alone; none where others are of its kind
-    by another name."""
+    """Whether there are several of its label, and the nouns that mean only these; none if others are of its kind with
+    another name."""
     thing, words = thing_name(base), label_words(base.label)
     alike = [one for one in instances if one.id != base.id and is_a(thing_name(one), thing)]
     if any(label_words(one.label) != words or not is_sure(one) for one in alike):
@@ -145,7 +145,7 @@ def naming(base: InstanceView, instances: Sequence[InstanceView]) -> tuple[bool,
 
 
 def carrying_part(base: InstanceView, thing: str) -> tuple[PartView | None, bool]:
-    """The part that carries things on such a thing, and whether no other does; None where it has none of these."""
+    """The part that carries things on such a thing, and whether it is the only one; None if it has none."""
     for kind in lineage(thing):
         wanted = default_parts().get(kind, ())
         carrying = [name for name in wanted if any(p.name == name and p.support_area > 0 for p in base.parts)]
@@ -157,7 +157,7 @@ def carrying_part(base: InstanceView, thing: str) -> tuple[PartView | None, bool
 
 
 def plan_sides(part: PartView | None, base: InstanceView) -> tuple[float, float]:
-    """Horizontal sides of a part along x and y, or along its own where it stands askew [m]."""
+    """Horizontal sides of a part along x and y, or along its own axes if it is rotated [m]."""
     if part is None:
         return base.size[0], base.size[1]
     across = base.high[0] - base.low[0], base.high[1] - base.low[1]
@@ -173,7 +173,7 @@ def level_of(part: PartView | None, base: InstanceView) -> float:
 def room_on(
     part: PartView | None, base: InstanceView, top: float, instances: Sequence[InstanceView]
 ) -> tuple[float, float, bool]:
-    """Free share of the surface [-], free height above what is free [m], and whether its middle is free."""
+    """Free share of the surface [-], free height above the free part [m], and whether its middle is free."""
     center = base.center if part is None else part.center
     sides = plan_sides(part, base)
     x, y = (center[k] + sides[k] * ((np.arange(CELLS) + 0.5) / CELLS - 0.5) for k in (0, 1))
@@ -196,7 +196,7 @@ def room_on(
 
 
 def landmarks_of(base: InstanceView, thing: str, instances: Sequence[InstanceView]) -> tuple[InstanceView, ...]:
-    """What stands on a base (on a floor: furniture) and is the only thing of its kind."""
+    """Things that stand on a base (on a floor: furniture) and are the only ones of their kind."""
     on_floor = is_a(thing, "floor")
     found = []
     for one in instances:

@@ -1,7 +1,7 @@
 """The samples of a scene by templates: drawn without repetition, supports in turn, objects and places evenly.
 
-In: a scene's instances and objects. Out: sentences with the asks behind them. Every draw is a digest of the seed, the
-scene's name and what is drawn, so that no scene depends on another, and none on an order.
+In: a scene's instances and objects. Out: sentences with their requests. Every draw is a digest of the seed, the scene's
+name and the drawn item, so that no scene depends on another or on an order.
 """
 
 from collections import Counter
@@ -16,12 +16,12 @@ from dcap.language.protocol.requests import InstanceView
 from dcap.scene.errors import InputError
 
 TOO_LARGE_SHARE = 0.5
-"""Of what ought to be refused, those that have no room; the others ask for what is not there [-]."""
+"""Share of infeasible samples without room; the others request a missing support [-]."""
 
 
 @dataclass(frozen=True, slots=True)
 class TemplateSample:
-    """A sentence and what it was made from."""
+    """A sentence with its request."""
 
     ask: PlacementAsk
     prompt: str
@@ -30,12 +30,12 @@ class TemplateSample:
 def template_samples(
     scene: str, instances: Sequence[InstanceView], assets: Sequence[PlacedAsset], count: int, infeasible: int, seed: int
 ) -> list[TemplateSample]:
-    """So many samples of a scene, of which at most so many ought to be refused; InputError where it has too few."""
+    """`count` samples of a scene, at most `infeasible` of which should be refused; InputError if it has too few."""
     surfaces = carrying_surfaces(instances)
     draw = AskDraw(scene, seed)
     refused = list(refused_asks(surfaces, assets, instances))
     kinds = [[ask for ask in refused if (ask.surface is None) == absent] for absent in (True, False)]
-    for number in range(min(infeasible, count)):  # half of each, and of what there is where the other is not
+    for number in range(min(infeasible, count)):  # half of each kind, or more of one if the other runs out
         first = int(chance(seed, scene, number, "kind") < TOO_LARGE_SHARE)
         before = len(draw.made)
         draw.take(kinds[first], 1)
@@ -48,7 +48,7 @@ def template_samples(
 
 
 class AskDraw:
-    """Draws asks of one scene; what was drawn before is drawn less."""
+    """Draws requests of one scene, preferring those that were drawn least."""
 
     def __init__(self, scene: str, seed: int) -> None:
         self.scene, self.seed = scene, seed
@@ -58,22 +58,22 @@ class AskDraw:
         self.keys: set[str] = set()
 
     def take(self, asks: Iterable[PlacementAsk], count: int) -> None:
-        """Draw so many, or as many as there are."""
+        """Draw `count` requests, or as many as there are."""
         left = {ask.key: ask for ask in asks if ask.key not in self.keys}
         order = sorted(left, key=lambda key: chance(self.seed, self.scene, key))
         for _ in range(count):
             while order:
-                key = min(order, key=lambda one: self.times_used(left[one]))  # of equals the first in the drawn order
+                key = min(order, key=lambda one: self.times_used(left[one]))  # ties are broken by the drawn order
                 order.remove(key)
                 if self.add(left[key]):
                     break
 
     def times_used(self, ask: PlacementAsk) -> tuple[int, int, int]:
-        """How often what it speaks of was drawn: the support first, then the object, then the place with the pose."""
+        """Number of draws of its support, its object, and its place with the pose."""
         return tuple(self.used[one] for one in spoken_of(ask))  # type: ignore[return-value]
 
     def add(self, ask: PlacementAsk) -> bool:
-        """Keep an ask with its sentence, unless that has been said."""
+        """Keep a request with its sentence, unless the sentence exists."""
         prompt = sentence(ask, self.seed, self.scene)
         if (ask.asset.name, prompt) in self.said:
             return False

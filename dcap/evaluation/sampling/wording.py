@@ -1,6 +1,6 @@
-"""English sentences for placements, from templates: plain, one clause, and with the nouns that the scene gives.
+"""English sentences for placements, from templates: plain, one clause, with nouns from the scene.
 
-In: a `PlacementAsk`. Out: a sentence. Which of several wordings is taken is drawn by the words that are handed in.
+In: a `PlacementAsk`. Out: a sentence. The given words seed the draw among several wordings.
 """
 
 from dcap.evaluation.sampling.chance import chance, picked
@@ -30,17 +30,17 @@ PLACES = {
 }  # fmt: skip
 FACING = (" facing the {faced}", ", facing the {faced}")
 LOW = ("on the {base}", "onto the {base}")
-"""Of what one does not put things on top of: a floor, a rug, a seat."""
+"""Kinds for which "on top of" is wrong: a floor, a rug, a seat."""
 ONTO, MOVING = "onto", ("put", "place")
-"""A thing is put onto something, but not left or stood onto it."""
+"""Verbs that take "onto": a thing is put onto something, but not left or stood onto it."""
 INDEFINITE = 0.15
 """Share of sentences that say "a ball" instead of "the ball" [-]."""
 PLURAL = ("s", "ss")
-"""Ends of nouns that may be several, and of those that are not."""
+"""Endings of plural nouns, and of singular ones that look like plurals."""
 
 
 def sentence(ask: PlacementAsk, *words: object) -> str:
-    """The request as a person would write it; `words` draw the wording."""
+    """The request as a person would write it; `words` seed the draw of the wording."""
     place = picked(wordings(ask), *words, ask.key, "place")
     verbs: tuple[str, ...] = VERBS_OF_POSE.get(ask.pose, VERBS)
     if place.startswith(ONTO):
@@ -61,7 +61,7 @@ def sentence(ask: PlacementAsk, *words: object) -> str:
 
 
 def wordings(ask: PlacementAsk) -> tuple[str, ...]:
-    """Ways to say the place."""
+    """Wordings of the place."""
     low = ask.surface is not None and ask.surface.is_kind("floor", "rug", "chair", "armchair", "sofa", "bench")
     return LOW if ask.place == "whole" and low else PLACES[ask.place]
 

@@ -1,1 +1,1 @@
-"""What follows from scores and comparisons: means, ratings, win rates, agreement, and how sure each number is."""
+"""Statistics of scores and comparisons: means, ratings, win rates, agreement, and the uncertainty of each number."""

@@ -1,12 +1,12 @@
-"""How far raters agree on nominal choices: the share of pairs of raters, and Krippendorff's alpha.
+"""Agreement of raters on nominal choices: the share of pairs of raters, and Krippendorff's alpha.
 
-In: what each rater chose for each item. None where nobody rated the same thing; alpha also where chance alone explains
-everything (a single category was ever used: 0 / 0). Kappas ask for the same raters, or as many, for every item: raters
-of a study see some items together and others alone, and alpha takes them as they come.
+In: each rater's choice for each item. None if no item has two raters; alpha also if chance alone explains everything (a
+single category was ever used: 0 / 0). Kappas need the same raters, or as many, for every item. Raters of a study see
+some items together and others alone, which alpha allows.
 
-Which method of a pair is the first is a matter of names. Were chance taken over FIRST and SECOND as they come, raters
-who agree on nearly everything would seem to agree by chance where the better method is mostly the first. So each item
-counts in both orientations: which of the two a value is says nothing without its item.
+Names decide which method of a pair is FIRST. If chance agreement were computed from FIRST and SECOND directly, raters
+who agree on nearly everything would seem to agree by chance when the better method is mostly FIRST. So each item counts
+in both orientations: the two values have no meaning without their item.
 
 Source: [K11] Krippendorff, Computing Krippendorff's Alpha-Reliability, 2011, section C (nominal data, any number of
 raters, missing data).
@@ -25,15 +25,15 @@ Ratings = Sequence[Mapping[str, str]]
 FIRST, SECOND, TIE = "first", "second", "tie"
 """Categories of comparisons."""
 SIDES = (FIRST, SECOND)
-"""Which of them change places if the two methods of a pair do."""
+"""Categories that swap if the two methods of a pair swap."""
 
 
 def ratings_of(comparisons: Iterable[Comparison]) -> list[Mapping[str, str]]:
-    """Items are pairs of methods on a sample and axis, whichever side they were on; categories are FIRST and SECOND of
-    the pair in alphabetical order, and TIE. Names of methods would be no categories: each item allows two of them only,
-    and raters who toss coins would seem to agree more than by chance.
+    """Items are pairs of methods on a sample and axis, on either side; categories are FIRST and SECOND of the pair in
+    alphabetical order, and TIE. Names of methods cannot be categories: each item allows only two of them, and raters
+    who toss coins would seem to agree more than by chance.
 
-    What one judge said of the same pair more than once counts where it always said the same, else as a tie."""
+    Repeated choices of one judge for the same pair count if they are all equal, else as a tie."""
     said: dict[tuple[str, str, tuple[str, str]], dict[str, set[str]]] = defaultdict(lambda: defaultdict(set))
     for one in comparisons:
         place = {"": TIE, one.pair[0]: FIRST, one.pair[1]: SECOND}[one.winning_method]
@@ -68,9 +68,9 @@ def krippendorff_alpha(ratings: Ratings, exchangeable: Collection[str] = ()) -> 
     """1 - D_o / D_e for nominal categories; lone raters are left out, missing ones allowed [K11, section C].
 
     Of `exchangeable` categories each item counts in all orientations. That leaves D_o as it is, and in D_e two values
-    of such categories, d of all n, are alike in one of so many cases: with two of them and t other values of one kind
-    1 - D_e = (d (d - 1) / 2 + t (t - 1)) / (n (n - 1)). As in the plain formula no value is set beside itself, nor
-    beside itself turned round: items written down twice would give 2 n - 1 for 2 (n - 1), as if orientations were
+    of such categories, d of all n, are alike in one of so many cases: with two of them and t other values of one kind 1
+    - D_e = (d (d - 1) / 2 + t (t - 1)) / (n (n - 1)). As in the plain formula no value is paired with itself, nor with
+    itself in the other orientation: items written down twice would give 2 n - 1 for 2 (n - 1), as if orientations were
     further raters, and 1 / (2 n) instead of 0 to those who toss coins.
     """
     shared = [item for item in ratings if len(item) > 1]

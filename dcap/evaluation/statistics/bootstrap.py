@@ -19,10 +19,10 @@ from dcap.scene.errors import InputError
 
 RESAMPLES = 10_000
 SEED = 20_240_917
-"""Any fixed number: the same input gives the same interval."""
+"""An arbitrary fixed seed: the same input gives the same interval."""
 LEVEL = 0.95
 CHUNK = 2_000_000
-"""Most weights that are drawn at once: 16 MB."""
+"""Most weights drawn at once: 16 MB."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,17 +40,17 @@ class ConfidenceInterval:
 
 @dataclass(frozen=True, slots=True)
 class PairedDifference:
-    """How much one method is above another over the samples that both have."""
+    """Difference of one method over another on the samples that both have."""
 
     difference: float
-    """Of the means, or of what was made of them."""
+    """Difference of the means, or of their composites."""
     interval: ConfidenceInterval
     p: float
     """Two-sided."""
     samples: int
-    """On which both have a value."""
+    """Number of samples on which both have a value."""
     left_out: int
-    """On which one of them has none."""
+    """Number of samples on which one of them has none."""
 
 
 def draws(count: int, resamples: int = RESAMPLES, seed: int = SEED) -> Iterator[NDArray[np.float64]]:
@@ -80,8 +80,8 @@ def two_sided_p(resampled: NDArray[np.float64], samples: int) -> float:
     """p of "the difference is 0" from its values over resamples of so many samples, shape (b,): at most 1, at least
     2 / (b + 1) and 2^(1 - samples).
 
-    The latter is that of the exact test by flipping signs where all samples agree: however often two samples are drawn
-    again, they are two. So p < 0.01 takes eight samples.
+    The latter is the p of the exact sign-flip test if all samples agree: resampling two samples does not make them more
+    than two. So p < 0.01 takes eight samples.
     """
     below, above = int((resampled <= 0.0).sum()), int((resampled >= 0.0).sum())
     return min(1.0, max(2.0 * (min(below, above) + 1) / (len(resampled) + 1), 2.0 ** (1 - samples)))

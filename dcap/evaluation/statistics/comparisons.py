@@ -1,6 +1,6 @@
 """One comparison of two methods on one sample, by a model, by the metric rubric or by a person, and its table.
 
-In: comparisons as they are made. Out: counts by sample that ratings and win rates start from, and a Parquet file.
+In: comparisons. Out: counts by sample, from which ratings and win rates are computed, and a Parquet file.
 A sample is a scene with a prompt: all its comparisons show the same room, so they are one cluster for every interval.
 """
 
@@ -19,7 +19,7 @@ from dcap.scene.whole_files import whole_file
 
 
 class JudgedAxis(StrEnum):
-    """What is compared."""
+    """Axes of a comparison."""
 
     RIGHT_PLACE = "right_place"
     PHYSICS_NATURALNESS = "physics_naturalness"
@@ -27,11 +27,11 @@ class JudgedAxis(StrEnum):
 
 
 AXES = (JudgedAxis.RIGHT_PLACE, JudgedAxis.PHYSICS_NATURALNESS)
-"""The two axes of which the paper's overall is a composite."""
+"""The two axes that make up the paper's overall."""
 
 
 class Winner(StrEnum):
-    """Who wins a comparison."""
+    """Winner of a comparison."""
 
     LEFT = "left"
     RIGHT = "right"
@@ -54,7 +54,7 @@ class Comparison:
     right_method: str
     winner: Winner
     judge: str
-    """Who judged: a model, `metric rubric`, or the token of a person."""
+    """The judge: a model, `metric rubric`, or the token of a person."""
 
     def __post_init__(self) -> None:
         if self.left_method == self.right_method:
@@ -84,7 +84,7 @@ def write_comparisons(path: Path, comparisons: Iterable[Comparison]) -> None:
 
 
 def read_comparisons(path: Path) -> list[Comparison]:
-    """The table from Parquet; FormatError, with the row, if it is none."""
+    """The table from Parquet; FormatError, with the row, if it is invalid."""
     try:
         table = pq.read_table(path)
     except (OSError, pa.ArrowInvalid) as error:
@@ -96,7 +96,7 @@ def read_comparisons(path: Path) -> list[Comparison]:
 
 
 def comparison_of(row: dict[str, str | None], where: str) -> Comparison:
-    """One row; FormatError if a value is not one that the column knows."""
+    """One row; FormatError if a value is not allowed in its column."""
     for name, known in (("axis", JudgedAxis), ("winner", Winner)):
         if row[name] not in list(known):
             raise FormatError(f"{where}: {name} {row[name]!r} is not one of {', '.join(known)}")
@@ -120,13 +120,13 @@ def methods_of(comparisons: Iterable[Comparison]) -> tuple[str, ...]:
 
 
 def on_axis(comparisons: Iterable[Comparison], axis: JudgedAxis) -> list[Comparison]:
-    """Those of one axis."""
+    """Comparisons of one axis."""
     return [one for one in comparisons if one.axis is axis]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PairCounts:
-    """Wins and ties by sample: all that ratings and win rates need."""
+    """Wins and ties by sample, from which ratings and win rates are computed."""
 
     methods: tuple[str, ...]
     samples: tuple[str, ...]
@@ -147,7 +147,7 @@ class PairCounts:
         return np.asarray(self.shared_wins.sum(axis=2) + self.shared_wins.sum(axis=1))
 
     def samples_of_both(self, first: int, second: int) -> int:
-        """On how many samples two methods, by their columns, were both compared."""
+        """Number of samples on which two methods, by their columns, were both compared."""
         met = self.met > 0
         return int((met[:, first] & met[:, second]).sum())
 

@@ -32,19 +32,19 @@ class ScoreRow:
 
     method: str
     right_place: ScoreSummary | None
-    """None where no sample has a score."""
+    """None if no sample has a score."""
     physics_naturalness: ScoreSummary | None
-    """Likewise."""
+    """None if no sample has a score."""
     composite: float | None
-    """Geometric mean of the two means; None where one is not known."""
+    """Geometric mean of the two means; None if one is unknown."""
     samples: int
-    """With a score on an axis at least."""
+    """Number of samples with a score on at least one axis."""
     elo: MethodRating | None
-    """None where there are no comparisons of it."""
+    """None without comparisons."""
     marks: Mapping[str, str]
     """Dagger or empty for `right_place`, `physics_naturalness`, `composite` and `elo`."""
     p: Mapping[str, float]
-    """Two-sided, of the same tests; none where there is nothing to test against."""
+    """Two-sided p of the same tests; none without a rival."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,13 +53,13 @@ class PreferenceRow:
 
     method: str
     rates: Mapping[JudgedAxis, WinRate]
-    """Of the axes on which it was compared."""
+    """Win rates on the axes on which it was compared."""
     rating: MethodRating | None
     """Bradley-Terry over the overall comparisons; None without any."""
     marks: Mapping[JudgedAxis, str]
     """Dagger or empty."""
     p: Mapping[JudgedAxis, float]
-    """Two-sided, of the same tests; none where there is nothing to test against."""
+    """Two-sided p of the same tests; none without a rival."""
 
 
 def score_rows(
@@ -113,7 +113,7 @@ def score_rows(
 
 
 def rivals(method: str, baselines: Sequence[str], ours: str) -> Sequence[str]:
-    """What a method must beat for a mark: the baselines, and a baseline `ours`, too."""
+    """Methods to beat for a mark: the baselines, and for a baseline also `ours`."""
     return [*baselines, ours] if method in baselines and ours not in ("", *baselines) else baselines
 
 

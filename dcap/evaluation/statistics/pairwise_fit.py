@@ -32,12 +32,13 @@ class StrengthFit:
     theta: Batch
     """Log-odds, mean 0 in every table, shape (b, m)."""
     separable: NDArray[np.bool_]
-    """Where the likelihood has no finite maximum, and the ridge decided; shape (b,)."""
+    """Whether the likelihood has no finite maximum, so that the ridge decided; shape (b,)."""
     precision: Batch
     """Hessian of the negative log-likelihood, with the ridge where it was used, shape (b, m, m)."""
 
     def standard_errors(self) -> Batch:
-        """Of theta with mean 0, from the inverse Hessian, shape (b, m); each comparison counts as independent."""
+        """Standard errors of theta with mean 0, from the inverse Hessian, shape (b, m); each comparison counts as
+        independent."""
         return np.asarray(np.sqrt(np.diagonal(inverse_on_differences(self.precision), axis1=1, axis2=2)))
 
 

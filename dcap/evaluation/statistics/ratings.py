@@ -6,8 +6,8 @@ problem is convex, so here Newton's method solves it to convergence (pairwise_fi
 tie for each and has the mean rating fixed. Both are on the scale on which 400 points are odds of 10 to 1.
 
 Intervals resample whole samples (cluster bootstrap), since comparisons on one sample are not independent. A resample
-in which a method was not drawn tells nothing of it, and does not count for it: the ridge would put it at the mean.
-Standard errors from the Hessian, beside, take every comparison as independent.
+in which a method was not drawn has no information on it, and does not count for it: the ridge would put it at the mean.
+The standard errors from the Hessian treat every comparison as independent.
 
 Source: [W24] Wu et al., GPT-4V(ision) is a Human-Aligned Evaluator for Text-to-3D Generation, CVPR 2024.
 """
@@ -73,8 +73,8 @@ def bradley_terry(
 def rating_difference_p(
     counts: PairCounts, ours: str, theirs: str, resamples: int = RESAMPLES, seed: int = SEED
 ) -> float:
-    """Two-sided p that two methods have the same Bradley-Terry rating, by bootstrap over samples; few on which
-    both were compared show little, however many others there are."""
+    """Two-sided p that two methods have the same Bradley-Terry rating, by bootstrap over samples; only samples on which
+    both were compared limit it, however many others there are."""
     _, resampled = fits(counts, counts.shared_wins, resamples, seed)
     first, second = counts.methods.index(ours), counts.methods.index(theirs)
     gaps = resampled[:, first] - resampled[:, second]

@@ -21,7 +21,7 @@ from dcap.evaluation.statistics.bootstrap import (
 from dcap.scene.errors import InputError
 
 SIGNIFICANT = 0.01
-"""p below which a method is marked."""
+"""Largest p, excluded, at which a method is marked."""
 DAGGER = "†"
 
 
@@ -40,7 +40,7 @@ class ScoreSummary:
 
 
 def summary_of(scores: NDArray[np.float64], resamples: int = RESAMPLES, seed: int = SEED) -> ScoreSummary:
-    """Mean and spread of scores, shape (n,), nan where there is none; InputError if there are none at all."""
+    """Mean and spread of scores, shape (n,), nan where missing; InputError without any."""
     known = scores[~np.isnan(scores)]
     if len(known) == 0:
         raise InputError("there are no scores: a method without any cannot be summarised")
@@ -79,8 +79,8 @@ def against_best_baseline(
     """The paired test of a method against the baseline with the highest mean (or composite); None without a baseline,
     and where no sample has all scores of both.
 
-    `scores` by method: shape (n,) for one axis, (n, 2) for the composite; all in the same order of samples. Which
-    baseline is best is judged on all samples that it has; of equals the first.
+    `scores` by method: shape (n,) for one axis, (n, 2) for the composite; all in the same order of samples. The
+    best baseline is chosen on all samples that it has; of equals the first.
     """
     known = {name: ~np.isnan(own.reshape(len(own), -1)) for name, own in scores.items()}
     there = [name for name in baselines if name in scores and name != method and known[name].any(axis=0).all()]

@@ -1,4 +1,4 @@
-"""What comparisons say about their judge: how often it ties, prefers a side, and contradicts itself.
+"""Habits of a judge in its comparisons: how often it ties, prefers a side, and contradicts itself.
 
 Source: [C34] Clopper and Pearson, Biometrika 26, 1934, 404-413 (the exact interval of a share).
 """
@@ -18,7 +18,7 @@ class SideReport:
     comparisons: int
     ties: int
     left: int
-    """How often the left one was preferred."""
+    """Number of comparisons won by the left one."""
     p: float | None
     """Two-sided exact binomial test of "left and right are preferred alike"; None if all are ties."""
     interval: ConfidenceInterval | None
@@ -30,7 +30,7 @@ class SideReport:
 
     @property
     def tie_rate(self) -> float:
-        """Share of ties, 0..1; 0 of none."""
+        """Share of ties, 0..1; 0 without comparisons."""
         return self.ties / self.comparisons if self.comparisons else 0.0
 
     @property
@@ -41,8 +41,8 @@ class SideReport:
 
 
 def side_report(comparisons: Iterable[Comparison]) -> SideReport:
-    """Ties, preference of a side and consistency of all comparisons that are given, whatever their axis."""
-    from scipy.stats import binomtest  # takes a second to import, and most commands count no sides
+    """Ties, preference of a side and consistency over all given comparisons, on any axis."""
+    from scipy.stats import binomtest  # takes a second to import, and most commands do not need it
 
     there = list(comparisons)
     ties = sum(one.winner is Winner.TIE for one in there)
@@ -62,7 +62,7 @@ def side_report(comparisons: Iterable[Comparison]) -> SideReport:
 
 
 def orders(comparisons: Iterable[Comparison]) -> tuple[int, int]:
-    """Pairs judged in both orders, and those of them whose outcome was always the same."""
+    """Pairs judged in both orders, and those among them with a consistent outcome."""
     lefts, winners = defaultdict(set), defaultdict(set)
     for one in comparisons:
         key = (one.sample, one.axis, one.pair, one.judge)

@@ -1,8 +1,8 @@
 """Win rates of methods over all their comparisons, with intervals, and whether one is significantly higher.
 
-A tie counts half. The main interval resamples whole samples (cluster bootstrap), which has no width where all samples
-say the same, such as where a method won everything: there it is Wilson's score interval [W27] with samples as trials.
-Wilson's interval with each comparison as an independent trial stands beside.
+A tie counts half. The main interval resamples whole samples (cluster bootstrap), which has no width if all samples
+agree, such as when a method won everything: then it is Wilson's score interval [W27] with samples as trials. Wilson's
+interval with each comparison as an independent trial is given as well.
 
 Source: [W27] Wilson, Journal of the American Statistical Association 22, 1927, 209-212.
 """
@@ -29,7 +29,7 @@ from dcap.evaluation.statistics.score_summary import Significance
 from dcap.scene.errors import InputError
 
 SAME = 1e-9
-"""Rates of resamples that differ by less are equal but for rounding [-]."""
+"""Difference below which rates of resamples are equal up to rounding [-]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +40,7 @@ class WinRate:
     rate: float
     """0..1, ties count half."""
     interval: ConfidenceInterval
-    """95 %, cluster bootstrap over samples; Wilson's with samples as trials where all of them say the same."""
+    """95 %, cluster bootstrap over samples; Wilson's with samples as trials if all of them agree."""
     wilson: ConfidenceInterval
     """95 %, every comparison an independent trial."""
     comparisons: int
@@ -58,7 +58,7 @@ def win_rates(counts: PairCounts, resamples: int = RESAMPLES, seed: int = SEED) 
         wins = float(won[:, k].sum())
         clusters = int((met[:, k] > 0).sum())
         spread = interval_of(resampled[:, k][~np.isnan(resampled[:, k])])
-        if spread.high - spread.low < SAME:  # every sample says the same: no resample tells how many there were
+        if spread.high - spread.low < SAME:  # all samples agree: resampling does not reflect how many there were
             spread = wilson_interval(clusters * wins / trials, clusters)
         found.append(WinRate(method, wins / trials, spread, wilson_interval(wins, trials), round(trials)))
     return found

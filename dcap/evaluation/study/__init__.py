@@ -1,1 +1,1 @@
-"""The human study: who compares what, where the votes are kept, and what they say."""
+"""The human study: its design, its votes and its results."""

@@ -1,8 +1,8 @@
-"""Attention checks: a placement beside a copy of it in which the object floats, so that one answer is wrong.
+"""Attention checks: a placement next to a copy of it in which the object floats, so that one answer is wrong.
 
-A folder per check, `attention/01/settled` and `attention/01/lifted`, holds pictures and a model of either; both are
-made of the same scene.glb, so that they differ in nothing but the object's height. The pictures have the names and
-sizes of the placement's own: nobody can tell a check from another comparison by them.
+A folder per check, `attention/01/settled` and `attention/01/lifted`, hold pictures and a model of either; both are
+made from the same scene.glb, so that they only differ in the object's height. The pictures have the names and sizes of
+the placement's own, so that they do not reveal a check.
 """
 
 from collections.abc import Callable, Mapping
@@ -21,18 +21,18 @@ from dcap.scene.whole_files import whole_file, write_whole
 
 ATTENTION, SETTLED, LIFTED, MODEL = "attention", "settled", "lifted", "model.glb"
 MOST_CHECKS = 3
-"""Different checks of a study [-]; raters may meet one more than once."""
+"""Number of different checks of a study [-]; raters may see one more than once."""
 LIFT, LEAST_LIFT = 0.7, 0.12
-"""How high the copy floats: over its height [-], and at least [m]."""
+"""Height at which the copy floats: over its own height [-], and at least [m]."""
 
 CheckPictures = Callable[[ShownPlacement, PlacedSurface, PlacedSurface], Mapping[str, NDArray[np.uint8]]]
-"""Takes the pictures of one side of a check, by name: of a placement, its surface at rest and as this side shows it."""
+"""Takes the pictures of one side of a check, by name, from a placement, its surface at rest, and the side's surface."""
 
 
 def make_checks(
     run: StudyRun, folder: Path, seed: int, take: CheckPictures, say: Callable[[str], None]
 ) -> tuple[tuple[str, str], ...]:
-    """Make the checks of a study; (method, sample) of each. `say` is told of placements that none could be made of."""
+    """Make the checks of a study. Returns (method, sample) of each; `say` reports placements that allow none."""
     found: list[tuple[str, str]] = []
     for method, sample in candidates(run, seed):
         if len(found) == MOST_CHECKS:
@@ -46,10 +46,10 @@ def make_checks(
 
 
 def candidates(run: StudyRun, seed: int) -> list[tuple[str, str]]:
-    """Placements that a floating copy can be made of, of different samples: those at rest come first."""
+    """Placements of different samples for floating copies; those at rest come first."""
     resting = [key for key, one in run.shown.items() if one.scene_model is not None and one.verdict == AT_REST]
     usable = resting or [key for key, one in run.shown.items() if one.scene_model is not None]
-    first = {sample: (method, sample) for method, sample in reversed(usable)}  # of the run's first method that has it
+    first = {sample: (method, sample) for method, sample in reversed(usable)}  # from the run's first method that has it
     order = sorted(first)
     Random(f"{seed} attention").shuffle(order)
     return [first[sample] for sample in order]

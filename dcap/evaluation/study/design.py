@@ -1,10 +1,10 @@
-"""Which comparisons each rater gets, in which order, and which placement stands on which side.
+"""Designs a study: the comparisons of each rater, their order, and the side of each placement.
 
-Guaranteed, for any number of raters: a rater compares every pair of methods equally often, each method of it on either
-side as often (to one). About a fifth of what a rater gets is shared with the others of a group, so that one can tell
-how far raters agree; the rest is what was shown least so far. A comparison that comes again swaps its sides.
-All follows from the seed, the rater's number and what earlier raters got. Attention checks, of which the answer is
-known, lie between them.
+Guaranteed, for any number of raters: a rater compares every pair of methods equally often, with each method equally
+often (within one) on either side. About a fifth of a rater's comparisons are shared with the others of a group, to
+measure how far raters agree; the rest are those shown least so far. A repeated comparison swaps its sides. Everything
+follows from the seed, the rater's number and the comparisons of earlier raters. Attention checks, whose answer is
+known, are mixed in.
 """
 
 from collections import Counter
@@ -20,18 +20,18 @@ from dcap.evaluation.study.placements import StudyRun
 from dcap.scene.errors import InputError
 
 PER_RATER = 40
-"""Comparisons that a rater gets unless another number is asked for [-]."""
+"""Default number of comparisons per rater [-]."""
 BETWEEN_CHECKS = 10
-"""Comparisons for each attention check [-]."""
+"""Comparisons per attention check [-]."""
 SHARED = 0.2
-"""Share of a rater's comparisons that all of a group get [-]."""
+"""Share of a rater's comparisons that the whole group gets [-]."""
 GROUP = 4
-"""Raters of a group [-]: one block for all would count twelve times in a study of twelve, one for two is lost with one
-rater who does not come."""
+"""Raters in a group [-]: one block for all would count twelve times in a study of twelve; one for two is lost if one
+rater does not come."""
 
 
 class Side(StrEnum):
-    """One of two placements side by side: what a rater chooses. There is no tie."""
+    """One of two placements side by side, a rater's choice. There is no tie."""
 
     LEFT = "left"
     RIGHT = "right"
@@ -43,16 +43,16 @@ class Side(StrEnum):
 
 
 def questions_of(asks_overall: bool) -> tuple[JudgedAxis, ...]:
-    """What raters are asked of each comparison."""
+    """Questions of each comparison."""
     return (*AXES, JudgedAxis.OVERALL) if asks_overall else AXES
 
 
 @dataclass(frozen=True, slots=True)
 class StudyItem:
-    """One comparison that a rater is asked for."""
+    """One comparison of a rater."""
 
     item: str
-    """Its name among those of the rater, in order: 001, 002, ..."""
+    """Its name among the rater's comparisons, in order: 001, 002, ..."""
     sample: str
     left: str
     """Method of the placement on the left."""
@@ -71,7 +71,7 @@ MethodPairs = Mapping[tuple[str, str], Sequence[str]]
 
 
 def method_pairs(run: StudyRun) -> dict[tuple[str, str], tuple[str, ...]]:
-    """The pairs of methods that can be compared, and the samples of each; InputError where there are none."""
+    """The pairs of methods that can be compared, with the samples of each; InputError without any."""
     found = {}
     for one, two in combinations(run.methods, 2):
         both = [s for s in run.prompts if (one, s) in run.shown and (two, s) in run.shown]
@@ -83,7 +83,8 @@ def method_pairs(run: StudyRun) -> dict[tuple[str, str], tuple[str, ...]]:
 
 
 def per_pair(pairs: MethodPairs, wanted: int | None) -> int:
-    """How often a rater compares each pair of methods; `wanted` comparisons in all, as far as there are so many."""
+    """Number of times a rater compares each pair of methods, for `wanted` comparisons in total, if there are as
+    many."""
     most = min(len(samples) for samples in pairs.values())
     asked = PER_RATER if wanted is None else wanted
     if asked < len(pairs):
@@ -97,14 +98,14 @@ def per_pair(pairs: MethodPairs, wanted: int | None) -> int:
 
 @dataclass(slots=True)
 class Showings:
-    """What raters were given so far."""
+    """Comparisons that raters were given so far."""
 
     seen: Counter[tuple[str, str, str]] = field(default_factory=Counter)
-    """How often a pair of methods was shown on a sample: (sample, one, two)."""
+    """Number of times that a pair of methods was shown on a sample: (sample, one, two)."""
     lean: Counter[tuple[str, str, str]] = field(default_factory=Counter)
-    """How much more often with `one` on the left than on the right."""
+    """Number of times with `one` on the left minus on the right."""
     of_sample: Counter[str] = field(default_factory=Counter)
-    """How often a sample was shown."""
+    """Number of times that a sample was shown."""
 
     def add(self, pairs: MethodPairs, items: Iterable[tuple[str, str, str]]) -> None:
         """Count comparisons (sample, left, right)."""
@@ -117,15 +118,15 @@ class Showings:
 
 
 def showings_of(pairs: MethodPairs, items: Iterable[StudyItem]) -> Showings:
-    """What some raters were given, attention checks aside."""
+    """Comparisons given to some raters, without attention checks."""
     found = Showings()
     found.add(pairs, ((one.sample, one.left, one.right) for one in items if one.lifted is None))
     return found
 
 
 def shared_counts(pairs: int, count: int, group: int) -> list[int]:
-    """How many of the `count` comparisons of each pair of methods a group shares: SHARED of all, as even as may be;
-    which pairs have one more changes from group to group."""
+    """Number of the `count` comparisons of each pair of methods that a group shares: SHARED of all, as evenly as
+    possible; the pairs with one more change from group to group."""
     least, more = divmod(max(1, round(SHARED * pairs * count)), pairs)
     extra = {(group * more + k) % pairs for k in range(more)}
     return [least + (number in extra) for number in range(pairs)]
@@ -159,8 +160,8 @@ def comparisons(pairs: MethodPairs, count: int, rater: int, seed: int, before: S
 def rater_items(
     pairs: MethodPairs, checks: Sequence[tuple[str, str]], count: int, rater: int, seed: int, before: Showings
 ) -> tuple[StudyItem, ...]:
-    """What a rater is asked, in order; `checks` are (method, sample) of the placements that have a floating copy.
-    `before` is what earlier raters were given, and counts these from now on."""
+    """A rater's comparisons, in order; `checks` are (method, sample) of the placements that have a floating copy.
+    `before` counts the comparisons of earlier raters; these are added to it."""
     chance = Random(f"{seed} rater {rater}")
     rows: list[tuple[str, str, str, Side | None]] = [
         (*one, None) for one in comparisons(pairs, count, rater, seed, before)

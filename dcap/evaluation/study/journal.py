@@ -1,8 +1,8 @@
-"""The votes of a study: a file to which one JSON line is added per vote, and which a killed server leaves whole.
+"""The votes of a study: a file with one JSON line per vote, which stays intact if the server is killed.
 
-A vote counts once it is on the disk (`fsync`), before its rater is told. What follows the last end of line was never
-acknowledged, and is cut off when the journal is opened again. Votes are known by (rater, item, axis): of repeated lines
-the last one counts, so no vote counts twice. A journal is open in one process at a time.
+A vote counts once it is on the disk (`fsync`), before its rater gets the reply. Bytes after the last end of line were
+never acknowledged, and are cut off when the journal is opened again. The key of a vote is (rater, item, axis): of
+repeated lines the last one counts, so no vote counts twice. A journal is open in one process at a time.
 """
 
 import fcntl
@@ -26,7 +26,7 @@ VoteKey = tuple[str, str, JudgedAxis]
 
 @dataclass(frozen=True, slots=True)
 class StudyVote:
-    """What one rater answered to one question of one comparison."""
+    """One rater's answer to one question of one comparison."""
 
     rater: str
     item: str
@@ -39,11 +39,11 @@ class StudyVote:
     lifted: Side | None
     """The side with the floating copy of an attention check; None: a true comparison."""
     seconds: float
-    """From when the two placements were shown to the answer of the whole page [s]."""
+    """Time from showing the two placements to the answer of the whole page [s]."""
 
     @property
     def key(self) -> VoteKey:
-        """What no two votes that count have in common."""
+        """Unique key of a vote."""
         return self.rater, self.item, self.axis
 
     @property
@@ -58,7 +58,7 @@ class StudyVote:
 
 
 def vote_of_line(line: bytes, where: str) -> StudyVote:
-    """The vote that a line holds; InputError where it holds none."""
+    """The vote in a line; InputError if it is invalid."""
     try:
         tree = json.loads(line)
         lifted = tree["lifted"]
@@ -68,28 +68,28 @@ def vote_of_line(line: bytes, where: str) -> StudyVote:
             lifted=None if lifted is None else Side(lifted), seconds=float(tree["seconds"]),
         )  # fmt: skip
     except (ValueError, KeyError, TypeError) as error:
-        raise InputError(f"{where} is no vote ({type(error).__name__}: {error}); mend or remove that line") from None
+        raise InputError(f"{where} is no vote ({type(error).__name__}: {error}); repair or remove that line") from None
 
 
 def whole_lines(data: bytes) -> bytes:
-    """What precedes the last end of line, and it."""
+    """The bytes up to and including the last end of line."""
     return data[: data.rfind(b"\n") + 1]
 
 
 def counted(votes: Iterable[StudyVote]) -> tuple[StudyVote, ...]:
-    """Of votes on the same question by the same rater the last one, in the order in which they were first given."""
+    """The last vote on each question by each rater, in the order of their first votes."""
     last = {vote.key: vote for vote in votes}
     return tuple(last.values())
 
 
 def parsed(data: bytes, path: Path) -> tuple[StudyVote, ...]:
-    """The votes that count of a journal's bytes; a torn last line is left out."""
+    """The votes that count in a journal's bytes; an incomplete last line is left out."""
     rows = whole_lines(data).splitlines()
     return counted(vote_of_line(row, f"{path}: line {number}") for number, row in enumerate(rows, 1))
 
 
 def read_votes(folder: Path) -> tuple[StudyVote, ...]:
-    """The votes of a study so far, also while it is served; none if nobody has voted yet."""
+    """The votes of a study so far, even while it is served; none if nobody has voted yet."""
     path = folder / JOURNAL
     return parsed(path.read_bytes(), path) if path.is_file() else ()
 
@@ -98,7 +98,7 @@ class VoteJournal:
     """The open journal of a study; votes may be added from several threads."""
 
     def __init__(self, folder: Path, questions: Sequence[JudgedAxis] = AXES) -> None:
-        """Open it; `questions` are those that a comparison is answered with."""
+        """Open the journal; `questions` are those of each comparison."""
         self._questions = tuple(questions)
         self._path, self._lock = folder / JOURNAL, Lock()
         self._votes: dict[VoteKey, StudyVote] = {}
@@ -132,14 +132,14 @@ class VoteJournal:
             return tuple(self._votes.values())
 
     def answered(self, rater: str) -> frozenset[str]:
-        """The items of which a rater has answered every question."""
+        """The items whose questions a rater has all answered."""
         with self._lock:
             return frozenset(self._answered.get(rater, ()))
 
     def add(self, votes: Sequence[StudyVote]) -> bool:
-        """Keep the votes of one comparison on the disk; False if that rater has answered it before.
+        """Write the votes of one comparison to the disk; False if that rater has answered it before.
 
-        OSError where they cannot be kept; none of them counts then.
+        OSError if they cannot be written; none of them counts then.
         """
         with self._lock:
             if all(vote.key in self._votes for vote in votes):
@@ -158,7 +158,7 @@ class VoteJournal:
             return True
 
     def _count(self, votes: Sequence[StudyVote]) -> None:
-        """Let votes count, and note which comparisons are answered with them: every page asks for these."""
+        """Count votes, and note the comparisons that they complete: every page needs these."""
         self._votes.update({vote.key: vote for vote in votes})
         for rater, item in {(vote.rater, vote.item) for vote in votes}:
             if all((rater, item, axis) in self._votes for axis in self._questions):
@@ -166,7 +166,7 @@ class VoteJournal:
 
 
 def sync_folder(folder: Path) -> None:
-    """See to it that a new file's name is on the disk, too."""
+    """Make sure that a new file's name is on the disk, too."""
     opened = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(opened)

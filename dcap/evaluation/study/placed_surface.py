@@ -1,4 +1,4 @@
-"""The surface of a placement as its scene.glb has it: cut out around the object, with the object lifted.
+"""The surface of a placement from its scene.glb: can be cut out around the object, and the object lifted.
 
 In: scene.glb. Out: smaller GLB files for a page. World frame: metres, z up.
 """
@@ -22,46 +22,46 @@ from dcap.scene.writers.glb import GLTF_FROM_WORLD, Node, glb_bytes
 THING = "object"
 """The node of the object at rest."""
 AROUND, LEAST_AROUND = 2.0, 0.9
-"""How far around the object its surroundings are kept: so many times its size, and at least so many metres."""
+"""Extent of the surroundings kept around the object: over its size [-], and at least [m]."""
 MOST_FACES = 300_000
-"""Of a cut-out [-]: a browser draws two of them side by side, and both files are sent at once."""
+"""Most faces of a cut-out [-]: a browser draws two of them side by side, and both files are sent at once."""
 SHRINK = 0.8
-"""By how much a cut-out of more faces is made smaller at a time [-]."""
+"""Factor by which a larger cut-out shrinks in each step [-]."""
 AZIMUTHS, ELEVATION_DEG = 12, 28.0
-"""Directions that are tried: around the object, at one height [degrees]."""
+"""Number of directions that are tried around the object, and their elevation [degrees]."""
 RAYS = 300
-"""To points of the object from each of them [-]."""
+"""Number of rays to points of the object from each direction [-]."""
 BACK = 2.6
-"""Distance from which it is looked at over its diagonal [-]."""
+"""Viewing distance over its diagonal [-]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PlacedSurface:
-    """Scene and object as they were left, with their textures."""
+    """Final scene and object with their textures."""
 
     mesh: Mesh
     paint: CornerPaint | None
     is_thing: NDArray[np.bool_]
-    """Which faces are the object's, shape (m,)."""
+    """Whether each face is the object's, shape (m,)."""
     ids: tuple[str, ...]
-    """Of the things of the scene."""
+    """Ids of the things of the scene."""
     face_id: NDArray[np.int32]
     """Index into `ids` per face, -1 for the object's, shape (m,)."""
 
     @property
     def thing_bounds(self) -> NDArray[np.float64]:
-        """Of the object [m], shape (2, 3)."""
+        """Bounds of the object [m], shape (2, 3)."""
         return self.mesh.submesh(np.flatnonzero(self.is_thing)).bounds
 
     def of(self, faces: NDArray[np.integer]) -> Self:
-        """That of some faces."""
+        """The surface of some faces."""
         paint = None if self.paint is None else self.paint.of(faces)
         return replace(
             self, mesh=self.mesh.submesh(faces), paint=paint, is_thing=self.is_thing[faces], face_id=self.face_id[faces]
         )
 
     def around_thing(self, most_faces: int = MOST_FACES) -> Self:
-        """The object and what is near it; the nearer, the more faces there are."""
+        """The object and its surroundings, smaller for more faces."""
         low, high = self.thing_bounds
         reach = max(AROUND * float(np.linalg.norm(high - low)), LEAST_AROUND)
         triangles = self.mesh.triangles
@@ -73,13 +73,14 @@ class PlacedSurface:
             reach *= SHRINK
 
     def lifted(self, height: float) -> Self:
-        """The object so much higher [m], and nothing else moved."""
+        """The surface with only the object raised [m]."""
         shift = np.zeros_like(self.mesh.vertices)
         shift[np.unique(self.mesh.faces[self.is_thing])] = (0.0, 0.0, height)
         return replace(self, mesh=replace(self.mesh, vertices=self.mesh.vertices + shift))
 
     def glb(self, toward: NDArray[np.float64]) -> bytes:
-        """As a file for the page; `toward` (3,) is the direction to look from, kept in the object's extras."""
+        """The surface as a GLB file for the page; `toward` (3,) is the direction to look from, kept in the object's
+        extras."""
         normals = ShadingNormals(self.mesh).of_corners(np.arange(len(self.mesh.faces)))
         nodes = []
         for name, own in (("scene", ~self.is_thing), (THING, self.is_thing)):
@@ -90,7 +91,7 @@ class PlacedSurface:
         return glb_bytes(nodes)
 
     def best_direction(self) -> NDArray[np.float64]:
-        """The unit direction from the object to where most of it is seen from, shape (3,)."""
+        """The unit direction from the object from which most of it is visible, shape (3,)."""
         low, high = self.thing_bounds
         size, middle = float(np.linalg.norm(high - low)), (low + high) / 2
         thing = np.flatnonzero(self.is_thing)

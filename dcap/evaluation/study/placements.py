@@ -1,8 +1,8 @@
-"""What of a run people can compare: its methods, its samples, and the pictures of each placement.
+"""Comparable placements of a run: its methods, its samples, and the pictures of each placement.
 
 In: the folder of a run and its rows. Out: for each (method, sample) the folder of the placement and its pictures, or
-why it is not shown. What is shown is what judges compare (dcap/evaluation/judging/standing.py). Nothing outside of the
-run's folder is ever named.
+why it is not shown. People see the same placements as judges (dcap/evaluation/judging/standing.py). Nothing outside of
+the run's folder is ever named.
 """
 
 import json
@@ -19,7 +19,7 @@ from dcap.scene.types.judged_views import BEFORE, PLACED
 
 VIEWS = "views"
 CLEAN, ASSET = BEFORE
-"""Pictures of the scene before and of the asset alone: of the first method's folder."""
+"""Pictures of the scene before and of the asset alone, from the first method's folder."""
 SCENE_GLB, OBJECT_GLB = "scene.glb", "object.glb"
 
 
@@ -43,7 +43,7 @@ class ShownPlacement:
 
 @dataclass(frozen=True, slots=True)
 class StudyRun:
-    """A run as a study sees it."""
+    """A run in the form for a study."""
 
     folder: Path
     methods: tuple[str, ...]
@@ -67,14 +67,14 @@ class StudyRun:
         return self._beside(sample, OBJECT_GLB)
 
     def _beside(self, sample: str, name: str) -> Path | None:
-        """A file that the first method which has it wrote for a sample."""
+        """A file for a sample, from the first method that has it."""
         paths = (placement_folder(self.folder, method, sample) / name for method in self.methods)
         return next((path for path in paths if path.is_file()), None)
 
 
 def read_study_run(folder: Path, rows: Sequence[SampleOutcome]) -> StudyRun:
-    """What of a run can be compared; `rows` are those of its results. InputError for fewer than two methods, or where
-    nothing was rendered."""
+    """The comparable placements of a run; `rows` are its results. InputError for fewer than two methods, or without
+    pictures."""
     methods, prompts = asked_of_folder(folder)
     if len(methods) < 2:
         named = f"only {methods[0]}" if methods else "none"
@@ -98,7 +98,7 @@ def read_study_run(folder: Path, rows: Sequence[SampleOutcome]) -> StudyRun:
 
 
 def asked_of_folder(folder: Path) -> tuple[tuple[str, ...], dict[str, str]]:
-    """Methods and prompts by sample, whoever placed it, of a run, from its run.json."""
+    """Methods, and prompts by sample regardless of the method, from the run.json of a run."""
     path = folder / "run.json"
     try:
         tree = json.loads(path.read_text(encoding="utf-8"))

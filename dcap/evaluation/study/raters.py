@@ -1,4 +1,4 @@
-"""How each rater voted: how far, how attentively, how evenly between the sides."""
+"""Statistics of each rater: progress, attention, and balance between the sides."""
 
 import csv
 import io
@@ -26,13 +26,13 @@ class RaterRow:
     checks: int
     """Attention checks among those answered [-]."""
     checks_failed: int
-    """Of which the rater took the floating copy for the more natural [-]."""
+    """Checks in which the rater took the floating copy for the more natural one [-]."""
     flagged: bool
-    """Whether any was failed. The votes count all the same."""
+    """Whether any check was failed. The votes count nevertheless."""
     left_share: float | None
     """Share of the votes on true comparisons, to all questions, that went to the left side [-]; None without votes."""
     median_seconds: float | None
-    """Per comparison [s]."""
+    """Median time per comparison [s]."""
 
 
 def rater_rows(design: StudyDesign, votes: Sequence[StudyVote]) -> tuple[RaterRow, ...]:

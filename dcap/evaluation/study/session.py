@@ -1,6 +1,6 @@
-"""A study while it is served: who is asked what next, which files belong to it, and what is answered.
+"""A study while it is served: each rater's next comparison, its files, and the answers.
 
-No web in here. Raters are known by the secret word of their link; what they see never names a method.
+Independent of the web. The secret word in a link identifies its rater; raters never see the name of a method.
 """
 
 import hmac
@@ -19,11 +19,11 @@ from dcap.evaluation.study.placements import StudyRun, views_of
 from dcap.evaluation.study.study_folder import StudyDesign, write_lasting
 
 MODELS = "models"
-"""Folder of the scenes cut out for the page, made when they are first asked for."""
+"""Folder of the scenes cut out for the page, made on first use."""
 
 
 class StudySession:
-    """What the pages of a study show and take."""
+    """Content and answers of a study's pages."""
 
     def __init__(
         self, run: StudyRun, folder: Path, design: StudyDesign, tokens: Mapping[str, str], journal: VoteJournal
@@ -32,7 +32,7 @@ class StudySession:
         self._tokens, self._making = dict(tokens), Lock()
 
     def rater_of(self, token: str) -> str | None:
-        """Whose link it is; None if nobody's. Takes as long for a wrong word as for a right one."""
+        """The rater of a link; None for an unknown one. Takes as long for a wrong word as for a right one."""
         found = None
         for rater, known in self._tokens.items():
             if hmac.compare_digest(known.encode(), token.encode()) and rater in self.design.raters:
@@ -40,7 +40,7 @@ class StudySession:
         return found
 
     def progress(self, rater: str) -> tuple[int, int]:
-        """How many comparisons are answered, and of how many."""
+        """Number of answered comparisons, and of all."""
         items = self.design.raters[rater]
         done = self._journal.answered(rater)
         return sum(one.item in done for one in items), len(items)
@@ -56,7 +56,7 @@ class StudySession:
         return current is not None and items.index(item) > items.index(current)
 
     def item(self, rater: str, name: str) -> StudyItem | None:
-        """A comparison of the rater's by its name."""
+        """A rater's comparison by its name."""
         return next((one for one in self.design.raters[rater] if one.item == name), None)
 
     def pictures(self, item: StudyItem, side: Side) -> tuple[Path, ...]:
@@ -67,7 +67,7 @@ class StudySession:
         return self.run.shown[item.left if side is Side.LEFT else item.right, item.sample].pictures
 
     def model(self, item: StudyItem, side: Side) -> Path | None:
-        """The scene around the object on a side as GLB; None if the run has none. Made where it is not there yet.
+        """The scene around the object on a side as GLB, made on first use; None if the run has none.
 
         Raises a DcapError where the run's own file cannot be read.
         """
@@ -97,8 +97,8 @@ class StudySession:
         return item.lifted is not None or all(self.run.shown[m, item.sample].scene_model for m in methods)
 
     def answer(self, rater: str, item: StudyItem, answers: Mapping[JudgedAxis, Side], seconds: float) -> bool:
-        """Keep a rater's answers to all questions of a comparison; False if they were given before. OSError where they
-        cannot be kept."""
+        """Store a rater's answers to all questions of a comparison; False if they were given before. OSError if they
+        cannot be written."""
         return self._journal.add([
             StudyVote(
                 rater, item.item, item.sample, axis, item.left, item.right, answers[axis], item.lifted,

@@ -1,7 +1,7 @@
-"""The folder `study/` of a run: what was designed, who may vote, and the export of the votes.
+"""The folder `study/` of a run: the design, the raters' links, and the export of the votes.
 
-`study.json` says what each rater is asked; `tokens.json` (readable by its owner alone) which secret link is whose.
-Both are written once and only ever extended: who joins later changes nothing for those who were there.
+`study.json` holds each rater's comparisons; `tokens.json` (readable by its owner alone) the secret link of each rater.
+Both are written once and only ever extended: a rater who joins later changes nothing for the earlier ones.
 """
 
 import json
@@ -23,7 +23,7 @@ from dcap.scene.whole_files import whole_file
 STUDY_FOLDER, DESIGN, TOKENS, VOTES = "study", "study.json", "tokens.json", "votes.parquet"
 VERSION = 2
 TOKEN_BYTES = 24
-"""Of chance in a rater's link: nobody guesses 192 bits."""
+"""Random bytes in a rater's link: nobody guesses 192 bits."""
 VOTE_COLUMNS = pa.schema([
     ("rater", pa.string()), ("item", pa.string()), ("sample", pa.string()), ("axis", pa.string()),
     ("left_method", pa.string()), ("right_method", pa.string()), ("winner", pa.string()), ("judge", pa.string()),
@@ -34,14 +34,14 @@ JUDGE = "human"
 
 @dataclass(frozen=True, slots=True)
 class StudyDesign:
-    """What was designed once for all raters, and what each of them is asked."""
+    """The common design, and the comparisons of each rater."""
 
     seed: int
     per_pair: int
-    """How often a rater compares each pair of methods [-]."""
+    """Number of times a rater compares each pair of methods [-]."""
     pairs: MethodPairs
     checks: tuple[tuple[str, str], ...]
-    """(method, sample) of the placements of which a floating copy was made, in the order of its folders."""
+    """(method, sample) of the placements with a floating copy, in the order of its folders."""
     left_out: Mapping[str, str]
     """Placements that are not shown, METHOD/SAMPLE, and why."""
     raters: Mapping[str, tuple[StudyItem, ...]]
@@ -53,11 +53,11 @@ class StudyDesign:
 
     @property
     def questions(self) -> tuple[JudgedAxis, ...]:
-        """What raters are asked of each comparison."""
+        """Questions of each comparison."""
         return questions_of(self.asks_overall)
 
     def with_raters(self, count: int) -> "StudyDesign":
-        """The same with at least so many raters."""
+        """The design with at least `count` raters."""
         before = showings_of(self.pairs, (item for given in self.raters.values() for item in given))
         items = {
             rater_name(n): rater_items(self.pairs, self.checks, self.per_pair, n, self.seed, before)
@@ -67,7 +67,7 @@ class StudyDesign:
 
 
 def rater_name(number: int) -> str:
-    """What the votes of a rater are kept under: nothing that tells who it is."""
+    """Name under which a rater's votes are stored; it does not identify the person."""
     return f"r{number + 1:02d}"
 
 
@@ -118,7 +118,7 @@ def write_design(folder: Path, design: StudyDesign) -> None:
 
 
 def tokens_for(folder: Path, raters: Sequence[str]) -> dict[str, str]:
-    """The secret word of each rater's link, by rater; made and kept for those who have none."""
+    """The secret word of each rater's link, by rater; made and stored for those without one."""
     path = folder / TOKENS
     try:
         known = json.loads(path.read_bytes()) if path.is_file() else {}
@@ -131,7 +131,7 @@ def tokens_for(folder: Path, raters: Sequence[str]) -> dict[str, str]:
 
 
 def write_lasting(path: Path, data: bytes, mode: int = 0o644) -> None:
-    """Write a file that is there whole or not at all, on the disk when this returns."""
+    """Write a file atomically; it is on the disk when this returns."""
     with whole_file(path, mode) as draft, draft.open("wb") as file:
         file.write(data)
         file.flush()

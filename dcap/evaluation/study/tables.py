@@ -1,12 +1,12 @@
-"""Table 2: what people preferred, from their votes.
+"""Table 2: preferences of people, from their votes.
 
-The adapter between the study and the statistics: votes go in as comparisons, whose judge is the rater, and what comes
-back is laid out as the table. Attention checks are no comparisons of methods and count nowhere here. Raters who failed
-one are told and stay in. Where a method made no placement nothing is compared: those samples are counted beside it.
+The adapter between the study and the statistics: votes become comparisons, whose judge is the rater, and the statistics
+become the table. Attention checks are not comparisons of methods and do not count here. Raters who failed one are noted
+and stay in. If a method made no placement, nothing is compared: those samples are counted separately.
 
 Overall is, as in the paper's table, a composite: the mean of the two win rates, which is the win rate of all votes on
-either axis; intervals, tests and ratings are of these votes. Where raters were asked a third question it is the answer
-to that.
+either axis; intervals, tests and ratings are of these votes. If raters were asked a third question, it is the answer to
+that.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,44 +25,44 @@ from dcap.evaluation.table_text import csv_of, number, tex_escaped
 
 TABLE = "table2"
 COMPOSITE, QUESTION = "composite", "third question"
-"""What overall may be."""
+"""Kinds of overall."""
 
 
 @dataclass(frozen=True, slots=True)
 class StudyAgreement:
-    """How far raters agree on an axis."""
+    """Agreement of raters on an axis."""
 
     alpha: float | None
-    """Krippendorff's alpha [-]; None where no two raters answered the same comparison."""
+    """Krippendorff's alpha [-]; None if no two raters answered the same comparison."""
     share: float | None
-    """Of pairs of raters who answered the same comparison, those who chose the same method [-]; None without any."""
+    """Share of pairs of raters of the same comparison who chose the same method [-]; None without any."""
     comparisons: int
-    """That two raters and more answered [-]."""
+    """Comparisons that at least two raters answered [-]."""
 
 
 @dataclass(frozen=True, slots=True)
 class StudyTable:
-    """Table 2 and what belongs to it."""
+    """Table 2 with its notes."""
 
     rows: tuple[PreferenceRow, ...]
-    """The best overall first; last those of which nothing was compared because they made no placement."""
+    """The best overall first; methods without comparisons because they made no placement come last."""
     agreement: Mapping[JudgedAxis, StudyAgreement]
     comparisons: int
     raters: int
     offline: bool
-    """Whether no model answered for the baselines: their names say so."""
+    """Whether the baselines ran without a model; their names show it."""
     without_placement: Mapping[str, int] = field(default_factory=dict)
     """Samples of each method on which it made no placement though one was intended [-]."""
     overall: str = COMPOSITE
-    """What overall is: COMPOSITE or QUESTION."""
+    """Kind of overall: COMPOSITE or QUESTION."""
 
     def name(self, method: str) -> str:
-        """A method as the table shows it."""
+        """A method's name in the table."""
         return shown_name(method, offline=self.offline)
 
     @property
     def refusals(self) -> str:
-        """Methods that made no placement where one was intended, and how often, for people; empty without any."""
+        """Methods that made no placement though one was intended, and how often, in words; empty without any."""
         return ", ".join(f"{self.name(method)} {count}" for method, count in self.without_placement.items() if count)
 
 
@@ -88,27 +88,27 @@ def study_table(
 
 
 def with_composite(rows: Sequence[Comparison]) -> list[Comparison]:
-    """Comparisons of both axes, and each of them as one overall: every rater answers both, so that the win rate of
-    these is the mean of the two."""
+    """Comparisons of both axes, each also as an overall one: every rater answers both, so that the overall win rate is
+    the mean of the two."""
     return [*rows, *(replace(one, axis=JudgedAxis.OVERALL) for one in rows)]
 
 
 def each_once(row: PreferenceRow) -> PreferenceRow:
-    """A row whose overall counts each comparison once, though it is of two votes."""
+    """A row whose overall counts each comparison once, though it has two votes."""
     both = row.rates[JudgedAxis.OVERALL]
     rates = {**row.rates, JudgedAxis.OVERALL: replace(both, comparisons=both.comparisons // len(AXES))}
     return replace(row, rates=rates)
 
 
 def agreement_of(rows: Sequence[Comparison]) -> StudyAgreement:
-    """How far the raters of comparisons of one axis agree."""
+    """Agreement of raters in comparisons of one axis."""
     ratings = ratings_of(rows)
     alpha, share = krippendorff_alpha(ratings, SIDES), percent_agreement(ratings)
     return StudyAgreement(alpha, share, sum(len(one) > 1 for one in ratings))
 
 
 def comparison_of(vote: StudyVote) -> Comparison:
-    """A vote as a comparison; who judges is the rater."""
+    """A vote as a comparison; the judge is the rater."""
     return Comparison(vote.sample, vote.axis, vote.left, vote.right, Winner(vote.winner.value), vote.rater)
 
 
@@ -118,7 +118,7 @@ def write_study_table(folder: Path, table: StudyTable, raters: Sequence[RaterRow
 
 
 def csv_text(table: StudyTable, raters: Sequence[RaterRow]) -> str:
-    """A row per method; what is of the whole study stands in each row."""
+    """A row per method; values of the whole study are repeated in each row."""
     study: dict[str, object] = {"raters": table.raters, "study_comparisons": table.comparisons}
     for axis, agreed in table.agreement.items():
         study |= {f"agreement_{axis}": number(agreed.alpha), f"percent_agreement_{axis}": percent(agreed.share)}
@@ -130,17 +130,17 @@ def csv_text(table: StudyTable, raters: Sequence[RaterRow]) -> str:
 
 
 def refused(row: PreferenceRow, table: StudyTable) -> dict[str, object]:
-    """On how many samples a method made no placement."""
+    """Number of samples on which a method made no placement."""
     return {"without_placement": table.without_placement.get(row.method, 0)}
 
 
 def percent(share: float | None) -> str:
-    """A share in percent; empty where there is none."""
+    """A share in percent; empty without one."""
     return number(None if share is None else 100 * share, 1)
 
 
 def tex_text(table: StudyTable, raters: Sequence[RaterRow]) -> str:
-    """The table as the paper lays it out."""
+    """The table in the paper's layout."""
     lines = [
         "% Human forced choice, side by side. Win rates with 95 % intervals of a bootstrap over scene-prompt pairs.",
         f"% {overall_line(table)}",
@@ -159,17 +159,17 @@ def tex_text(table: StudyTable, raters: Sequence[RaterRow]) -> str:
 
 
 def overall_line(table: StudyTable) -> str:
-    """What overall is, a sentence for people."""
+    """A sentence on the meaning of overall."""
     if table.overall == QUESTION:
         return "Overall: the answers to a third question, which of the two is better."
     return "Overall: the composite, the mean of the two win rates; its ratings are of the votes on both axes."
 
 
 def agreement_line(table: StudyTable) -> str:
-    """How far raters agree, a sentence for people."""
+    """A sentence on the agreement of raters."""
     shared = table.agreement[JudgedAxis.RIGHT_PLACE].comparisons
     if not shared:
-        return "No comparison was answered by two raters: nothing tells how far they agree."
+        return "No comparison was answered by two raters: their agreement is unknown."
     said = (
         f"{axis.replace('_', ' ')} {number(one.alpha, 2) or 'n/a'} ({percent(one.share)} % of pairs of raters)"
         for axis, one in table.agreement.items()

@@ -1,9 +1,9 @@
-"""The anchors' surfaces: what of a thing an outline's words can mean, as a short list to choose from.
+"""The anchors' surfaces: candidates for the words of an outline, as a short list to choose from.
 
-In: the scene, a thing, its parts and the side that is asked, as its viewer sees it. Out: surfaces with the part each
-belongs to. Planar surfaces are grown on the mesh; sides and wholes of things are also given by their boxes, and a top
-that is mostly uneven by a coarser growth or, last, by the top of the box. What is covered (a mattress under its
-blanket) is left out.
+In: the scene, a thing, its parts and the requested side, as its viewer sees it. Out: surfaces, each with its part.
+Planar surfaces are grown on the mesh; sides and wholes of things are also given by their boxes, and a top that is
+mostly uneven by a coarser growth or, last, by the top of the box. Covered surfaces (a mattress under its blanket) are
+left out.
 """
 
 from collections.abc import Sequence
@@ -28,7 +28,7 @@ from dcap.scene.types.mesh import Mesh
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 LOOKS = 0.7
-"""A surface looks to a side if its normal is so near to it, as a cosine [-]."""
+"""Least cosine between the normal of a surface and the side that it faces [-]."""
 SLOPED = 0.4
 """The same for tops: pillows and shades slope [-]."""
 OPEN = 0.03
@@ -36,11 +36,11 @@ OPEN = 0.03
 ABOVE = 0.001
 """Rays begin so far over a surface [m]: a blanket may lie as close to its mattress."""
 THICK = 0.25
-"""A thing on a surface, its own lower side missing or in the surface, is no thicker than this [m]."""
+"""Largest thickness of a thing on a surface whose own lower side is missing or inside the surface [m]."""
 LEAST_OPEN = 0.1
 """Share of a surface that must be free [-]."""
 ENOUGH = 0.5
-"""Share of a top's open area that its planar surface must have; below it a coarser one is offered too [-]."""
+"""Least share of a top's open area in its planar surface; below it a coarser surface is offered too [-]."""
 SMALLEST = 4e-4
 """[m^2]."""
 
@@ -53,9 +53,9 @@ class AnchorSurface:
     part: int
     """Index of the part."""
     flatness: float
-    """How uneven it may be [m]."""
+    """Allowed unevenness [m]."""
     open_area: float
-    """Area that is not covered [m^2]."""
+    """Uncovered area [m^2]."""
     kind: str
     """planar, coarse or box."""
 
@@ -70,7 +70,7 @@ def side_ways(frame: ViewerFrame) -> dict[str, Array]:
 def surfaces_of_part(
     mesh: Mesh, faces: Index, part: int, way: Array, side: str, caster: Raycaster
 ) -> list[AnchorSurface]:
-    """Planar surfaces of a part, given by its faces (k,), that look a way, and a coarse one where they are few."""
+    """Planar surfaces of a part, given by its faces (k,), that face a direction, and a coarse one if they are few."""
     own = mesh.submesh(faces), faces
     limit = SLOPED if side in ("top", "bottom") else LOOKS
     found = measured(own, FINE, "planar", way, limit, part, caster)
@@ -85,7 +85,7 @@ def surfaces_of_part(
 def measured(
     own: tuple[Mesh, Index], flatness: Flatness, kind: str, way: Array, limit: float, part: int, caster: Raycaster
 ) -> list[AnchorSurface]:
-    """Planar surfaces that look a way and are open; `own` is a part alone and which faces of the scene it has."""
+    """Open planar surfaces that face a direction; `own` is a part alone and its faces in the scene."""
     found = []
     for one in planar_surfaces(own[0], flatness, SMALLEST):
         if one.normal @ way < limit:
@@ -102,13 +102,13 @@ def open_share(surface: InteractionSurface, caster: Raycaster) -> float:
     start = surface.points + ABOVE * surface.normal
     way = np.tile(surface.normal, (len(start), 1))
     distance = caster.cast(start, way).distance
-    # where a ray leaves something, its start was within it: the mattress on a frame
+    # where a ray leaves a solid, it started inside: the mattress on a frame
     within = caster.left_at(start, way) < THICK
     return float(1.0 - ((distance < OPEN) | within).mean())
 
 
 def box_side(box: OrientedBox, frame: ViewerFrame, side: str) -> InteractionSurface:
-    """A side of a thing's box as its viewer sees it; `whole` is its outline from above, at its middle."""
+    """A side of a thing's box as its viewer sees it; `whole` is its outline from above, at its middle height."""
     right, front = np.append(frame.right, 0.0), np.append(frame.front, 0.0)
     up, center = np.array([0.0, 0.0, 1.0]), np.array([*frame.center, box.center[2]])
     half = {"right": float(frame.half[0]), "front": float(frame.half[1]), "up": float(box.half_extents[2])}
@@ -132,7 +132,7 @@ def extent_across(frame: ViewerFrame, side: str) -> float:
 
 
 def joined_box(boxes: Sequence[OrientedBox]) -> OrientedBox:
-    """The box about several, turned like the first."""
+    """The box around several boxes, turned like the first."""
     if len(boxes) == 1:
         return boxes[0]
     first = boxes[0]

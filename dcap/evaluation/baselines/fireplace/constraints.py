@@ -12,10 +12,10 @@ P its outline seen along the contact's normal:
     in_front_of  max(-(c_a - c_b) . n_b, 0) / w + |lateral part of c_a - c_b| / w
     facing       1 - cos of the angle between n_a and the way from c_a to b, both level
 
-A contact's angle, 1 + n_a . n_b, is no term: every pose that is looked at has the contact surface turned down onto the
-surface that carries, so that it is 0 by construction, and no pose could change what unevenness leaves of it.
-A pose's loss is the sum of their squares times weights. Hard, and no part of it: the object and the scene cut through
-each other by no more than 2 mm, and the object is inside the room.
+A contact's angle, 1 + n_a . n_b, is no term: every candidate pose has the contact surface turned down onto the surface
+that carries, so that it is 0 by construction, and no pose could change the remainder due to unevenness. A pose's loss
+is the sum of their squares times weights. Hard conditions outside the loss: the object and the scene cut through each
+other by at most 2 mm, and the object is inside the room.
 """
 
 import numpy as np
@@ -23,19 +23,19 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 LEAST_DISTANCE = 0.02
-"""Distances are measured against at least this [m]: so exact is no wish."""
+"""Least reference for distances [m]: no sentence is more exact."""
 LEAST_WIDTH = 0.05
-"""The same for widths [m]."""
+"""Least reference for widths [m]."""
 LEAST_HEIGHT = 0.1
-"""A contact's distance is measured against the object's height, at least this [m]: sheets lie on what is uneven."""
+"""Least reference for a contact's distance, usually the object's height [m]: thin sheets lie on uneven surfaces."""
 COLLISION = 0.002
 """How deep object and scene may cut through each other [m]."""
 WEIGHTS = {"contact": 10.0, "no_overhang": 10.0, "parallel": 2.0, "facing": 1.0}
-"""Of the squares [-]; 1 of all others. What carries comes first."""
+"""Weights of the squares [-], 1 for all others. The support comes first."""
 
 
 def parallel(a_normal: Array, b_normal: Array) -> Array:
-    """Normals (n, 3) and (3,) are parallel, either way round."""
+    """Normals (n, 3) and (3,) are parallel or antiparallel."""
     return 1.0 - np.abs(a_normal @ b_normal)
 
 
@@ -45,7 +45,7 @@ def contact(distance: Array, height: float) -> Array:
 
 
 def no_overhang(inside_share: Array) -> Array:
-    """The share (n,) of P_a inside P_b is all of it."""
+    """All of P_a is inside P_b; (n,) is the share inside."""
     return 1.0 - inside_share
 
 

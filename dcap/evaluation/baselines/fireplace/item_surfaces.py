@@ -1,10 +1,10 @@
 """The object's interaction surfaces: those on which it may rest, and its six named sides.
 
-In: the object's mesh at its final scale, and what it is called. Out: `ItemSurfaces`. A surface that looks in a given
-direction is what the mesh has of planar faces at its outermost in that direction (the four feet of a chair together);
-where it has none, as a ball or a plush toy, the outermost part of its shape stands in, flattened on its box's side.
-The directions offered for resting are those that every method is shown: the six sides as the file has it, those of the
-pose in which the shape stands where that is another, and the resting faces of its convex hull.
+In: the object's mesh at its final scale, and its name. Out: `ItemSurfaces`. The surface that faces a direction consists
+of the mesh's outermost planar faces in that direction (the four feet of a chair together); for a shape without any,
+such as a ball or a plush toy, the outermost part of its shape stands in, flattened on its box's side. The directions
+offered for resting are the same for every method: the six sides in the file's pose, those of the standing pose if that
+differs, and the resting faces of the convex hull.
 """
 
 from collections.abc import Mapping
@@ -26,18 +26,18 @@ from dcap.scene.types.mesh import Mesh
 
 Array = NDArray[np.float64]
 LOWEST = 0.08
-"""What lies within this share of the extent of the outermost point belongs to a side without planar faces [-]."""
+"""Depth of a side without planar faces, from its outermost point, over the extent [-]."""
 POINTS = 4000
-"""Points that stand for a shape without planar faces [-]."""
+"""Number of points that represent a shape without planar faces [-]."""
 DOWN = np.array([0.0, 0.0, -1.0])
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ItemSurfaces:
-    """What of the object can take part in a constraint; everything in the mesh's frame, at its final scale."""
+    """Surfaces of the object for constraints; everything in the mesh's frame, at its final scale."""
 
     poses: tuple[PoseView, ...]
-    """Surfaces on which it may rest, as the poses in which they look down."""
+    """Surfaces on which it may rest, as the poses in which they face down."""
     sides: Mapping[str, InteractionSurface]
     """front, back, left, right, top, bottom of the standing object."""
     up: Array
@@ -52,7 +52,7 @@ class ItemSurfaces:
 
 
 def item_surfaces(mesh: Mesh, name: str) -> ItemSurfaces:
-    """All surfaces of an object that is called so."""
+    """All surfaces of an object with this name."""
     own, righting, _ = standing_pose(mesh)
     stands, side = stands_as_read(mesh), front_side(name)
     trusted = to_right(thing_of(name), righting=righting, stands=stands, file_up=float(own[2, 2]))

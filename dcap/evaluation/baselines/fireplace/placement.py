@@ -2,8 +2,8 @@
 
 In: the scene's mesh, the surface that carries, the object's mesh and the pose in which it rests, and the other
 constraints. Out: placements that are free of collisions and inside the room, few and diverse, the best first. The
-samples of the solve propose; here each pose is measured between the meshes, set so that it touches, and left out if the
-two cut through each other by more than 2 mm.
+solve proposes poses; here each pose is measured between the meshes, moved into contact, and left out if the two cut
+through each other by more than 2 mm.
 """
 
 from collections.abc import Mapping, Sequence
@@ -37,24 +37,24 @@ from dcap.scene.types.mesh import Mesh
 Array = NDArray[np.float64]
 UP = np.array([0.0, 0.0, 1.0])
 LEVEL = float(np.cos(np.radians(3.0)))
-"""Planes nearer to level than this are level [-]: noise of scans and seams."""
+"""Largest slope of a plane that counts as level [-]: noise of scans and seams."""
 FLOOR_LIKE = 0.5
-"""Surfaces whose normals rise less hold things to a wall: then the object is kept upright [-]."""
+"""Vertical part of a normal below which a surface counts as a wall, on which the object is kept upright [-]."""
 RAISED = 0.02
-"""Gaps are measured from so high above the proposed pose [m]."""
+"""Height above the proposed pose from which gaps are measured [m]."""
 MISSED, MISSED_SHARE = 0.01, 0.05
-"""So much, in metres and in the object's heights, may the measured height exceed the one that the samples found [m, -]:
-more is something thin in the way."""
+"""Largest excess of the measured height over the sampled one, in metres and in object heights [m, -]: a larger one
+means that something thin is in the way."""
 OUTLINE_POINTS = 16
 """Points along the object's outline [-]."""
 SPACING = 0.5
-"""Of the points that fill a surface, in its cells [-]."""
+"""Spacing of the points that fill a surface, in its cells [-]."""
 MOST_CHECKED = 3
-"""So many times the wanted number of poses are measured at most [-]."""
+"""Most measured poses over the wanted number [-]."""
 FLOOR_GAP = 0.2
-"""Gaps in a floor that are bridged [m]: between things and under a skirting board."""
+"""Width of gaps in a floor that are bridged [m]: between things and under a skirting board."""
 BESIDE_FLOOR = 0.02
-"""How far over the floor's outline an object may reach [m]: walls overlap the floor of many files."""
+"""Distance by which an object may extend over the floor's outline [m]: walls overlap the floor in many files."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -70,7 +70,7 @@ class RestingItem:
     sides: Mapping[str, tuple[Array, Array]]
     """Middle and unit normal of the named sides in that pose, shape (3,) each."""
     up: Array
-    """Its own up in that pose, shape (3,)."""
+    """Its own up direction in that pose, shape (3,)."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -84,7 +84,7 @@ class SurfaceFrame:
 
     @classmethod
     def of(cls, surface: InteractionSurface) -> "SurfaceFrame":
-        """Of a surface; of nearly level ones the world's axes."""
+        """The frame of a surface; for a nearly level surface with the world's axes."""
         tilted = surface.normal[2] < LEVEL
         return cls(turn_between(surface.normal, UP) if tilted else np.eye(3), surface.center)
 
@@ -122,7 +122,7 @@ class SolvedPlacement:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SolveOutcome:
-    """What the solve found."""
+    """Result of the solve."""
 
     placements: tuple[SolvedPlacement, ...]
     least_overhang: float
@@ -257,7 +257,7 @@ def measured_placement(
     item: RestingItem,
     exact: Clearance,
 ) -> SolvedPlacement | None:
-    """The k-th pose, set so that it touches; None where it cuts through the scene."""
+    """The k-th pose, moved into contact; None if it cuts through the scene."""
     xy, proposed = poses.poses[k, :2], float(poses.height[k])
     touching = proposed + RAISED - exact.gap(np.array([*xy, proposed + RAISED]))
     if not np.isfinite(touching):
@@ -295,7 +295,7 @@ def inside_room(item: RestingItem, world_from_resting: Array, room: SupportArea 
 
 
 def room_plan(floor: Mesh, things: Sequence[OrientedBox]) -> SupportArea:
-    """The plan of a room: its floor, and what the things in it cover of it, as a scan has no floor under them."""
+    """The plan of a room: its floor and the outlines of the things in it, as a scan has no floor under them."""
     corners = floor.triangles
     cell = max(float(np.ptp(floor.bounds[:, :2], axis=0).max()) / RASTER, FINEST)
     points, _ = surface_points(corners, floor.face_areas, SPACING * cell)

@@ -23,7 +23,7 @@ Index = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True)
 class Flatness:
-    """How planar a surface has to be."""
+    """Tolerances of a planar surface."""
 
     angle: float
     """Largest angle between a face's normal and the plane's [rad]."""
@@ -32,19 +32,19 @@ class Flatness:
 
 
 FINE = Flatness(float(np.radians(10.0)), 0.005)
-"""Of what is planar: furniture, floors, scans with their noise."""
+"""Tolerances for furniture, floors, and scans with their noise."""
 COARSE = Flatness(float(np.radians(25.0)), 0.02)
-"""Of a quilt, a cushion or a seat, taken as one surface."""
+"""Tolerances for a quilt, a cushion or a seat as one surface."""
 LEAST_SHARE = 0.01
 """Share of the mesh's area below which a region is no surface [-]."""
 COPLANAR_ANGLE = float(np.radians(5.0))
 """Pieces whose normals differ by less may be one surface [rad]..."""
 MOST_SURFACES = 12
-"""Surfaces of one thing at most, the largest ones [-]."""
+"""Most surfaces of one thing, the largest ones [-]."""
 MOST_SEEDS = 200
-"""Regions that are begun on one mesh at most; on a rough scan most faces would begin one of their own [-]."""
+"""Most regions started on one mesh; on a rough scan most faces would start one of their own [-]."""
 SAMPLES = 240
-"""Points that stand for a surface's area [-]."""
+"""Number of points that represent a surface's area [-]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -52,7 +52,7 @@ class InteractionSurface:
     """A planar surface of a thing."""
 
     name: str
-    """What it is called, of the thing: `planar 0`, `top`, `left side`."""
+    """Its name within the thing: `planar 0`, `top`, `left side`."""
     center: Array
     """Middle of its area [m], shape (3,)."""
     normal: Array
@@ -64,7 +64,7 @@ class InteractionSurface:
     area: float
     """[m^2]."""
     faces: Index
-    """Faces of the mesh it was grown on, none of a side of a box, shape (m,)."""
+    """Faces of the mesh it was grown on, shape (m,); none for the side of a box."""
 
     def transformed(self, rotation: Array, shift: Array, scale: float = 1.0) -> "InteractionSurface":
         """The surface under x -> scale * rotation @ x + shift."""
@@ -112,7 +112,7 @@ def planar_surfaces(mesh: Mesh, flatness: Flatness = FINE, least_area: float | N
 
 
 def adjacency(mesh: Mesh, faces: Index) -> csr_matrix:
-    """Which of some faces (k,) share an edge, a symmetric (k, k) matrix."""
+    """Adjacency of faces (k,) by shared edges, a symmetric (k, k) matrix."""
     a, b = shared_edges(welded_index(mesh.vertices)[mesh.faces[faces]]).T
     ones = np.ones(2 * len(a), dtype=np.int8)
     return coo_matrix((ones, (np.r_[a, b], np.r_[b, a])), shape=(len(faces), len(faces))).tocsr()
@@ -188,7 +188,7 @@ def merged_coplanar(
 
 
 def surface_of(mesh: Mesh, faces: Index, name: str) -> InteractionSurface:
-    """The surface that some faces (k,) of a mesh make."""
+    """The surface made of some faces (k,) of a mesh."""
     corners = mesh.corners(faces)
     weighted = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = 0.5 * np.linalg.norm(weighted, axis=1)

@@ -23,11 +23,11 @@ RASTER = 160
 FINEST = 0.004
 """Smallest cell of a surface [m]."""
 CLOSED = 2
-"""Gaps of so many cells in a surface are bridged [-]."""
+"""Width of gaps in a surface that are bridged [cells]."""
 HOLE = 0.01
-"""Holes in a surface up to this are what growth left out, larger ones are holes: a tub within its rim [m^2]."""
+"""Largest hole that is filled as an artefact of growth [m^2]; larger ones are real, such as a tub within its rim."""
 BLOCKED = 10.0
-"""Height of what is in the way all the way up [m]."""
+"""Height that stands for an obstacle without a top [m]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -96,18 +96,18 @@ class ResolvedConstraint:
     metres: float = 0.0
     """Of close_to and far_from."""
     nearest: bool = False
-    """Facing it means its nearest point, not its middle."""
+    """Whether facing it means facing its nearest point, not its middle."""
     words: str = ""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Evaluation:
-    """What n poses are worth."""
+    """Losses of n poses."""
 
     loss: Array
     """Weighted sum of squares [-], shape (n,)."""
     height: Array
-    """Of the contact surface over the plane [m], shape (n,)."""
+    """Height of the contact surface over the plane [m], shape (n,)."""
     overhang: Array
     """Share of the contact surface beyond the rim [-], shape (n,)."""
     terms: tuple[tuple[str, Array], ...]
@@ -122,20 +122,20 @@ class PlacementProblem:
     search: PlacementSearch
     """The scene's heights over the plane, and the object's underside, both sampled."""
     flatness: float
-    """How uneven the surface may be [m]."""
+    """Allowed unevenness of the surface [m]."""
     item_height: float
     """[m]."""
     contact_points: Array
     """Of the object's contact surface, from its middle [m], shape (k, 2)."""
     footprint: Array
-    """Points along the object's outline from the same [m], shape (f, 2)."""
+    """Points along the object's outline, from the contact surface's middle [m], shape (f, 2)."""
     sides: Mapping[str, tuple[Array, Array]]
-    """Middle, from the same [m], and unit normal of the object's sides at yaw 0, shape (3,) each."""
+    """Middle, from the contact surface's [m], and unit normal of the object's sides at yaw 0, shape (3,) each."""
     constraints: tuple[ResolvedConstraint, ...]
     upright: tuple[Array, Array] | None = None
     """On a surface that is no floor: the object's up at yaw 0 and the world's, shape (3,) each."""
     columns: int = 160
-    """So many samples of the underside are looked at [-]."""
+    """Number of samples of the underside that are evaluated [-]."""
 
     def evaluate(self, poses: Array) -> Evaluation:
         """Loss of poses (n, 3): x, y [m], yaw [rad]."""
@@ -165,11 +165,11 @@ class PlacementProblem:
         return np.asarray((surface - self.search.under[::step]).max(axis=1))
 
     def resting_height(self, touching: Array) -> Array:
-        """The height for one at which something is touched: where that is far below the plane, in the plane."""
+        """Resting height for a touching height: in the plane if the touched surface is far below it."""
         return np.where(touching > -self.flatness, touching, 0.0)
 
     def beyond_flat(self, touching: Array) -> Array:
-        """How far what is touched lies over or under the plane, less the surface's own unevenness [m], shape (n,)."""
+        """Distance of the touched surface from the plane, less the surface's own unevenness [m], shape (n,)."""
         return np.maximum(np.abs(touching) - self.flatness, 0.0)
 
     def value(self, one: ResolvedConstraint, xy: Array, turn: Array, ring: Array) -> Array:
@@ -191,7 +191,7 @@ class PlacementProblem:
 
 
 def rotations(yaw: Array) -> Array:
-    """For points as rows, turns by angles (n,) [rad], shape (n, 2, 2)."""
+    """Rotation matrices for row vectors, by angles (n,) [rad], shape (n, 2, 2)."""
     c, s = np.cos(yaw), np.sin(yaw)
     return np.stack([np.stack([c, s], axis=1), np.stack([-s, c], axis=1)], axis=1)
 

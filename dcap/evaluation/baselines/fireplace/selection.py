@@ -1,8 +1,9 @@
-"""Batched visual selection: many options are chosen from in small batches, whose winners meet again.
+"""Batched visual selection: chooses among many options in small batches, whose winners meet again.
 
-In: how many options there are, and who decides among a few of them. Out: the winner. From the source [H25]: options in
-small batches, so that a model need not compare dozens of pictures. Ours: batches of four, ids shuffled anew for each
-vote so that no position or letter is preferred, two votes, and where they differ a last question between the two.
+In: the number of options, and a function that decides among a few of them. Out: the winner. From the source [H25]:
+options in small batches, so that a model need not compare dozens of pictures. Ours: batches of four, ids shuffled anew
+for each vote so that no position or letter is preferred, two votes, and where they differ a last question between the
+two.
 
 [H25] as in the package's docstring.
 """
@@ -13,7 +14,7 @@ from string import ascii_uppercase
 import numpy as np
 
 BATCH = 4
-"""Options that are looked at together [-]."""
+"""Options that are compared at once [-]."""
 VOTES = 2
 """Selections, each with options in another order [-]."""
 
@@ -39,7 +40,7 @@ def one_vote(count: int, decide: Decide, rng: np.random.Generator, batch: int) -
 
 
 def winner(group: Sequence[int], decide: Decide, rng: np.random.Generator) -> int:
-    """Of one batch; the only option wins without a question."""
+    """The winner of one batch; an only option wins without a question."""
     return group[0] if len(group) == 1 else decide(lettered(group, rng))
 
 

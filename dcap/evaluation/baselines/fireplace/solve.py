@@ -16,29 +16,29 @@ from dcap.evaluation.baselines.fireplace.selection import farthest_points
 
 Array = NDArray[np.float64]
 SAMPLES = 1024
-"""Poses to begin with [-]."""
+"""Number of initial poses [-]."""
 YAWS = 24
 """Yaws in steps of 15 degrees [-]."""
 MOVED = 160
-"""The best of the samples, which are moved [-]."""
+"""Number of best samples that are refined [-]."""
 STEPS = np.array([0.06, 0.06, np.radians(10.0)])
 """First steps of the search [m, m, rad]."""
 HALVINGS = 7
-"""Steps are halved so often: to half a millimetre and a twelfth of a degree [-]."""
+"""Number of times that steps are halved: to half a millimetre and a twelfth of a degree [-]."""
 MOST_ROUNDS = 60
 """[-]."""
 SATISFIED = 1e-3
-"""A loss below which all constraints count as met [-]."""
+"""Loss below which all constraints count as met [-]."""
 SAME_LOSS = 1e-4
 """Losses that differ by less are equal [-]."""
 SAME_DEPTH = 0.02
 """Distances from the rim that differ by less are equal [m]."""
 SLACK = 1.2
-"""Where not all can be met: losses up to so many times the least are as good [-]."""
+"""If not all constraints can be met: losses up to this multiple of the least count as equally good [-]."""
 MOST_LIFTED = 0.25
-"""What is lifted off its surface by more, over its own height, lies on something else [-]."""
+"""Lift off the surface over the object's height, above which it lies on something else [-]."""
 MOST_OVERHANG = 0.5
-"""With more than half of its contact surface beyond the rim a thing falls [-]."""
+"""Share of its contact surface beyond the rim above which a thing falls [-]."""
 WAYS = np.concatenate([np.eye(3), -np.eye(3)])
 
 
@@ -55,11 +55,11 @@ class SolvedPoses:
     overhang: Array
     """[-], shape (n,)."""
     least_overhang: float
-    """Of all poses that were looked at without anything in the way [-]."""
+    """Least overhang of all evaluated poses with nothing in the way [-]."""
 
 
 def solved(problem: PlacementProblem, seed: int, most: int) -> SolvedPoses:
-    """Up to `most` poses; none where each is in the way of something or would fall."""
+    """Up to `most` poses; none if every pose is blocked or would fall."""
     rng = np.random.default_rng(seed)
     start = samples(problem, rng)
     first = problem.evaluate(start)

@@ -1,4 +1,4 @@
-"""Holodeck's line of relations, read as its program reads it.
+"""Parser of Holodeck's line of relations, equivalent to its program's.
 
 As in the source (`parse_constraints`): lines hold `|`, their letters are made small, a leading number or dash and a
 last full stop are dropped; what is before the first `|` is the object; each further piece is a relation and perhaps a
@@ -16,7 +16,7 @@ LEADING = re.compile(r"^(\d+[.)]\s*|- )")
 
 
 class RelationKind(StrEnum):
-    """What a relation speaks of."""
+    """Kinds of relations."""
 
     GLOBAL = "global"
     RELATIVE = "relative"
@@ -44,7 +44,7 @@ KINDS: Mapping[str, RelationKind] = {
     "near": RelationKind.DISTANCE,
     "far": RelationKind.DISTANCE,
 }
-"""The vocabulary, aliases included."""
+"""The vocabulary, including aliases."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,12 +58,12 @@ class Relation:
 
 
 def parsed_relations(text: str, object_name: str, placed: Collection[str]) -> list[Relation] | None:
-    """The relations of one object, from its last line; None where no line speaks of it.
+    """The relations of one object, from its last line; None if no line names it.
 
     Args:
         text: the answer, any number of lines.
-        object_name: who they are about; names are compared in small letters.
-        placed: what may be a target.
+        object_name: the object; names are compared in lower case.
+        placed: names of possible targets.
     """
     found: list[Relation] | None = None
     for line in (line.lower() for line in text.splitlines() if "|" in line):
@@ -76,7 +76,7 @@ def parsed_relations(text: str, object_name: str, placed: Collection[str]) -> li
 
 
 def relations_of(piece: str, placed: Collection[str]) -> list[Relation]:
-    """What one piece between bars says."""
+    """Relations of one piece between bars."""
     said, comma, behind = piece.partition(",")
     if not said.strip() or said.strip() == "n/a":
         return []
@@ -95,12 +95,13 @@ def relations_of(piece: str, placed: Collection[str]) -> list[Relation]:
 
 
 def nearest_name(said: str) -> str:
-    """A word of the vocabulary: itself, or the one with the least edit distance, of several the first by letters."""
+    """A word of the vocabulary: the same word, or the one with the least edit distance, alphabetically first of
+    several."""
     return said if said in KINDS else min(KINDS, key=lambda name: (edit_distance(name, said), name))
 
 
 def edit_distance(a: str, b: str) -> int:
-    """How many letters must be inserted, deleted or replaced (Levenshtein, 1966)."""
+    """Number of letters to insert, delete or replace (Levenshtein, 1966)."""
     row = list(range(len(b) + 1))
     for i, letter in enumerate(a, 1):
         above, row[0] = row[0], i

@@ -1,4 +1,4 @@
-"""A thing that stands on the floor: the room's things as placed ones, a search, the pose of what it found."""
+"""Places an asset on the floor: the room's things as placed objects, a search, the pose of the place found."""
 
 from collections.abc import Sequence
 
@@ -15,7 +15,7 @@ from dcap.scene.types.floor_plan import FloorPlan, PlanBox
 Array = NDArray[np.float64]
 CENTIMETRES = 100.0
 WALKED_ON = 0.05
-"""What is no higher is no obstacle [m]: rugs."""
+"""Largest height of a thing that is no obstacle [m]: rugs."""
 
 
 def floor_place(
@@ -29,15 +29,15 @@ def floor_place(
     roots: int,
     steps: int,
 ) -> GridPlace | None:
-    """The best place, None where there is none.
+    """The best place, None without one.
 
     Args:
         plan: the room.
         names: names of its things by instance id.
-        asset: what is placed.
+        asset: the asset to place.
         object_name: its name.
-        relations: what its place shall meet.
-        rng: decides between equals.
+        relations: the relations that its place should meet.
+        rng: breaks ties.
         roots, steps: see `search`.
     """
     room = FloorRoom.of(shapely.Polygon(CENTIMETRES * plan.outline))
@@ -53,18 +53,18 @@ def floor_place(
 
 
 def stands_in(box: PlanBox, floor: float, high: float) -> bool:
-    """Whether a thing takes room between the floor and a height [m]."""
+    """Whether a thing occupies space between the floor and a height [m]."""
     return box.bottom < high and box.top > floor + WALKED_ON
 
 
 def as_place(box: PlanBox, *, solid: bool) -> GridPlace:
-    """A thing of the room as the search knows it: its rectangle, and the quarter turn nearest to its front."""
+    """A thing of the room in the search's form: its rectangle, and the quarter turn nearest to its front."""
     turn = max(WAYS, key=lambda one: float(box.front @ WAYS[one]))
     x, y = (float(value) for value in CENTIMETRES * box.center[:2])
     return GridPlace((x, y), turn, shapely.Polygon(CENTIMETRES * box.ring), solid=solid)
 
 
 def floor_pose(place: GridPlace, plan: FloorPlan, asset: CanonicalAsset) -> Array:
-    """World from object of a place: on the floor, its front where the place looks, shape (4, 4)."""
+    """World from object of a place: on the floor, its front along the place's direction, shape (4, 4)."""
     center = np.array([*(np.array(place.center) / CENTIMETRES), plan.floor + 0.5 * float(asset.size[2])])
     return asset.pose(center, float(np.radians(180 - place.turn)))

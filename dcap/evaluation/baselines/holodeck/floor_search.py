@@ -3,10 +3,10 @@
 As in the source (`DFS_Solver_Floor`, without the variant that is off by default): middles on a grid of a 20th of the
 room, four turns, 10 cm added to each extent; a rectangle lies in the room and meets no other one; its front is at least
 30 cm from the wall; `edge`, a hard constraint and the default, takes the places whose back is within a grid step of the
-wall and moves them there; scores are divided by the number of relations. Where no place is at a wall there is none at
-all, also for `middle`. Ours: a budget of steps instead of 30 s, so that equal inputs give equal places; equally good
-places are told apart by a generator that the caller seeds. The first of several objects is tried at 30 places, later
-ones at their best; in a room that is furnished the asked object is a later one.
+wall and moves them there; scores are divided by the number of relations. If no place is at a wall, there is none at
+all, also for `middle`. Ours: a budget of steps instead of 30 s, so that equal inputs give equal places; a generator
+that the caller seeds breaks ties. The first of several objects is tried at 30 places, later
+ones at their best; in a furnished room the requested object is a later one.
 """
 
 from collections.abc import Mapping, Sequence
@@ -34,17 +34,17 @@ BUFFER = 10.0
 FRONT_ROOM = 30.0
 """Least distance of the middle of its front from the wall [cm]."""
 INTO_WALL = 4.5
-"""A place at the wall is moved so much farther than its back's distance [cm]: half of the added extent, nearly."""
+"""Distance that a place at the wall moves beyond its back's distance [cm]: almost half of the added extent."""
 EDGE = "edge"
 
 
 @dataclass(frozen=True, slots=True)
 class FloorObject:
-    """What shall be placed."""
+    """An object to place."""
 
     name: str
     length: float
-    """Across what it looks at [cm]."""
+    """Extent across its viewing direction [cm]."""
     width: float
     """From back to front [cm]."""
     relations: tuple[Relation, ...]
@@ -52,7 +52,7 @@ class FloorObject:
 
 @dataclass(slots=True)
 class StepBudget:
-    """How many objects may still be looked for."""
+    """Number of objects that may still be searched for."""
 
     left: int
 
@@ -84,11 +84,11 @@ def search(
 
     Args:
         room: the floor.
-        objects: in their order; relations speak of earlier ones and of what is placed.
+        objects: in their order; relations refer to earlier objects and to placed things.
         placed: things by name.
-        rng: decides between equals.
+        rng: breaks ties.
         roots: places that are tried for the first object, if nothing is placed yet.
-        steps: objects that may be looked for in all.
+        steps: number of objects that may be searched for in total.
     """
     solutions: list[dict[str, GridPlace]] = []
     descend(room, list(objects), dict(placed), rng, solutions, StepBudget(steps), 1 if placed else roots)
@@ -120,7 +120,7 @@ def descend(
 
 
 def candidates(room: FloorRoom, one: FloorObject, placed: Placed, rng: np.random.Generator) -> list[GridPlace]:
-    """Where an object can be, the best first."""
+    """Possible places of an object, the best first."""
     free = off_others(all_places(room, one, placed), placed)
     free = [place for place in free if wall_distance(room, ahead(place, one.width)) >= FRONT_ROOM]
     at_wall = moved_to_wall(room, free, one.width)
@@ -134,7 +134,7 @@ def candidates(room: FloorRoom, one: FloorObject, placed: Placed, rng: np.random
 
 
 def scored(room: FloorRoom, one: FloorObject, placed: Placed, places: list[GridPlace]) -> list[GridPlace]:
-    """The places with what their relations count."""
+    """The places with the scores of their relations."""
     if not places:
         return []
     totals = np.array([place.score for place in places])
@@ -169,13 +169,13 @@ def all_places(room: FloorRoom, one: FloorObject, placed: Placed) -> list[GridPl
 
 
 def off_others(places: Sequence[GridPlace], placed: Placed) -> list[GridPlace]:
-    """Those that meet nothing placed."""
+    """Places that intersect nothing placed."""
     others = shapely.union_all([thing.rectangle for thing in placed.values() if thing.solid])
     return [place for place in places if not place.rectangle.intersects(others)]
 
 
 def moved_to_wall(room: FloorRoom, places: Sequence[GridPlace], width: float) -> list[GridPlace]:
-    """Those whose back is at the wall, moved there, with what that counts."""
+    """Places whose back is at the wall, moved there, with the score for it."""
     found = []
     for place in places:
         away = wall_distance(room, behind(place, width))

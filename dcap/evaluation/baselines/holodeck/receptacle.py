@@ -1,16 +1,16 @@
-"""Holodeck's places for what stands on another thing: random ones on the receptacle, the first that is free.
+"""Holodeck's places for objects on another thing: random ones on the receptacle, the first free one.
 
-As in the source (`small_objects.py`): only what is smaller than 90 % of the receptacle in length and width is placed;
-what is at most 25 cm in every direction and 625 cm2 seen from above is small and gets a random turn of whole degrees;
-what is less than 5 cm thick along a horizontal axis is thin, and laid flat up to 3 cm; ten attempts are made; the box
-ends 1 mm above the surface; what is neither small nor thin is not left to physics, and dropped where its box meets that
-of something else there. Ours is what its simulator AI2-THOR does behind its action `InitialRandomSpawn`, by rays: a
+As in the source (`small_objects.py`): only objects smaller than 90 % of the receptacle in length and width are placed;
+one of at most 25 cm in every direction and 625 cm2 seen from above is small and gets a random turn of whole degrees;
+one less than 5 cm thick along a horizontal axis is thin, and laid flat up to 3 cm; ten attempts are made; the box ends
+1 mm above the surface; an object that is neither small nor thin is not settled by physics, and discarded if its box
+meets another one there. Ours is a version with rays of the action `InitialRandomSpawn` of its simulator AI2-THOR: a
 point is drawn from the receptacle's faces that look up (unit normal's vertical part above 0.9) with room for the object
 above them; the corners and middles of its footprint must be over the receptacle (no deeper than `SAG` below the
 highest), and nothing may be in the box above the surface. The source turns and lays flat after its simulator has found
-a place; here both come before, so that what is checked is what is returned. What is not small is tried at quarter
-turns. The source lets AI2-THOR's physics settle what is small or thin afterwards; here the stage lets it down onto what
-is beneath it, without turning it.
+a place; here both come before, so that the returned place is the checked one. Objects that are not small are tried at
+quarter turns. The source lets AI2-THOR's physics settle small and thin objects afterwards; here the stage lowers them
+onto the surface beneath, without turning them.
 """
 
 from dataclasses import dataclass
@@ -27,29 +27,29 @@ from dcap.scene.types.segmentation import Segmentation
 
 Array = NDArray[np.float64]
 SHARE = 0.9
-"""The object's length and width over the receptacle's must be less [-]."""
+"""Upper bound of the object's length and width over the receptacle's [-]."""
 LEVEL = 0.9
-"""Faces whose unit normal's vertical part is larger carry [-]."""
+"""Vertical part of a unit normal above which a face carries things [-]."""
 ABOVE = 1e-3
 """Gap between surface and box [m]."""
 FLAT = 0.03
-"""Assets that are no thicker than this along x or y are laid flat [m]."""
+"""Largest thickness along x or y of assets that are laid flat [m]."""
 THIN = 0.05
-"""Assets that are thinner than this along x or y are left to physics [m]."""
+"""Thickness along x or y below which assets are settled by physics [m]."""
 SMALL, SMALL_AREA = 0.25, 0.0625
 """Extents [m] and area seen from above [m^2] up to which the turn is random."""
 SAG = 0.05
-"""So far may a corner be over the surface [m]."""
+"""Largest height of a corner over the surface [m]."""
 GRID = 7
 """Rays along each side of the footprint [-]."""
 RIM = 0.98
-"""The outermost rays are at this share of the half extents [-]: a corner may be at the very edge of a board."""
+"""Position of the outermost rays over the half extents [-]: a corner may be at the very edge of a board."""
 QUARTERS = tuple(0.5 * np.pi * k for k in range(4))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ReceptaclePlace:
-    """Where on the receptacle."""
+    """A place on the receptacle."""
 
     center: Array
     """Middle of the box [m], shape (3,)."""
@@ -58,7 +58,7 @@ class ReceptaclePlace:
     tilt: Array
     """The rotation that lays it flat, shape (3, 3)."""
     attempt: int
-    """Which attempt it was, from 1."""
+    """Number of the attempt, from 1."""
 
 
 def fits_on(asset: CanonicalAsset, receptacle: Array) -> bool:
@@ -68,7 +68,7 @@ def fits_on(asset: CanonicalAsset, receptacle: Array) -> bool:
 
 
 def laid_flat(size: Array) -> Array:
-    """The rotation that lays a thin thing of these extents [m] flat, else none, shape (3, 3)."""
+    """The rotation that lays a thin thing of these extents [m] flat, else the identity, shape (3, 3)."""
     if size[0] <= FLAT:
         return np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])  # about y: x becomes vertical
     if size[1] <= FLAT:
@@ -89,7 +89,7 @@ def is_small(size: Array) -> bool:
 def receptacle_place(
     scene: Segmentation, receptacle: int, asset: CanonicalAsset, rng: np.random.Generator, attempts: int
 ) -> ReceptaclePlace | None:
-    """The first free place of so many attempts on the instance with that index; None if there is none."""
+    """The first free place of up to `attempts` on the instance with that index; None if there is none."""
     small, tilt = is_small(asset.size), laid_flat(asset.size)
     half = 0.5 * np.ptp(asset.mesh.transformed(with_rotation(tilt)).bounds, axis=0)
     caster = Raycaster(scene.mesh)
@@ -108,7 +108,7 @@ def receptacle_place(
 
 
 def upward_faces(scene: Segmentation, receptacle: int) -> NDArray[np.int64]:
-    """Indices of the receptacle's faces that look up."""
+    """Indices of the receptacle's upward faces."""
     mine = np.flatnonzero(scene.face_instance == receptacle)
     normals = scene.mesh.face_normals[mine]
     carries = normals[:, 2] > LEVEL * np.maximum(np.linalg.norm(normals, axis=1), 1e-30)
@@ -135,7 +135,8 @@ def footprint(point: Array, half: Array, yaw: float) -> Array:
 def surface_under(
     scene: Segmentation, receptacle: int, caster: Raycaster, point: Array, half: Array, yaw: float
 ) -> float | None:
-    """The highest surface under the footprint near a point of it [m]; None where it is not all over the receptacle."""
+    """The highest surface under the footprint near a point of it [m]; None if the footprint extends beyond the
+    receptacle."""
     spots = footprint(point, half, yaw)
     start = np.c_[spots, np.full(len(spots), point[2] + SAG)]
     hits = caster.cast(start, np.tile([0.0, 0.0, -1.0], (len(start), 1)))
@@ -149,7 +150,7 @@ def is_clear(caster: Raycaster, point: Array, bottom: float, half: Array, yaw: f
     """Whether nothing is in the box above `bottom` [m]: no ray through it upward, along it or across it hits."""
     spots = footprint(point, half, yaw)
     start, up = np.c_[spots, np.full(len(spots), bottom)], np.tile([0.0, 0.0, 1.0], (len(spots), 1))
-    # where a ray leaves something, the spot is within it: under a pillow's surface
+    # where a ray leaves a solid, the spot is inside it: under a pillow's surface
     if (caster.cast(start, up).distance < 2.0 * half[2]).any() or np.isfinite(caster.left_at(start, up)).any():
         return False
     turn, levels = about_z(yaw), bottom + 2.0 * half[2] * (np.arange(GRID) + 0.5) / GRID
@@ -167,7 +168,7 @@ def is_clear(caster: Raycaster, point: Array, bottom: float, half: Array, yaw: f
 
 def collides(plan: FloorPlan, receptacle: str, low: Array, high: Array) -> str:
     """Label of a thing on the receptacle whose axis-aligned box meets the one from `low` to `high` [m]; empty if there
-    is none. What is larger than the receptacle, or not over it, does not stand on it."""
+    is none. Things that are larger than the receptacle, or not over it, do not stand on it."""
     base = next((box for box in plan.things if box.thing == receptacle), None)
     if base is None:
         return ""

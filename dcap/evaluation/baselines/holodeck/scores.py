@@ -1,4 +1,4 @@
-"""How well a place on the floor meets relations: Holodeck's tests and curves, in centimetres.
+"""Scores of relations for places on the floor: Holodeck's tests and curves, in centimetres.
 
 As in the source (`DFS_Solver_Floor`): a place is a middle, one of four turns and a rectangle. Turn 0 looks along +y, 90
 along +x, 180 along -y, 270 along -x. A satisfied relation counts its weight; distances count 1.8 times the height of a
@@ -24,14 +24,14 @@ WEIGHTS: Mapping[RelationKind, float] = {
     RelationKind.DISTANCE: 1.8,
 }
 NEAR = 80.0
-"""From here on nothing is near [cm]."""
+"""Distance from which on nothing is near [cm]."""
 ALIGNED = 5.0
-"""Middles this near in one coordinate are aligned [cm]."""
+"""Largest difference in one coordinate between aligned middles [cm]."""
 FAR_POINT = 1e6
-"""Length of the line along which something looks [cm]."""
+"""Length of the line of sight [cm]."""
 TURNS = (0, 90, 180, 270)
 WAYS: Mapping[int, tuple[float, float]] = {0: (0.0, 1.0), 90: (1.0, 0.0), 180: (0.0, -1.0), 270: (-1.0, 0.0)}
-"""Where something of that turn looks."""
+"""Viewing direction of each turn."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,11 +46,11 @@ class GridPlace:
     """[cm]."""
     score: float = 1.0
     solid: bool = True
-    """Whether nothing else may be there; things that hang or lie on others are targets only."""
+    """Whether it blocks its place; things that hang or lie on others are only targets."""
 
 
 def satisfying(relation: Relation, target: GridPlace, places: Sequence[GridPlace], grid: float) -> list[bool]:
-    """Which places satisfy a relation that is no distance; `grid` is the spacing of the candidates [cm]."""
+    """Whether places satisfy a relation other than a distance; `grid` is the spacing of the candidates [cm]."""
     if relation.kind is RelationKind.RELATIVE:
         return [beside(relation.name, target, place, grid) for place in places]
     if relation.kind is RelationKind.ALIGNMENT:
@@ -61,7 +61,7 @@ def satisfying(relation: Relation, target: GridPlace, places: Sequence[GridPlace
 
 
 def beside(name: str, target: GridPlace, place: GridPlace, grid: float) -> bool:
-    """Left of, right of, in front of, behind, or at the side of what the target's bounds are.
+    """Whether a place is left of, right of, in front of, behind, or at the side of the target's bounds.
 
     Seen from the target: beyond its bounds on that side, and level with them; in front also less than a grid step from
     its middle line. The side of it is any place that is level with it.
@@ -97,7 +97,7 @@ def faces(target: GridPlace, place: GridPlace) -> bool:
 
 
 def distance_scores(name: str, target: GridPlace, places: Sequence[GridPlace]) -> list[float]:
-    """Near or far of each place, by its distance from the target among those of all places."""
+    """Score of near or far for each place, by its distance from the target among those of all places."""
     away = [float(target.rectangle.distance(place.rectangle)) for place in places]
     curve = near_curve(min(away), max(away)) if name == "near" else far_curve(min(away), max(away))
     return [curve(one) for one in away]

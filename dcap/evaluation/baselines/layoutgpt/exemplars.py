@@ -1,4 +1,4 @@
-"""Which other rooms are shown to the model: the K whose floors look most alike, as many as the prompt has room for.
+"""Chooses the other rooms that the model sees: the K with the most similar floors, as many as fit into the prompt.
 
 As in the source (`load_features`, `get_closest_room`, `form_prompt_for_chatgpt`): floors are compared as pictures of
 64 x 64 pixels by the mean of the squared differences, the nearest comes first, and the first that would exceed the
@@ -22,9 +22,9 @@ from dcap.scene.types.floor_plan import FloorPlan
 MASK = 64
 """Width and height of a floor's picture [pixels]."""
 PIECES = re.compile(r" ?[^\W\d_]+| ?\d+| ?(?:[^\s\w]|_)+|\s+(?!\S)|\s+")
-"""Words, numbers, signs and blanks, a blank belonging to what follows."""
+"""Words, numbers, signs and blanks; a blank belongs to the piece after it."""
 LONG_PIECE = 6
-"""Letters of a word or digits of a number that one token holds [-]."""
+"""Letters of a word or digits of a number per token [-]."""
 
 
 def floor_mask(plan: FloorPlan, side: float) -> NDArray[np.uint8]:
@@ -52,7 +52,7 @@ def most_similar(plan: FloorPlan, others: Sequence[FloorPlan], count: int) -> li
 
 
 def within_limit(texts: Sequence[str], used: int, limit: int) -> list[str]:
-    """The first texts that together with what is used stay within a number of tokens."""
+    """The first texts that, with the tokens already used, stay within a number of tokens."""
     kept: list[str] = []
     for text in texts:
         used += token_count(text)
@@ -63,12 +63,12 @@ def within_limit(texts: Sequence[str], used: int, limit: int) -> list[str]:
 
 
 def token_count(text: str) -> int:
-    """About how many tokens of GPT-2 a text has."""
+    """Approximate number of GPT-2 tokens in a text."""
     return sum(-(-len(piece.strip()) // LONG_PIECE) or 1 for piece in PIECES.findall(text))
 
 
 def condition_of(plan: FloorPlan) -> str:
-    """What a layout begins with: the kind and size of the room."""
+    """Head of a layout: the kind and size of the room."""
     length, width = (grid_of(plan).pixels(float(value)) for value in plan.extents)
     return f"Condition:\nRoom Type: {plan.kind}\nRoom Size: max length {length}px, max width {width}px"
 
@@ -80,7 +80,7 @@ def exemplar_of(plan: FloorPlan) -> str:
 
 
 def frequencies(plans: Sequence[FloorPlan]) -> str:
-    """What the rooms hold and which share of all things that is, the most frequent first."""
+    """Categories in the rooms with their share of all things, the most frequent first."""
     counts = Counter(box.label for plan in plans for box in plan.things)
     total = max(counts.total(), 1)
     ordered = sorted(counts.items(), key=lambda item: (-item[1], item[0]))

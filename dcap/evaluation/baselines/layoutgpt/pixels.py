@@ -1,7 +1,7 @@
 """Metres as the pixels of a layout, and back.
 
 As in the source (`load_room_boxes` with normalisation): a 256th of the room's shorter side is a pixel, and numbers are
-cut to integers. A room of 4 m has pixels of 16 mm: a layout says no height more finely.
+cut to integers. A room of 4 m has pixels of 16 mm: no height in a layout is finer.
 """
 
 from dataclasses import dataclass
@@ -14,9 +14,9 @@ from dcap.scene.types.floor_plan import FloorPlan, PlanBox
 
 Array = NDArray[np.float64]
 PIXELS = 256
-"""Along the room's shorter side."""
+"""Pixels along the room's shorter side."""
 LEAST_SIDE = 1e-3
-"""A room is taken for at least so wide [m]."""
+"""Least width that a room is assumed to have [m]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -49,5 +49,5 @@ def grid_of(plan: FloorPlan) -> PixelGrid:
 
 
 def category_of(label: str) -> str:
-    """A label as the category that begins a line: one word, without what ends or divides a line."""
+    """A label as the category that begins a line: one word, without characters that end or divide a line."""
     return "_".join("".join(c if c.isalpha() else " " for c in label).split()) or "thing"

@@ -1,7 +1,7 @@
-"""From a floor plan to the question, and from the answer to the pose it proposes.
+"""Turns a floor plan into the question, and the answer into the pose that it proposes.
 
-Exactly one line that the layout did not have makes a placement. Its size is overwritten by the asset's; its middle is
-the middle of the asset's box; its orientation turns the asset about the vertical. Nothing else is done to it.
+Exactly one new line in the layout makes a placement. Its size is replaced by the asset's; its middle is the middle of
+the asset's box; its orientation turns the asset about the vertical. Nothing else is changed.
 """
 
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ from dcap.scene.types.outcome import Infeasible, Reason
 
 Array = NDArray[np.float64]
 SHOWN = 120
-"""Characters of a bad answer that a message quotes."""
+"""Most characters of a bad answer that a message quotes."""
 
 
 def layout_request(
@@ -40,8 +40,8 @@ def layout_request(
     most: int,
     limit: int,
 ) -> LayoutRequest:
-    """The question with as many of the `most` similar rooms as `limit` tokens allow; `asked` is what our own method's
-    intent is asked."""
+    """The question with as many of the `most` similar rooms as `limit` tokens allow; `asked` is the
+    request of our own method's intent stage."""
     grid, others = grid_of(plan), others_of(plan, exemplars)
     lines = tuple(LayoutLine(box.thing, box.part, grid.box(box).text) for box in plan.boxes)
     categories, condition = frequencies([plan, *others]), condition_of(plan)
@@ -67,13 +67,13 @@ def layout_request(
 
 
 def others_of(plan: FloorPlan, exemplars: FloorPlans | None) -> list[FloorPlan]:
-    """The rooms that may be shown: all but this one."""
+    """Possible examples: all rooms but this one."""
     found = [] if exemplars is None else exemplars.plans
     return [one for one in found if not same_room(one, plan)]
 
 
 def same_room(a: FloorPlan, b: FloorPlan) -> bool:
-    """Whether two plans are of one room: outline and things are the same."""
+    """Whether two plans show the same room: outline and things are equal."""
     if not np.array_equal(a.outline, b.outline) or len(a.boxes) != len(b.boxes):
         return False
     pairs = zip(a.boxes, b.boxes, strict=True)
@@ -81,7 +81,7 @@ def same_room(a: FloorPlan, b: FloorPlan) -> bool:
 
 
 def new_line(answer: str, lines: Sequence[LayoutLine]) -> CssBox | Infeasible:
-    """The one new line of an answer; lines that the layout had are no new ones, what is no line is dropped."""
+    """The one new line of an answer; lines of the given layout do not count, invalid lines are dropped."""
     had = {box for line in lines for box in parsed_layout(line.text)}
     new = [box for box in parsed_layout(answer) if box not in had]
     if len(new) == 1:
@@ -95,5 +95,5 @@ def new_line(answer: str, lines: Sequence[LayoutLine]) -> CssBox | Infeasible:
 
 
 def proposed_pose(box: CssBox, plan: FloorPlan, asset: CanonicalAsset) -> Array:
-    """World from object as the line says, shape (4, 4)."""
+    """World from object by the line, shape (4, 4)."""
     return asset.pose(grid_of(plan).center(box), float(np.radians(box.orientation)))
