@@ -55,8 +55,8 @@ def place_by(sample: Sample, config: PlaceConfig) -> PlacementRefs:
     """Place the sample by its method, and measure its final state if the configuration says so."""
     own = config_of(sample.method, config)
     proposes = sample.method in BASELINES or sample.method == NO_DROP
-    found = place(sample, own, proposed if proposes else None)
-    return measured(sample, found, config) if config.measured else found
+    found = place(sample, own, place_proposal if proposes else None)
+    return with_measures(sample, found, config) if config.measured else found
 
 
 def changed(**stages: Mapping[str, object]) -> Callable[[PlaceConfig], PlaceConfig]:
@@ -99,7 +99,7 @@ def config_of(method: str, config: PlaceConfig) -> PlaceConfig:
     return own if method == DCAP else changed(render={"size": min(config.render.size, PICTURE)})(own)
 
 
-def proposed(sample: Sample, config: PlaceConfig, read: FileRefs) -> PlacementRefs:
+def place_proposal(sample: Sample, config: PlaceConfig, read: FileRefs) -> PlacementRefs:
     """A method's proposal as a placement; nothing is simulated."""
     scene, item, pointed = read.scene, read.item, None
     if sample.method == NO_DROP and sample.place is not None:
@@ -164,7 +164,7 @@ def examples_of(sample: Sample, config: PlaceConfig) -> Examples:
     return EXAMPLES.setdefault(asked, (plans, tuple(left_out)))
 
 
-def measured(sample: Sample, found: PlacementRefs, config: PlaceConfig) -> PlacementRefs:
+def with_measures(sample: Sample, found: PlacementRefs, config: PlaceConfig) -> PlacementRefs:
     """Add the measurements of the final state, if there is one.
 
     An ablation with other materials is measured with the true ones: a body that is rigid in its drop should have sunk

@@ -232,7 +232,7 @@ class Placement:
         }
         since = {"schema": 0, "soft_bodies": (), "visibility": None, "notes": ()}  # earlier files lack them
         values = {**since, **tree, **told, "artifacts": files, "folder": place, "tree": dict(tree)}
-        placement: Placement = built(cls, values, place / "placement.json")
+        placement: Placement = build_result(cls, values, place / "placement.json")
         return placement
 
     @classmethod
@@ -248,7 +248,7 @@ class Placement:
         where = f" on {self.base.label} ({self.part})" if self.base else ""
         at = f" at {rounded(self.pose.position)}" if self.pose else ""
         why = f": {self.reason}" if self.reason else ""
-        return f"Placement({self.verdict}{why}{where}{at}, {noted(self.warnings)}folder='{self.folder}')"
+        return f"Placement({self.verdict}{why}{where}{at}, {warning_count(self.warnings)}folder='{self.folder}')"
 
 
 @dataclass(frozen=True, slots=True)
@@ -304,7 +304,7 @@ class Result:
     def of(cls, tree: Mapping[str, Any], folder: Path) -> "Result":
         """The result that a folder holds."""
         place = folder.resolve()
-        result: Result = built(cls, {**tree, "folder": place, "tree": dict(tree)}, place / "result.json")
+        result: Result = build_result(cls, {**tree, "folder": place, "tree": dict(tree)}, place / "result.json")
         return result
 
     @classmethod
@@ -326,7 +326,7 @@ class Result:
 
     def __repr__(self) -> str:
         names = ", ".join(self.bodies)
-        return f"Result({self.verdict}, bodies {names}, {noted(self.warnings)}folder='{self.folder}')"
+        return f"Result({self.verdict}, bodies {names}, {warning_count(self.warnings)}folder='{self.folder}')"
 
 
 @cache
@@ -335,7 +335,7 @@ def adapter(kind: type) -> TypeAdapter[Any]:
     return TypeAdapter(kind)
 
 
-def built(kind: type, values: Mapping[str, Any], path: Path) -> Any:
+def build_result(kind: type, values: Mapping[str, Any], path: Path) -> Any:
     """A result from the values in a file; InputError names the file and the first invalid key."""
     try:
         result = adapter(kind).validate_python(values)
@@ -351,6 +351,6 @@ def rounded(position: Vector) -> list[float]:
     return [round(value, 3) for value in position]
 
 
-def noted(warnings: tuple[str, ...]) -> str:
+def warning_count(warnings: tuple[str, ...]) -> str:
     """Number of warnings in words; empty without any."""
     return f"{len(warnings)} warnings, " if warnings else ""

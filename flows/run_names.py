@@ -13,12 +13,12 @@ LONGEST = 200
 def sample_tags(sample: Sample, run: str = "") -> tuple[str, ...]:
     """Return the tags of a sample's task run and of its stages."""
     named = ("run", run), ("method", sample.method), ("scene", plain_name(sample.scene))
-    return tuple(shown(f"{key}:{value}") for key, value in named if value)
+    return tuple(shorten(f"{key}:{value}") for key, value in named if value)
 
 
 def benchmark_tags(run: str, methods: Sequence[str]) -> tuple[str, ...]:
     """Return the tags of a benchmark's flow run."""
-    return (shown(f"run:{run}"), *(f"method:{method}" for method in methods))
+    return (shorten(f"run:{run}"), *(f"method:{method}" for method in methods))
 
 
 def plain_name(path: str) -> str:
@@ -27,7 +27,7 @@ def plain_name(path: str) -> str:
     return last.stem if last.suffix.lower() in MESH_SUFFIXES else last.name
 
 
-def shown(text: str) -> str:
+def shorten(text: str) -> str:
     """Return a name shortened to fit a line."""
     line = " ".join("".join(one if one.isprintable() else " " for one in text).split())
     return line if len(line) <= LONGEST else f"{line[: LONGEST - 1]}…"

@@ -96,7 +96,7 @@ def scored_row(
         orientation_error_deg=place.orientation_error_deg,
     )
     if row.verdict == AS_POSED:  # methods have their own words for regions: only the object's position counts
-        row = replace(row, as_expected=there(row))
+        row = replace(row, as_expected=all_met(row))
     elif row.support_hit is False:  # regardless of the method's own verdict
         row = replace(row, as_expected=False)
     return with_scores(row)
@@ -150,7 +150,7 @@ def with_rules(
     )
 
 
-def there(row: SampleOutcome) -> bool:
+def all_met(row: SampleOutcome) -> bool:
     """Whether all stated and measured conditions of a place are met."""
     near = row.region_distance_m is None or row.region_distance_m <= TOLERANCE_M
     turned = row.orientation_error_deg is None or row.orientation_error_deg <= QUADRANT_DEG

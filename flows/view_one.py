@@ -32,7 +32,7 @@ from flows.place_one import place_files, sample_of
 from flows.placement_json import certificate_of, placement_json
 from flows.run_files import PLACEMENT, FinishedPlacement, finished_placement
 from flows.view.model import middle_of, placement_view, scene_view
-from flows.view.nodes import PlacementNodes, stand
+from flows.view.nodes import PlacementNodes, place_cameras
 from flows.view.panel import PanelText, PlacementPanel
 from flows.view.pick_panel import PickPanel
 from flows.view.picking import PickedPoint, SurfacePicker
@@ -68,7 +68,7 @@ class ScenePrompt:
 
 
 @contextmanager
-def served(page: ViewPage) -> Iterator[viser.ViserServer]:
+def serve_page(page: ViewPage) -> Iterator[viser.ViserServer]:
     """A server for the duration of the block."""
     server = open_server(page.port)
     try:
@@ -82,7 +82,7 @@ def view_sample(run: str, sample: str | None, frame: int | None, page: ViewPage)
     found = finished_placement(run, sample)
     if found.values.scene is None or found.values.item is None:
         raise InputError(f"{found.finished.sample.id} has no scene to be shown")
-    with served(page) as server:
+    with serve_page(page) as server:
         panel = show_placement(server, found, frame)
         try:
             announce(server, page)
@@ -103,7 +103,7 @@ def show_placement(server: viser.ViserServer, found: FinishedPlacement, frame: i
     signals = signal_series(values.settled, certificate_of(values)) if values.settled else None
     with server.atomic():
         nodes = PlacementNodes(server, view, frame)
-        stand(server, view.view)
+        place_cameras(server, view.view)
         return PlacementPanel(server, nodes, view, PanelText(tree, rotation, signals))
 
 
@@ -180,7 +180,7 @@ def view_scene(asked: ScenePrompt, page: ViewPage) -> None:
     assert isinstance(scan, Scan)
     assert isinstance(scene, Segmentation)
     assert isinstance(surface, SourceSurface)
-    with served(page) as server:
+    with serve_page(page) as server:
         shown = ScenePage(server, asked, scan, scene, surface)
         try:
             announce(server, page)

@@ -1,1 +1,1 @@
-"""What `make perf` measures: ratios within one run, so that machines can be compared."""
+"""Measurements of `make perf`: ratios within one run, so that machines can be compared."""

@@ -1,4 +1,4 @@
-"""Prints how long the parts of a placement take, against plain references on the same machine, and whole drops."""
+"""Prints times of the parts of a placement against plain references on the same machine, and of whole drops."""
 
 import hashlib
 import tempfile
@@ -96,14 +96,14 @@ def distance_rows() -> list[tuple[str, float, str, float]]:
 
 
 def under_box() -> MeshDistance:
-    """What lies under a box of 2 x 1 x 0.3 m seen from above: its upright edges are borders."""
+    """Repair of a box of 2 x 1 x 0.3 m seen from above, whose upright edges are borders."""
     box = Box(np.array([2.0, 1.0, 0.3])).surface(2.0)
     seen = box.submesh(np.flatnonzero(box.face_normals[:, 2] > -1e-12))
     return support_solid(seen, np.full(len(seen.faces), -0.3), box.bounds, 0.25)
 
 
 def digest_rows() -> list[tuple[str, float, str, float]]:
-    """Finding out whether code has changed, from what is kept of each source, against reading it."""
+    """Detecting changed code from the stored digest of each source, against reading it."""
     path = PROJECT_ROOT / "tasks" / "drop" / "stage.py"
     names = [name for name in code_of(path).files if name.endswith(".py")]
 
@@ -147,7 +147,7 @@ def main() -> None:
     )
     for name in splats.ROOMS:
         console.print(
-            f"{name}: furniture that is seen lies {1e3 * found.mean[name]:.1f} mm off the mesh of the splats, 95 % "
+            f"{name}: visible furniture is {1e3 * found.mean[name]:.1f} mm off the mesh of the splats, 95 % "
             f"within {1e3 * found.p95[name]:.1f} mm"
         )
     apart = segments.heads()

@@ -1,4 +1,4 @@
-"""How well sentences are aimed in the embedded rooms: base, part and region of intent and anchor against the truth.
+"""Accuracy of aims in the embedded rooms: base, part and region of intent and anchor against the truth.
 
 python -m perf.aims          shares of the embedded samples, and every sample that is wrong
 """
@@ -35,17 +35,17 @@ from tasks.rotation.stage import RotationConfig, rotation
 from tasks.segment.stage import SegmentConfig, segment, segment_object
 
 BEFORE_THE_DROP = ("", Reason.TARGET_NOT_FOUND, Reason.NO_SUPPORT_HIT, Reason.TOO_LARGE_FOR_TARGET)
-"""Reasons that show before anything is simulated; other infeasible samples have an anchor."""
+"""Reasons that are known before any simulation; other infeasible samples have an anchor."""
 NOT_UNDERSTOOD = "not_understood"
 """Stands for a sentence that is refused."""
 TAKE_THE_BEST = IntentConfig(ambiguous="best")
 PICTURES = RotationConfig(picture_size=64)
-"""The offline client looks at none."""
+"""Settings of pictures, which the offline client does not use."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Shot:
-    """What the stages up to the anchor made of one sentence."""
+    """Results of the stages up to the anchor for one sentence."""
 
     scene: Segmentation
     item: Segmentation
@@ -53,24 +53,24 @@ class Shot:
     """None for a sentence that was refused."""
     anchor: Anchor | Infeasible | None
     message: str
-    """What a person is told: the anchor's reason, or why there is none."""
+    """Message for a person: the anchor's reason, or why there is none."""
 
     @property
     def aim(self) -> Aim:
-        """In words."""
+        """The aim in words."""
         return Aim(reason=NOT_UNDERSTOOD) if self.intent is None else aim_of(self.intent, self.anchor)
 
 
 @cache
 def room_of(name: str) -> tuple[BuiltRoom, Segmentation]:
-    """An embedded room, as made and as taken apart from its files."""
+    """An embedded room, as generated and as segmented from its files."""
     room, scan = read_room(name)
     return room, segment(scan, SegmentConfig(), OfflineClient())
 
 
 @cache
 def item_of(name: str) -> Segmentation:
-    """An embedded object, taken apart from its file."""
+    """An embedded object, segmented from its file."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"{name}.{object_recipes()[name].format}"
         write_object(path, [(part.name, joined(part.solids)) for part in build_object(name).parts])
@@ -97,13 +97,13 @@ def shot(room: str, item: str, prompt: str) -> Shot:
 
 
 def aim_from(truth: ExpectedOutcome) -> Aim:
-    """What of an intended outcome shows before the drop."""
+    """The part of an intended outcome that is known before the drop."""
     reason = truth.reason if truth.reason in BEFORE_THE_DROP else ""
     return Aim(truth.base_id, truth.part, truth.region, reason=reason)
 
 
 def embedded() -> list[tuple[str, Shot, Aim, Marks]]:
-    """Every embedded sample: its id, what came of it, what should have, and what is right."""
+    """Every embedded sample: its id, its aim, the intended aim, and the marks."""
     truths, result = read_truths(), []
     for row in read_samples():
         found = shot(row["room"], row["object"], row["prompt"])
@@ -125,7 +125,7 @@ def read_samples() -> list[dict[str, str]]:
 
 
 def table(rows: list[tuple[str, Shot, Aim, Marks]]) -> Table:
-    """The shares, then what is wrong."""
+    """The shares of right aims, then the wrong ones."""
     result = Table("sample", "wanted", "found", "says", box=None, title_justify="left")
     numbers = ", ".join(f"{name} {share:.1%}" for name, share in shares(row[3] for row in rows).items())
     result.title = f"{len(rows)} samples right: {numbers}"
@@ -136,8 +136,8 @@ def table(rows: list[tuple[str, Shot, Aim, Marks]]) -> Table:
 
 
 def in_words(aim: Aim) -> str:
-    """One line."""
-    words = (aim.reason, aim.base, aim.part, aim.region, " ".join(sorted(aim.beside)))
+    """An aim in one line."""
+    words = (aim.reason, aim.base, aim.part, aim.region, " ".join(sorted(aim.references)))
     return " | ".join(word for word in words if word)
 
 

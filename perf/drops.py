@@ -71,8 +71,8 @@ def measured(case: str) -> dict[str, float]:
 
 
 def drop_rows() -> tuple[list[tuple[str, ...]], str]:
-    """(what, particles, steps, Newton and linear iterations, wall, per particle and step, memory, depth, wall over the
-    first) of every drop, and what the drops of one case at all its resolutions say of memory, in a line."""
+    """(name, particles, steps, Newton and linear iterations, wall, per particle and step, memory, depth, wall over the
+    first) of every drop, and a line on memory from the drops of one case at all its resolutions."""
     cases: dict[str, tuple[str, float | None]] = {
         "ball on foam, E 5e5": (reference(5e5), DEPTH[5e5]),
         "ball on foam, E 2e4": (reference(2e4), DEPTH[2e4]),
@@ -140,7 +140,7 @@ def mls_speed() -> float:
 
 
 def main() -> None:
-    """Run one case and print what it took."""
+    """Run one case and print its costs."""
     result = run_case(Path(sys.argv[1]), Path(sys.argv[2]), quiet=True)
     bodies = result["bodies"]
     assert isinstance(bodies, dict)

@@ -1,11 +1,10 @@
-"""What memory the program that places takes for a long list of samples of which all is cached.
+"""Memory of the placing program for a long list of fully cached samples.
 
 python -m perf.memory [SAMPLES] [--rooms 12 --workers 2]
 
-A few made rooms, each with one sentence, are placed once, on coarse cells and with small pictures: what the program
-that places keeps of a sample does not depend on them. Their list, repeated under new ids, is the benchmark that is
-watched, in a process of its own: its resident memory is looked at ten times a second, beside the number of samples that
-its run has folders of by then.
+A few generated rooms, each with one sentence, are placed once, on coarse cells and with small pictures: the memory per
+sample does not depend on them. Their list, repeated under new ids, is the observed benchmark, in a process of its own:
+its resident memory is sampled ten times a second, with the number of sample folders in its run.
 """
 
 import argparse
@@ -30,30 +29,30 @@ from dcap.scene.team_server import API_URL
 from flows.samples import load_yaml
 
 SETTINGS = {"DCAP_PARTICLES__CELL": "0.04", "DCAP_RENDER__SIZE": "128", "DCAP_CONFIG": ""}
-"""For drops and pictures that are made soon; and no file of settings counts."""
+"""Environment for fast drops and pictures, without a file of settings."""
 OTHERS = ("DCAP_STORE", API_URL)
-"""What would let others' servers and stores take part."""
+"""Variables that would bring in other servers and stores."""
 FOLDERS = "rooms", "objects"
 PLACED, REPEATED = "placed", "repeated"
-"""Names of the data set that is placed, and of the one that is watched."""
+"""Names of the data set that is placed, and of the observed one."""
 SOME_FAILED = 4
-"""Exit code of a benchmark of which some samples failed: they count as any other, with what is written of them."""
+"""Exit code of a benchmark with failed samples, which count like the others."""
 LOOK_SECONDS = 0.1
 MEGABYTE, KILOBYTE = 1e6, 1e3
 
 
 @dataclass(frozen=True, slots=True)
 class Observation:
-    """The program that places at one moment."""
+    """The placing program at one moment."""
 
     settled: int
-    """Samples of which it has written something."""
+    """Number of samples with written files."""
     memory: int
     """Resident [bytes]."""
 
 
 def repeated(rows: Sequence[dict[str, object]], samples: int) -> list[dict[str, object]]:
-    """So many samples: the rows again and again, each time under new ids."""
+    """`samples` samples: the rows repeated under new ids."""
     endless = (row | {"id": f"{row['id']}-{turn}"} for turn in count() for row in rows)
     return list(islice(endless, samples))
 
@@ -66,13 +65,13 @@ def command(words: Sequence[str], data: Path) -> "subprocess.Popen[bytes]":
 
 
 def done(process: "subprocess.Popen[bytes]") -> None:
-    """Wait for a command; SystemExit where it has not got to its end."""
+    """Wait for a command; SystemExit if it fails."""
     if process.wait() not in (0, SOME_FAILED):
-        raise SystemExit(f"perf.memory: a command ended with status {process.returncode}; what it said stands above")
+        raise SystemExit(f"perf.memory: a command ended with status {process.returncode}; see its output above")
 
 
 def place_once(data: Path, rooms: int, workers: int) -> Path:
-    """Make rooms, and place one thing in each; the data set's file."""
+    """Make rooms, and place one thing in each; returns the data set's file."""
     scenes, objects = (str(data / name) for name in FOLDERS)
     dataset = data / f"{PLACED}.yaml"
     done(command(["dataset", "make", "--folder", str(data), "--scenes", str(rooms)], data))
@@ -83,7 +82,7 @@ def place_once(data: Path, rooms: int, workers: int) -> Path:
 
 
 def observed(process: "subprocess.Popen[bytes]", runs: Path) -> Iterator[Observation]:
-    """The program as long as it runs."""
+    """Observe the program as long as it runs."""
     watched = psutil.Process(process.pid)
     while process.poll() is None:
         settled = sum(1 for _ in runs.glob(f"{REPEATED}-*/{SAMPLES_FOLDER}/*"))
@@ -95,7 +94,8 @@ def observed(process: "subprocess.Popen[bytes]", runs: Path) -> Iterator[Observa
 
 
 def memory_table(seen: Sequence[Observation], samples: int) -> Table:
-    """When it had planned, at each quarter of the samples, and the most from then on, while the report is written."""
+    """Memory after planning, at each quarter of the samples, and the maximum afterwards, while the report is
+    written."""
     shown = Table("resident memory", "MB", box=None)
     first = [next(one for one in seen if one.settled >= max(1, samples * part // 4)) for part in range(5)]
     titles = ["once planned", *(f"{number} samples written" for number in (one.settled for one in first[1:]))]

@@ -1,4 +1,4 @@
-"""What is written of one placement, the embedded ball on its bed: pictures, maps, geometry and film.
+"""Times of writing one placement, the embedded ball on its bed: pictures, maps, geometry and film.
 
 python -m perf.pictures      seconds of each, and the ratio to one picture of the same view
 """
@@ -48,7 +48,7 @@ def at_rest(values: Values) -> tuple[Segmentation, Segmentation, Anchor, Settled
 
 
 def one_picture(found: FinishedPlacement) -> Callable[[], object]:
-    """Takes `settled.png`."""
+    """Take `settled.png`."""
     values, config = found.values, found.config.render
     scene, item, anchor, settled = at_rest(values)
     camera = automatic_camera(values, config)
@@ -59,7 +59,7 @@ def one_picture(found: FinishedPlacement) -> Callable[[], object]:
 
 
 def all_pictures(found: FinishedPlacement) -> Callable[[], object]:
-    """The stage render."""
+    """Run the stage render."""
     values = found.values
     scene, item, anchor, settled = at_rest(values)
     given = SegmentedScene(scene), SegmentedObject(item), anchor, settled, values.scene_surface, values.object_surface

@@ -1,9 +1,9 @@
-"""How deep things sink into foam by each method, compared with static finite elements: a Markdown table.
+"""Indentation depths in foam by each method, compared with static finite elements: a Markdown table.
 
 python -m perf.references [--methods tl,mls,paper]
 
 A cell has the depth over that of the reference, less one, and the time of the drop. `paper` is mls with the paper's
-steps; the paper's clamps would make several cases other ones, so they are left out.
+steps; the paper's clamps would change several cases, so they are left out.
 """
 
 import argparse
@@ -29,7 +29,7 @@ METHODS: dict[str, JsonObject] = {
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """A body that rests on foam, and how deep it ought to sink in."""
+    """A body that rests on foam, with its reference depth."""
 
     case: JsonObject
     top: float
@@ -47,7 +47,7 @@ def block(name: str, height: float, bottom: float, material: JsonObject, **more:
 
 
 def steel(shape: JsonObject, height: float, mass: float, **more: Any) -> JsonObject:
-    """What comes to rest, its origin at a height [m]."""
+    """The body that comes to rest, with its origin at a height [m]."""
     return {"name": "item", "shape": shape, "position": [0, 0, height], "mass": mass, "material": "steel", **more}
 
 
@@ -96,12 +96,12 @@ REFERENCES: dict[str, Reference] = {
 
 
 def depth_of(result: JsonObject, one: Reference) -> float:
-    """How deep the item has sunk in [m]."""
+    """Depth of the item in the foam [m]."""
     return float(one.top - result["bodies"]["item"]["position"][2])
 
 
 def cell_of(one: Reference, method: str) -> str:
-    """How one case ends by one method."""
+    """Outcome of one case by one method."""
     with tempfile.TemporaryDirectory() as folder:
         result: JsonObject = run_case(one.case, Path(folder), quiet=True, threads=2, **METHODS[method])
     if result["verdict"] != "at_rest":

@@ -1,4 +1,4 @@
-"""Closed parts: every support of every embedded room, and the sample meshes, made fit for simulation.
+"""Repairs parts for simulation: every support of every embedded room, and the sample meshes.
 
 python -m perf.repair [--all]      print the table; --all: every part, not only those that things are placed on
 """
@@ -34,7 +34,7 @@ MESHES = (".obj", ".glb", ".gltf")
 SAMPLES = "DCAP_SAMPLE_DATA"
 """The environment variable that names the folder of the sample data."""
 UNREADABLE = "draco"
-"""Files of this name are refused by the readers, as they should be."""
+"""Files of this name, which the readers refuse correctly."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,7 @@ class PartRepair:
 
     @property
     def good(self) -> bool:
-        """Closed, sure of its inside, and where it was."""
+        """Whether it is closed, has a certain inside, and its surface has hardly moved."""
         return not self.report.problem
 
 
@@ -61,7 +61,7 @@ def room_rows(name: str, *, every: bool = False) -> Iterator[PartRepair]:
 
 
 def support_rows(place: str, scene: Segmentation, *, every: bool = False) -> Iterator[PartRepair]:
-    """The parts of a scene, each solid down to where the drop takes it to be."""
+    """The parts of a scene, each solid down to the depth that the drop assumes."""
     for index, instance in enumerate(scene.instances):
         for number, part in enumerate(instance.parts):
             faces = np.flatnonzero((scene.face_instance == index) & (scene.face_part == number))
@@ -74,7 +74,7 @@ def support_rows(place: str, scene: Segmentation, *, every: bool = False) -> Ite
 
 
 def row(place: str, thing: str, part: str, support: bool, piece: Mesh, floor: np.ndarray | None) -> PartRepair:
-    """One part made fit, and how long that took."""
+    """Repair of one part, with its time."""
     begin = time.perf_counter()
     _, report = simulation_ready(piece, floor=floor)
     return PartRepair(place, thing, part, support, report, time.perf_counter() - begin)
@@ -126,7 +126,7 @@ def measured(*, every: bool = False) -> tuple[list[PartRepair], list[PartRepair]
 
 
 def summaries(rooms: list[PartRepair], samples: list[PartRepair]) -> list[str]:
-    """What `python -m perf` prints."""
+    """Lines for `python -m perf`."""
     lines = [summary("supports of the embedded rooms", [r for r in rooms if r.support])]
     if len(rooms) > sum(r.support for r in rooms):
         lines.append(summary("all parts of the embedded rooms", rooms))

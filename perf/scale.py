@@ -1,13 +1,13 @@
-"""What a run of a data set cost, how that grew while it ran, and what a larger one would cost.
+"""Costs of a run of a data set, their growth during the run, and a forecast for a larger one.
 
 python -m perf.scale RUN [--scenes 186 --prompts 5 --cores 2,16,128 --main SECONDS --busy SHARE]
 
 RUN is a run whose stages were computed for it (`dcap benchmark` on an empty store, any methods). A stage counts once
 for all placements that share it: one time to the millisecond in placements of one scene, object or sample is one
-computation. What a larger data set costs is the mean of each stage, of each scene, object or placement, times their
-number; on C cores with a worker each it takes that over C, and over the share of its time in which a worker of RUN was
-in a stage. The program that places prepares and writes what stages return; with `--main`, its processor time for a
-placement, a time that it takes alone is told too: what more workers on one program cannot go below.
+computation. The cost of a larger data set is the mean of each stage, for each scene, object or placement, times their
+number; on C cores with a worker each the time is the cost over C, and over the share of time in which a worker of RUN
+was in a stage. The placing program prepares and writes the stages' results; with `--main`, its processor time for a
+placement, the time for this program alone is printed too, a lower bound for any number of workers.
 """
 
 import argparse
@@ -30,15 +30,15 @@ from flows.find_run import RUN, find_run
 
 PER_SCENE = frozenset({"mesh_scene", "surface_scene", "segment"})
 PER_OBJECT = frozenset({"mesh_object", "surface_object", "segment_object"})
-"""Stages that all placements in a scene, and of an object, share; each other stage is of one placement."""
+"""Stages shared by all placements in a scene, and of an object; each other stage belongs to one placement."""
 PARTS = 4
-"""Of a run, one after another."""
+"""Number of consecutive parts of a run."""
 HOUR = 3600.0
 
 
 @dataclass(frozen=True, slots=True)
 class TimedPlacement:
-    """What a placement took."""
+    """Times of a placement."""
 
     method: str
     scene: str
@@ -47,7 +47,7 @@ class TimedPlacement:
     timings: Timings
 
     def owner(self, stage: str) -> tuple[str, str]:
-        """Whose a stage is: what shares it."""
+        """Owner of a stage: the scene, object or placement that shares it."""
         if stage in PER_SCENE:
             return "scene", self.scene
         return ("object", self.thing) if stage in PER_OBJECT else ("placement", self.sample)
@@ -62,7 +62,7 @@ class Computed:
     method: str
     seconds: float
     part: int
-    """Of the run, by the order of its samples."""
+    """Part of the run, by the order of its samples."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,15 +73,15 @@ class Cost:
     thing: float
     placement: Mapping[str, float]
     busy: float
-    """Share of a worker's time that it was in a stage [-]."""
+    """Share of a worker's time spent in stages [-]."""
 
     def seconds(self, scenes: int, objects: int, prompts: int) -> float:
-        """Of one core, for that many scenes with that many prompts each by every method."""
+        """Seconds of one core for `scenes` scenes with `prompts` prompts each, by every method."""
         return scenes * (self.scene + prompts * sum(self.placement.values())) + objects * self.thing
 
 
 def placements(folder: Path) -> list[TimedPlacement]:
-    """Those of a run that have times, in its order."""
+    """Placements of a run that have times, in its order."""
     found = []
     for sample in json.loads((folder / RUN).read_bytes())["samples"]:
         path = sample_folder(folder, sample["id"]) / "placement.json"
@@ -95,7 +95,7 @@ def placements(folder: Path) -> list[TimedPlacement]:
 
 
 def computed(found: Sequence[TimedPlacement]) -> Iterator[Computed]:
-    """Every stage once, with the part of the run in which it was needed first."""
+    """Every stage once, with the part of the run that needed it first."""
     order = {sample: place for place, sample in enumerate(dict.fromkeys(one.sample for one in found))}
     seen = set()
     for one in found:
@@ -123,7 +123,7 @@ def cost_of(found: Sequence[TimedPlacement], stages: Sequence[Computed], busy: f
 
 
 def busy_share(folder: Path, stages: Sequence[Computed], workers: int) -> float:
-    """Of the workers' time in a run, what was spent in stages [-]; InputError where some of it was not this run's."""
+    """Share of the workers' time in a run that was spent in stages [-]; InputError if some of it was another run's."""
     path = folder / "summary.json"
     if not path.is_file():
         raise InputError(f"{path} is not there: the run has not ended")
@@ -167,10 +167,14 @@ def forecast_table(cost: Cost, scenes: int, objects: int, prompts: int, cores: S
 
 def main() -> None:
     """Read a run and print."""
-    about = argparse.ArgumentParser(prog="python -m perf.scale", description="What a run cost, and a larger one would.")
+    about = argparse.ArgumentParser(
+        prog="python -m perf.scale", description="Costs of a run, and a forecast for a larger one."
+    )
     about.add_argument("run", help="name or folder of a run, or 'last'")
-    about.add_argument("--workers", type=int, default=2, help="that the run had")
-    about.add_argument("--busy", type=float, help="share of a worker's time in stages, of a run that found some cached")
+    about.add_argument("--workers", type=int, default=2, help="number of workers of the run")
+    about.add_argument(
+        "--busy", type=float, help="share of a worker's time in stages, for a run that found some cached"
+    )
     about.add_argument("--scenes", type=int, default=186)
     about.add_argument("--prompts", type=int, default=5, help="of each scene")
     about.add_argument("--cores", default="2,16,128", help="between commas")

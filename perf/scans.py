@@ -1,10 +1,10 @@
-"""Whether the thing that a sentence names is found in rooms that nobody annotated.
+"""Whether the named thing is found in rooms without annotations.
 
-python -m perf.scans [ROOM ...]      a row for each room and noun; then how often what is likely is right
+python -m perf.scans [ROOM ...]      a row for each room and noun; then the calibration of likelihoods
 
-Embedded rooms without their annotations, the same as a depth camera sees them, and, where DCAP_SAMPLE_DATA names a
-folder of third-party rooms, those of `scans.yaml`. Right: the box of what is taken overlaps the true one by half
-(intersection over union; of flat things their plans), and the point at which a ball would be set down is over it.
+Embedded rooms without their annotations, the same as scanned by a depth camera, and, if DCAP_SAMPLE_DATA names a folder
+of third-party rooms, those of `scans.yaml`. Right: the box of the chosen thing overlaps the true one by half
+(intersection over union; for flat things their plans), and the point at which a ball would be set down is over it.
 """
 
 import itertools
@@ -47,48 +47,48 @@ from tasks.segment.stage import SegmentConfig, segment, segment_object
 
 Box = NDArray[np.float64]
 OVERLAP = 0.5
-"""Intersection over union from which on a box is right [-]."""
-BESIDE = 0.05
-"""So far outside of the true box a point still counts as over it [m]: boxes are drawn by hand."""
+"""Least intersection over union of a right box [-]."""
+TOLERANCE = 0.05
+"""Distance outside of the true box within which a point counts as over it [m]: boxes are drawn by hand."""
 THICKNESS = 0.1
-"""Of what is lower only the plans are compared [m]: a rug has no height."""
+"""Height below which only the plans of things are compared [m]: a rug has no height."""
 SUPPORTS = frozenset({
     Category.BED, Category.SOFA, Category.CHAIR, Category.STOOL, Category.TABLE, Category.CABINET, Category.SHELF,
     Category.STORAGE, Category.BATHTUB,
 })  # fmt: skip
 BINS = (1e-9, 0.15, 0.35, 0.6, 0.8, 0.95, 1.01)
-"""Limits of likelihoods between which the share of right answers is told [-]."""
+"""Bounds of the bins of likelihood for the share of right answers [-]."""
 FLAT = frozenset({"rug", "carpet", "floor"})
-"""What is named as a support beside these."""
+"""Further nouns of supports."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ScanRoom:
-    """A room with what is true of it."""
+    """A room with its truth."""
 
     name: str
     scan: Scan
     truth: dict[str, list[Box]]
-    """Axis-aligned boxes in the world, each of shape (2, 3), by the noun that means them."""
+    """Axis-aligned boxes in the world, each of shape (2, 3), by their noun."""
 
 
 @dataclass(frozen=True, slots=True)
 class NounScore:
-    """What became of one noun."""
+    """Result for one noun."""
 
     room: str
     noun: str
     overlap: float
     over: bool
     likelihood: float
-    """How likely the program says that it is meant, 0 if nothing is taken."""
+    """Likelihood according to the program, 0 if nothing is chosen."""
     second: str
-    """What else may be meant, with how likely that is; empty if nothing."""
+    """Second candidate with its likelihood; empty without one."""
     said: str
 
     @property
     def right(self) -> bool:
-        """Whether the right thing is taken."""
+        """Whether the right thing is chosen."""
         return self.overlap >= OVERLAP and self.over
 
 
@@ -146,14 +146,14 @@ def overlap(a: Box, b: Box) -> float:
 
 
 def answers(room: ScanRoom, item: SegmentedObject) -> Iterator[NounScore]:
-    """One for each noun."""
+    """One score for each noun."""
     scene = segment(room.scan, SegmentConfig(), OfflineClient())
     for noun, boxes in room.truth.items():
         yield answer(room.name, SegmentedScene(scene), item, noun, boxes)
 
 
 def answer(room: str, scene: SegmentedScene, item: SegmentedObject, noun: str, boxes: list[Box]) -> NounScore:
-    """What is taken for a noun, and where a ball would be set down."""
+    """The chosen thing for a noun, and the place where a ball would be set down."""
     client, prompt = OfflineClient(), f"put the ball on the {noun}"
     try:
         found = intent(scene, item, prompt, None, IntentConfig(ambiguous="best"), client)
@@ -169,17 +169,17 @@ def answer(room: str, scene: SegmentedScene, item: SegmentedObject, noun: str, b
     if not isinstance(place, Anchor):
         return NounScore(room, noun, share, False, likelihood, second, f"{base.id}: {place.message}")
     point = place.surface_point[:2]
-    over = bool(((point > best[0, :2] - BESIDE) & (point < best[1, :2] + BESIDE)).all())
+    over = bool(((point > best[0, :2] - TOLERANCE) & (point < best[1, :2] + TOLERANCE)).all())
     return NounScore(room, noun, share, over, likelihood, second, f"{base.id} ({place.part})")
 
 
 def second_of(found: Intent) -> str:
-    """What came second, with how likely it is; empty if nothing did."""
+    """The second candidate with its likelihood; empty without one."""
     return next((f"{one.id} {one.score:.2f}" for one in found.candidates[1:]), "")
 
 
 def placed(scene: SegmentedScene, item: SegmentedObject, found: Intent, prompt: str) -> Anchor | Infeasible:
-    """Where the ball would be set down."""
+    """Place where the ball would be set down."""
     client = OfflineClient()
     turned = rotation(scene, item, found, prompt, RotationConfig(), client)
     if isinstance(turned, Infeasible):
@@ -188,7 +188,7 @@ def placed(scene: SegmentedScene, item: SegmentedObject, found: Intent, prompt: 
 
 
 def ball() -> SegmentedObject:
-    """The thing that is put everywhere."""
+    """The object that is placed everywhere."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "ball.glb"
         write_object(path, [(part.name, joined(part.solids)) for part in build_object("ball").parts])
@@ -197,7 +197,7 @@ def ball() -> SegmentedObject:
 
 
 def calibration(found: list[NounScore]) -> Table:
-    """How likely answers are said to be, and how often they are right; refusals have no likelihood."""
+    """Likelihoods of answers against their share of right ones; refusals have no likelihood."""
     table = Table("likelihood", "answers", "mean", "right", box=None)
     for low, high in itertools.pairwise(BINS):
         mine = [one for one in found if low <= one.likelihood < high]
@@ -213,7 +213,7 @@ def mean(values: Sequence[float]) -> str:
 
 
 def main(wanted: list[str]) -> None:
-    """Print a row for each noun, as soon as it is known, and what they come to."""
+    """Print a row for each noun, as soon as it is known, and the totals."""
     console, item, found = Console(highlight=False, width=150), ball(), list[NounScore]()
     for room in rooms(wanted):
         for one in answers(room, item):

@@ -1,6 +1,6 @@
-"""How well rooms are taken apart: instances and parts against the truth that the embedded rooms are made from.
+"""Quality of the segmentation of rooms: instances and parts against the truth of the embedded rooms.
 
-python -m perf.segments          a row for each room: mean IoU with and without annotated boxes, labels that are right
+python -m perf.segments          a row for each room: mean IoU with and without annotated boxes, share of right labels
 """
 
 import tempfile
@@ -35,7 +35,7 @@ class Means:
     instances: float
     """Of all instances, floor, ceiling and walls too [-]."""
     things: float
-    """Of those that are not."""
+    """Of all instances but floor, ceiling and walls [-]."""
     parts: float
     """Of the parts of things."""
     labels: float
@@ -43,7 +43,7 @@ class Means:
 
 
 def read_room(name: str, seed: int = 0) -> tuple[BuiltRoom, Scan]:
-    """A room and what is read from its files."""
+    """A room and the scan from its files."""
     room = build_room(name, seed)
     with tempfile.TemporaryDirectory() as folder:
         write_interiorgs(Path(folder) / name, room.record, seed)
@@ -62,7 +62,7 @@ def without_annotations(scan: Scan) -> Scan:
 
 
 def on_mesh(scan: Scan, other: Mesh) -> Scan:
-    """What a source says of a room, with another mesh of it."""
+    """Facts of a room's source, with another mesh of it."""
     return replace(scan, mesh=other, face_node=np.full(len(other.faces), -1, dtype=np.int32))
 
 
@@ -84,7 +84,7 @@ def means(rows: list[Score]) -> Means:
 
 
 def both_ways(room: BuiltRoom, scan: Scan) -> tuple[list[Score], list[Score]]:
-    """With what the source annotates, and without."""
+    """Scores with the source's annotations, and without."""
     return room_scores(room, scan), room_scores(room, without_annotations(scan))
 
 

@@ -1,11 +1,11 @@
-"""How the same samples end by several solvers or methods: a Markdown table with a row per sample.
+"""Outcomes of the same samples by several solvers or methods: a Markdown table with a row per sample.
 
 python -m perf.solvers FIRST OTHER... [--names tl,mls]
 
-Each is a run of one data set (`dcap benchmark --solver mls`, `--methods paper`). A cell has the depth to which the
-object has sunk in, the area of its contacts, and the time of the drop, as a ratio to that of FIRST; where a sample did
-not come to rest on the support of FIRST, what it came to. Lines below count verdicts and supports that are those of
-FIRST, and give the medians over samples that rest on the same support, and how far from a surface forces act at most;
+Each is a run of one data set (`dcap benchmark --solver mls`, `--methods paper`). A cell has the depth of the object in
+its support, the area of its contacts, and the time of the drop, as a ratio to that of FIRST; or the outcome, if a
+sample did not come to rest on the support of FIRST. Lines below count verdicts and supports equal to those of FIRST,
+and give the medians over samples that rest on the same support, and the largest distance of a force from a surface;
 depths are compared where FIRST has at least LEAST_DEPTH.
 """
 
@@ -29,19 +29,19 @@ LEAST_DEPTH = 1e-4
 
 @dataclass(frozen=True, slots=True)
 class Ending:
-    """How one sample ended."""
+    """Outcome of one sample."""
 
     verdict: str
     """at_rest, or the reason of an infeasible sample, or `failed`."""
     support: str
     depth: float
-    """[m]; 0 where nothing was indented."""
+    """[m]; 0 without an indentation."""
     seconds: float
     """Time of the drop [s]."""
     area: float = 0.0
     """Of the contacts [m^2]."""
     gap: float = 0.0
-    """How far from a surface forces act, of the proof; infinite where there is none [m]."""
+    """Distance of forces from a surface, from the proof; infinite without one [m]."""
 
     @property
     def at_rest(self) -> bool:
@@ -50,7 +50,7 @@ class Ending:
 
 
 def endings(folder: Path) -> dict[str, Ending]:
-    """Return how each sample of a run ended, by the sample's id without its method."""
+    """Return the outcome of each sample of a run, by the sample's id without its method."""
     found = {}
     for sample in json.loads((folder / RUN).read_bytes())["samples"]:
         path = sample_folder(folder, sample["id"]) / "placement.json"
@@ -60,7 +60,7 @@ def endings(folder: Path) -> dict[str, Ending]:
 
 
 def ending_of(tree: Mapping[str, Any]) -> Ending:
-    """Return how a placement.json says that its sample ended."""
+    """Return the outcome in a placement.json."""
     base = f"{(tree['base'] or {}).get('label', '')} {tree['part'] or ''}".strip()
     placement = (tree["certificate"] or {}).get("placement") or {}
     return Ending(
@@ -84,7 +84,7 @@ def rows(runs: Sequence[Mapping[str, Ending]]) -> list[list[str]]:
 
 
 def cell(first: Ending, other: Ending) -> str:
-    """Return what another run says of a sample."""
+    """Return a sample's cell for another run."""
     if not other.at_rest:
         return other.verdict
     if other.support != first.support:
@@ -118,9 +118,9 @@ def summary(first: Mapping[str, Ending], other: Mapping[str, Ending], name: str)
 
 def main() -> None:
     """Print the table and the lines."""
-    parser = argparse.ArgumentParser(description="How the same samples end by several solvers or methods.")
-    parser.add_argument("runs", nargs="+", help="runs of one data set; the first is what others are compared with")
-    parser.add_argument("--names", default="", help="what to call them, with commas between")
+    parser = argparse.ArgumentParser(description="Outcomes of the same samples by several solvers or methods.")
+    parser.add_argument("runs", nargs="+", help="runs of one data set; the others are compared with the first")
+    parser.add_argument("--names", default="", help="their names, comma-separated")
     given = parser.parse_args()
     folders = [find_run(one) for one in given.runs]
     names = given.names.split(",") if given.names else [one.name for one in folders]

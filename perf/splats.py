@@ -1,5 +1,5 @@
-"""Gaussian splats: known rooms as splats, back as meshes, how far the two are apart and how alike they look; frames a
-second.
+"""Gaussian splats: known rooms as splats and back as meshes, with the distance and the visual similarity of the two;
+frames per second.
 
 python -m perf.splats          measure, and print as JSON on standard output
 """
@@ -36,16 +36,16 @@ ROOMS = ("bedroom_01", "living_01", "kids_01")
 SPLATS, FRAME_SPLATS = 500_000, 100_000
 FRAMES = 20
 VIEWS = 12
-"""Pictures that are compared with the room's own [-]."""
+"""Number of pictures that are compared with the room's own [-]."""
 SHELL = ("wall", "floor", "ceiling", "window", "door", "curtain")
-"""What is not furniture."""
+"""Labels other than furniture."""
 CLEAR = 2e-3
-"""A place is seen if the first thing on the way to it is this near to it [m]."""
+"""Largest distance of a ray's first hit from a visible point [m]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """What was found out."""
+    """Results of the measurement."""
 
     splats: int
     faces: int
@@ -53,27 +53,27 @@ class Measured:
     seconds: float
     """Of its reconstruction [s]."""
     memory: float
-    """Largest until its end [byte]."""
+    """Peak memory until its end [byte]."""
     mean: dict[str, float]
-    """Distance from the furniture that is seen to the mesh, by room [m]."""
+    """Mean distance from the visible furniture to the mesh, by room [m]."""
     p95: dict[str, float]
-    """95 % of its area are nearer [m]."""
+    """95th percentile of that distance by area [m]."""
     frames: float
     """Pictures of FRAME_SPLATS splats a second [1/s]."""
     psnr: float
-    """Of pictures of the first room's splats against its own [dB]."""
+    """PSNR of pictures of the first room's splats against its own [dB]."""
     segments: list[list[str]]
     """Rows of `segments.heads()` for the meshes of splats."""
 
 
 def measured() -> Measured:
-    """What a fresh process measured."""
+    """Measure in a fresh process."""
     output = subprocess.run(module_command("perf.splats"), check=True, capture_output=True, text=True).stdout
     return Measured(**json.loads(output))
 
 
 def seen_furniture(room: BuiltRoom, places: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Middles (n, 3) and areas (n,) of the faces of furniture that can be seen from one of the places (k, 3)."""
+    """Middles (n, 3) and areas (n,) of the faces of furniture that are visible from one of the places (k, 3)."""
     mesh = room.record.mesh
     own = np.flatnonzero(~np.isin(np.array(room.instance_labels)[room.face_instance], SHELL))
     middle, normal = mesh.triangles[own].mean(axis=1), mesh.face_normals[own]
@@ -116,26 +116,26 @@ def main() -> None:
 
 
 def taken_apart_row(name: str, mesh: Mesh) -> list[str]:
-    """How well the mesh of a room's splats is taken apart."""
+    """Row on the segmentation of the mesh of a room's splats."""
     room, scan = segments.read_room(name)
     return segments.rows_of(name, segments.both_ways(room, segments.on_mesh(scan, mesh)))
 
 
 def room_of_splats(name: str) -> tuple[BuiltRoom, Gaussians]:
-    """An embedded room, and about SPLATS splats on its surfaces."""
+    """An embedded room, with about SPLATS splats on its surfaces."""
     room = build_room(name, 0)
     area = float(room.record.mesh.face_areas.sum())
     return room, splats_on_mesh(room.record.mesh, float(np.sqrt(area / SPLATS)), seed=0)
 
 
 def places_in(splats: Gaussians) -> NDArray[np.float64]:
-    """Where the reconstruction looks at the splats from [m], shape (k, 3)."""
+    """Viewpoints of the reconstruction [m], shape (k, 3)."""
     config = SurfaceConfig()
     return np.unique([c.position for c in viewpoints(splats, config.places, config.pixels)], axis=0)
 
 
 def errors_of(mesh: Mesh, room: BuiltRoom, places: NDArray[np.float64]) -> tuple[float, float]:
-    """Mean and 95th percentile of the distance from the furniture that is seen to the mesh, by area [m]."""
+    """Mean and 95th percentile of the distance from the visible furniture to the mesh, by area [m]."""
     distance, area = distances(mesh, room, places)
     order = np.argsort(distance)
     share = np.cumsum(area[order]) / area.sum()
@@ -145,7 +145,7 @@ def errors_of(mesh: Mesh, room: BuiltRoom, places: NDArray[np.float64]) -> tuple
 def distances(
     mesh: Mesh, room: BuiltRoom, places: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """From each visible piece of furniture to the reconstructed mesh [m], and its area [m^2]."""
+    """Distance from each visible face of furniture to the reconstructed mesh [m], and its area [m^2]."""
     middle, area = seen_furniture(room, places)
     return MeshDistance(mesh).unsigned(middle), area
 
@@ -164,7 +164,7 @@ def frames_a_second(splats: Gaussians, place: NDArray[np.float64]) -> float:
 
 
 def likeness(splats: Gaussians, mesh: Mesh) -> float:
-    """Mean peak signal-to-noise ratio of pictures of the splats against those of the mesh that they lie on [dB]."""
+    """Mean peak signal-to-noise ratio of pictures of the splats against those of their mesh [dB]."""
     cameras = camera_path(splats, PathConfig(views=VIEWS, width=640, height=480)).cameras
     splatter, caster = Splatter(splats), Raycaster(mesh)
     pairs = ((np.clip(splatter.view(camera).image, 0.0, 1.0), unlit(mesh, camera, caster)) for camera in cameras)

@@ -1,4 +1,4 @@
-"""How long something takes: the shortest of a few runs, which other work on the machine disturbs least."""
+"""Measures time: the shortest of a few runs, which other work on the machine disturbs least."""
 
 import time
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""What the workflow itself costs: of a stage that does next to nothing, by how it is run.
+"""Overhead of the workflow: time of a stage that does almost nothing, by mode of running.
 
 A chain of stages is run without Prefect, and in a flow run against a server of its own.
 """
@@ -20,7 +20,7 @@ from tasks.cache import stage
 from tasks.run_context import Mode, RunContext, use_context
 
 STAGES, REPEATS = 18, 5
-"""As a measured placement has; and of each the median of so many."""
+"""Number of stages, as in a measured placement; and number of runs for the median."""
 
 
 def made(seed: int) -> Material:
@@ -37,7 +37,7 @@ made_task, passed_task = stage(made), stage(passed)
 
 
 def chain(seed: int) -> None:
-    """Run the stages, each with what the one before it returned."""
+    """Run the stages, each with the result of the one before."""
     ref: Ref[Material] = made_task(seed)
     for step in range(STAGES - 1):
         ref = passed_task(ref, step)
@@ -51,7 +51,7 @@ def chain_seconds(seeds: Iterator[int]) -> tuple[float, float]:
 
 
 def seconds(action: Callable[[], object]) -> float:
-    """Return how long an action takes [s]."""
+    """Return the duration of an action [s]."""
     begin = time.perf_counter()
     action()
     return time.perf_counter() - begin
@@ -59,7 +59,7 @@ def seconds(action: Callable[[], object]) -> float:
 
 @contextmanager
 def own_data_folder() -> Iterator[None]:
-    """Use a data folder that is gone afterwards."""
+    """Use a temporary data folder."""
     before = os.environ.get("DCAP_DATA")
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         os.environ["DCAP_DATA"] = folder
@@ -72,11 +72,11 @@ def own_data_folder() -> Iterator[None]:
 
 
 def table() -> Table:
-    """Return the costs of a stage by how it is run."""
+    """Return the costs of a stage by mode of running."""
     shown = Table("the workflow itself, a stage", "computed", "cached", box=None)
     seeds, found = count(), dict[str, tuple[float, float]]()
     with own_data_folder():
-        chain(next(seeds))  # what is loaded on first use
+        chain(next(seeds))  # load everything that is loaded on first use
         found["without Prefect"] = chain_seconds(seeds)
         with prefect_server():
             from prefect import flow

@@ -4,8 +4,8 @@ An artifact is a folder `objects/KIND/aa/SHA256` of plain files (codec.py); its 
 of them. Guaranteed: an artifact appears whole or not at all (written as a draft, then renamed), equal values get the
 same digest and the same bytes, and `load` returns only what was read from bytes that match the digest.
 
-With `$DCAP_STORE` the local folder is a cache in front of a store that machines share (shared_store.py): what is saved
-here is written there as well, what is missing or damaged here is looked for there.
+With `$DCAP_STORE` the local folder is a cache in front of a store that machines share (shared_store.py): artifacts
+saved here are written there as well; artifacts missing or damaged here are searched there.
 """
 
 import errno
@@ -34,15 +34,15 @@ from tasks.shared_store import SharedStore
 ValueT = TypeVar("ValueT")
 ValueT_co = TypeVar("ValueT_co", covariant=True)
 OBJECTS, DRAFTS, FILES = "objects", "building", "files"
-"""Folders: of the artifacts, of what is being written, and of the foreign files inside of a `Source`."""
+"""Folders of the artifacts, of drafts being written, and of the foreign files inside of a `Source`."""
 OCCUPIED = (errno.ENOTEMPTY, errno.EEXIST, errno.ENOTDIR)
-"""How renaming a folder fails where something is in its place."""
+"""Error codes of renaming a folder onto an existing one."""
 USED = "in-use.lock"
 """File that each program holds a shared lock on while it uses the cache; deleting needs the exclusive one."""
 
 
 class Ref(Generic[ValueT_co]):
-    """Name of an artifact: what stages hand to each other instead of the value.
+    """Name of an artifact, which stages pass to each other instead of the value.
 
     `Ref[Intent]` names an Intent, or the Infeasible that says why there is none, or nothing yet: a walk that only looks
     results up returns a `pending` reference where it finds none. A plain class, because Prefect looks for the task run
@@ -57,7 +57,7 @@ class Ref(Generic[ValueT_co]):
         self.sha256 = sha256
         """Digest over the names and contents of its files, 64 hex digits; empty while it is pending."""
         self.record = record
-        """How it was made; None if no stage returned it. Does not count for equality."""
+        """Record of its computation; None if no stage returned it. Does not count for equality."""
 
     @property
     def infeasible(self) -> bool:
@@ -93,7 +93,7 @@ class Ref(Generic[ValueT_co]):
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """How an artifact was made by a stage."""
+    """Record of an artifact's computation by a stage."""
 
     key: str
     """Name of the record: the stage and the digest of the recipe."""
@@ -107,13 +107,13 @@ class Record:
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """A foreign file or folder as it was given, inside the store: read it, never write it."""
+    """A foreign file or folder, unchanged inside the store: read it, never write it."""
 
     path: Path
-    """The folder, or the single file under its original name with its companions beside it."""
+    """The folder, or the single file under its original name next to its companions."""
     folder: str = ""
-    """Name of the given folder, or of the one that the given file lay in, where it tells what the mesh is; else empty:
-    the same bytes under a name that decides nothing are the same source."""
+    """Name of the given folder, or of the given file's folder, if it names the mesh; else empty: the same bytes under a
+    name that decides nothing are the same source."""
 
 
 class Store:
@@ -135,7 +135,7 @@ class Store:
         return self.root / OBJECTS / ref.kind / ref.sha256[:2] / ref.sha256
 
     def save(self, value: ValueT) -> Ref[ValueT]:
-        """Write a value; an artifact that is there and sound is left alone."""
+        """Write a value; a sound existing artifact is not touched."""
         files = encode(value)
         digests = {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
         ref: Ref[ValueT] = Ref(type(value).__name__, digest_of(digests))
@@ -167,9 +167,9 @@ class Store:
         return cast("ValueT | Infeasible", decode(files))
 
     def has(self, ref: Ref[Any], *, bring: bool = True) -> bool:
-        """Return whether the artifact is here and sound; it is brought here from the shared store if that has it.
+        """Return whether the artifact is here and sound; it is copied from the shared store if that has it.
 
-        Where it is not to `bring`, it is enough that the shared store has files of it, sound or not.
+        Without `bring`, it is enough that the shared store has files of it, sound or not.
         """
         return self.is_here(ref) or (self._fetch(ref) if bring else self._is_shared(ref))
 
@@ -198,7 +198,7 @@ class Store:
             yield Ref(folder.parent.parent.name, folder.name)
 
     def add_source(self, given: str | Path) -> Ref[Source]:
-        """Take a foreign file or folder in, with the files that it names (MTL, textures, buffers)."""
+        """Copy a foreign file or folder into the store, with the files that it names (MTL, textures, buffers)."""
         path = Path(given)
         try:
             main, files = source_files(path)
@@ -228,7 +228,7 @@ class Store:
         self._move_away(self.folder(ref))
 
     def _fetch(self, ref: Ref[Any]) -> bool:
-        """Bring an artifact here; foreign scenes and meshes stay on the machine that was given them."""
+        """Copy an artifact here; foreign scenes and meshes stay on the machine of their user."""
         if self.shared is None or ref.pending or ref.kind == Source.__name__:
             return False
         with self._draft(ref) as folder:
@@ -292,7 +292,7 @@ def _use_lock(folder: Path) -> int | None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         lock = os.open(folder / USED, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
-    except OSError:  # says so where something is written
+    except OSError:  # writing raises the error
         return None
     fcntl.flock(lock, fcntl.LOCK_SH)
     return lock

@@ -2,12 +2,12 @@
 
 `segment_task = stage(segment)` gives a callable that takes references (`Ref[Scan]`) where the function takes values,
 and plain values as they are, and returns a reference to what the function returns. An `Infeasible` among the inputs is
-handed through without running anything. A function with a parameter `client` gets the client that its configuration
-names. How calls run says the `RunContext` around them:
+passed on without running anything. A function with a parameter `client` gets the client that its configuration names.
+The `RunContext` around the calls decides how they run:
 
 - WATCHED: as a stock Prefect task, `Stage.task`, whose cache policy finds the record of the same recipe;
-- DIRECT: the same lookup and the same record, without Prefect, for a single placement that nobody watches;
-- LOOKUP: nothing is computed; where no result is known, a pending reference is returned and handed through.
+- DIRECT: the same lookup and the same record, without Prefect, for a single placement without a server;
+- LOOKUP: nothing is computed; without a known result, a pending reference is returned and passed on.
 
 mypy derives the signature of a stage from its function's (mypy_plugin.py): a swapped reference is a type error.
 """
@@ -55,23 +55,23 @@ P = ParamSpec("P")
 ValueT = TypeVar("ValueT")
 ValueT_co = TypeVar("ValueT_co", covariant=True)
 NOT_DECIDING = frozenset({"threads"})
-"""Settings of any stage that change how long it takes, never what it returns."""
+"""Settings of any stage that change its duration, never its result."""
 CLIENT = "client"
-"""Parameter through which a stage that asks questions gets who answers them."""
+"""Parameter that receives the language client of a stage that asks questions."""
 SIMULATIONS, MODEL_CALLS = "dcap-simulations", "dcap-model-calls"
-"""Prefect's global concurrency limits of stages that simulate, and of stages that ask a model."""
+"""Names of Prefect's global concurrency limits for stages that simulate, and for stages that ask a model."""
 INFEASIBLE = "Infeasible"
-"""Name of the completed state of a stage, or a sample, that found no way: its reason is a result like any other."""
+"""Name of the completed state of an infeasible stage or sample: its reason is a result like any other."""
 RETRIES = 1
-"""How often a stage runs again whose process has died: memory may have been short."""
+"""Number of retries of a stage whose process has died: memory may have been short."""
 STAGE_FILES: dict[Path, None] = {}
-"""Modules of the stages that were made."""
+"""Modules of all stages created."""
 _hashed: list[bool] = []
-"""Whether those that were known when the first stage was called are hashed."""
+"""Whether the modules known at the first call of a stage are hashed."""
 
 
 class Stage(Generic[P, ValueT_co]):
-    """A stage as the flows call it: references in, a reference out."""
+    """A stage for the flows: references in, a reference out."""
 
     def __init__(
         self,
@@ -97,15 +97,15 @@ class Stage(Generic[P, ValueT_co]):
 
     @cached_property
     def code(self) -> Code:
-        """The sources that decide what the function returns; those of all known stages at once, before anybody saves
-        one."""
+        """The sources that decide the function's result; hashed for all known stages at once, before a file is
+        edited."""
         if not _hashed:
             code_at_begin(tuple(STAGE_FILES))
             _hashed.append(True)
         return code_of(self.file)
 
     def __call__(self, *args: P.args, **kwargs: P.kwargs) -> Ref[ValueT_co]:
-        """Return a reference to what the function returns for these inputs, computed only if it was not before."""
+        """Return a reference to the function's result for these inputs, computed only if it is not cached."""
         inputs = self._bound(*args, **kwargs)
         context, computed = current_context(), threading.Event()
         for value in inputs.values():
@@ -127,7 +127,7 @@ class Stage(Generic[P, ValueT_co]):
         return ref
 
     def recipe(self, inputs: Mapping[str, Any]) -> dict[str, Any]:
-        """Return everything that decides the result for these inputs."""
+        """Return the recipe: everything that decides the result for these inputs."""
         config = inputs.get("config")
         given = {name: plain_input(name, value) for name, value in inputs.items() if name != "config"}
         return {
@@ -147,7 +147,7 @@ class Stage(Generic[P, ValueT_co]):
         return self._tasks[records_root()]
 
     def _new_task(self) -> "Task[..., Ref[Any]]":
-        from prefect import Task  # planning, and a placement that nobody watches, need not wait for it
+        from prefect import Task  # planning, and a placement without a server, need not wait for it
         from prefect.cache_policies import CachePolicy
         from prefect.context import TaskRunContext
         from prefect.serializers import JSONSerializer
@@ -156,12 +156,12 @@ class Stage(Generic[P, ValueT_co]):
         recipe = self.recipe
 
         class SoundRecord(CachePolicy):
-            """Takes a result from the cache only while its record is whole and its artifact sound."""
+            """Cache policy that accepts a result only if its record is whole and its artifact sound."""
 
             def compute_key(
                 self, task_ctx: TaskRunContext, inputs: dict[str, Any], flow_parameters: dict[str, Any], **_: Any
             ) -> str | None:
-                # only now: of tags that a run starts with Prefect asks the server, which may be lost
+                # only now: for tags that a run starts with, Prefect queries the server, which may be lost
                 task_ctx.task_run.tags = list(current_context().tags)
                 return find_record(key_of(recipe(inputs)), wait=FileLocks().wait_for_lock)[0]
 
@@ -196,7 +196,7 @@ class Stage(Generic[P, ValueT_co]):
         return f"{self.name} {current_context().session.sample}".rstrip()
 
     def _bound(self, *args: Any, **kwargs: Any) -> dict[str, Any]:
-        """Return the inputs by name; an input left out is its default, and a configuration that is not given too."""
+        """Return the inputs by name; missing inputs, and a missing configuration, have their defaults."""
         bound = self.signature.bind_partial(*args, **kwargs)
         bound.apply_defaults()
         inputs = {name: value for name, value in bound.arguments.items() if name != CLIENT}
@@ -217,13 +217,14 @@ class Stage(Generic[P, ValueT_co]):
 
     def _run_watched(self, inputs: Mapping[str, Any]) -> Ref[Any]:
         """Call the Prefect task; it returns a reference, or a state that holds one."""
-        find_record(key_of(self.recipe(inputs)))  # raises what Prefect would lose, and compute without a record
+        # raises errors that Prefect would lose, and then compute without a record
+        find_record(key_of(self.recipe(inputs)))
         task = self.task.with_options(refresh_cache=True) if self.name in current_context().refresh else self.task
         result: Any = task(**inputs)
         return result if isinstance(result, Ref) else result.data.result
 
     def _run_directly(self, inputs: Mapping[str, Any]) -> Ref[Any]:
-        """Do what Prefect's transaction does."""
+        """Run like Prefect's transaction, without Prefect."""
         key = key_of(self.recipe(inputs))
         with FileLocks().held(find_record(key, wait=FileLocks().wait_for_lock)[0]):
             name, ref = find_record(key)
@@ -241,7 +242,7 @@ class Stage(Generic[P, ValueT_co]):
 
     def _compute(self, inputs: Mapping[str, Any]) -> Ref[Any]:
         """Run the function and save what it returns."""
-        check_data_files(self.code)  # before the work, too: what is computed from a changed one would be lost
+        check_data_files(self.code)  # before the work, too: a result from a changed file would be lost
         preload()  # later stages have processes of their own
         context = current_context()
         context.on_event(StageEvent(self.name, Event.STARTED))
@@ -294,7 +295,7 @@ class Stage(Generic[P, ValueT_co]):
         return ref.kind, ref.sha256, seconds, Store.default().size(ref)
 
     def _loaded(self, name: str, tree: Mapping[str, Any]) -> Any:
-        """Return an input as the function takes it; StoreError if the artifact is of another kind than declared."""
+        """Return an input in the function's form; StoreError if the artifact is of another kind than declared."""
         declared = self.hints.get(name, object)
         if "ref" not in tree:
             return from_tree(tree["value"], declared, {})
@@ -310,7 +311,7 @@ class Stage(Generic[P, ValueT_co]):
 
     @contextmanager
     def _limit(self, config: Any) -> Iterator[None]:
-        """Hold a slot of the limit that the stage falls under, if that is set and the server that counts is there.
+        """Hold a slot of the stage's limit, if that is set and its server is there.
 
         A cached stage waits for nothing.
         """
@@ -359,8 +360,8 @@ def stage(
 ) -> Stage[..., ValueT]:
     """Return the stage of a pure function.
 
-    `process` gives each run a process of its own, or those that it returns true for by their inputs; what `simulates`
-    falls under the limit of simulations.
+    `process` gives each run a process of its own, or only runs for whose inputs it returns true; a stage that
+    `simulates` counts towards the limit of simulations.
     """
     return Stage(function, process=process, name=name or function.__name__, simulates=simulates)
 
@@ -368,7 +369,7 @@ def stage(
 def run_job(
     module: str, function: str, code: str, given: dict[str, Any], settings: object, session: Session
 ) -> tuple[str, str, float, int]:
-    """Run a stage in the process that was started for it; StoreError if its code is not that of the digest `code`."""
+    """Run a stage in its own process; StoreError if its code does not match the digest `code`."""
     own = stage(getattr(import_module(module), function))
     if own.code.digest != code:
         raise StoreError(f"code of the stage {own.name} has changed while this program started; start it again")
@@ -413,7 +414,7 @@ def _process_died(task: "Task[..., Any]", task_run: "TaskRun", state: "State[Any
 
 @contextmanager
 def _slot_lent(slots: threading.Semaphore | None) -> Iterator[None]:
-    """Give the slot that this thread holds away inside of the block."""
+    """Release the slot that this thread holds inside of the block."""
     if slots is None:
         yield
         return

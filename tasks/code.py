@@ -1,12 +1,12 @@
-"""Which of our own sources decide what a stage returns: every file that its module reaches by static import.
+"""Our own sources that decide a stage's result: every file that its module reaches by static import.
 
 Comments, docstrings and layout do not count (the syntax tree is hashed); imports inside functions do. A data file that
-reachable code names by a string (`materials.csv`, the folder `prompts`) counts with its bytes. What a source file says
-is kept in the cache: building 650 syntax trees takes three seconds.
+reachable code names by a string (`materials.csv`, the folder `prompts`) counts with its bytes. The digest and
+the imports of a source file are kept in the cache: building 650 syntax trees takes three seconds.
 
 A program hashes the sources of its stages once, soon after it has begun, and its fork server those that it has loaded
-(preload.py): they run what they loaded then, whatever is saved later. Data files are read when a stage runs, so those
-are looked at again before its result is kept.
+(preload.py): they run the code loaded then, whatever is edited later. Data files are read when a stage runs, so those
+are checked again before its result is kept.
 """
 
 import ast
@@ -52,30 +52,30 @@ MACHINERY = frozenset(
         "tasks.shared_store",
     }
 )
-"""Modules that carry results but do not decide them."""
+"""Modules whose changes never invalidate a cached result."""
 FACE = "dcap"
-"""The package whose own `__init__` is the public face: what it offers to programs decides no result."""
+"""The package whose own `__init__` is the public interface, which decides no result."""
 DATA_SUFFIXES = frozenset({".csv", ".yaml", ".yml", ".json", ".j2", ".txt", ".toml"})
 DATA_FOLDERS = frozenset({"prompts"})
 LONGEST_NAME = 100
-"""Letters of a string that may name a data file."""
+"""Longest string that may name a data file [characters]."""
 CARRIED = Path(FACE, settings.CARRIED)
-"""Where an installed dcap has the data files that lie at the root of a clone."""
+"""Folder of an installed dcap with the data files of a clone's root."""
 DISTRIBUTIONS = {
     "PIL": "pillow", "igl": "libigl", "pxr": "usd-core", "ruamel": "ruamel.yaml", "skimage": "scikit-image",
     "yaml": "PyYAML",
 }  # fmt: skip
-"""Where the name to install differs from the name to import."""
+"""Packages whose name to install differs from the name to import."""
 PARSED, LISTS = "sources.json", "code"
-"""File and folder of the cache: what each source says, and lists of files by the digest of the list."""
+"""File of the cache with parsed sources, and its folder with lists of files by their digest."""
 RULES = f"{sys.version_info[:2]} {hashlib.sha256(Path(__file__).read_bytes()).hexdigest()}"
-"""What decides what a source says, besides its bytes."""
+"""Everything besides its bytes that decides the parse of a source."""
 MOST_TRIES = 10
-"""How often a source is parsed that CPython fails to, since threads disturb each other there (cpython issue 106905)."""
+"""Number of attempts to parse a source: threads disturb each other in CPython's parser (cpython issue 106905)."""
 _known_lists: dict[str, Mapping[str, str]] = {}
-"""Of the code of this process, by digest."""
+"""Lists of files of this process's code, by digest."""
 _lock = Lock()
-"""One of our threads builds trees at a time, for the same reason."""
+"""Lets one of our threads build trees at a time, for the same reason."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +92,8 @@ class Code:
 
 @cache
 def code_of(module_path: Path, root: Path = settings.PROJECT_ROOT) -> Code:
-    """Return what a module reaches, itself included; found once per process, which runs the code that it loaded."""
+    """Return the sources that a module reaches, including itself; found once per process, which runs the loaded
+    code."""
     with _lock:
         parsed = _sources_at_begin(settings.cache_root() / PARSED)
         paths = sorted(_reachable(module_path.resolve(), root, parsed))
@@ -106,8 +107,8 @@ def code_of(module_path: Path, root: Path = settings.PROJECT_ROOT) -> Code:
 
 @cache
 def code_at_begin(modules: tuple[Path, ...]) -> None:
-    """Hash what some modules reach; StoreError if one of the files was saved since this program began to load: which
-    state of it was loaded is not known."""
+    """Hash the sources that some modules reach; StoreError if one was edited since this program began to load: then it
+    is unknown which state was loaded."""
     now = time.time_ns()
     for module in modules:
         for name in code_of(module).files:
@@ -117,8 +118,8 @@ def code_at_begin(modules: tuple[Path, ...]) -> None:
 
 
 def check_data_files(code: Code, root: Path = settings.PROJECT_ROOT) -> None:
-    """StoreError if a data file is no longer what it was when it was hashed: which state a stage has read is not
-    known."""
+    """Raise StoreError if a data file has changed since it was hashed: then it is unknown which state a stage has
+    read."""
     for name, digest in code.files.items():
         if not name.endswith(".py"):
             path = _path_of(name, root)
@@ -127,7 +128,7 @@ def check_data_files(code: Code, root: Path = settings.PROJECT_ROOT) -> None:
 
 
 def note_files(code: Code) -> None:
-    """Keep the list of files behind a result, so that a later key that differs can be explained."""
+    """Store the list of files behind a result, so that a later difference of keys can be explained."""
     path = settings.cache_root() / LISTS / f"{code.digest}.json"
     with suppress(OSError):
         if not path.is_file():
@@ -136,7 +137,7 @@ def note_files(code: Code) -> None:
 
 
 def files_behind(digest: str) -> Mapping[str, str] | None:
-    """Return the files of a state of the code, by their paths; None for one that nobody noted here."""
+    """Return the files of a state of the code, by their paths; None if it was not stored here."""
     if digest in _known_lists:
         return _known_lists[digest]
     try:
@@ -147,7 +148,7 @@ def files_behind(digest: str) -> Mapping[str, str] | None:
 
 
 def changed_sources(files: Mapping[str, str], root: Path = settings.PROJECT_ROOT) -> Iterator[str]:
-    """Yield the files, by their paths relative to `root`, that are no longer what they were."""
+    """Yield the changed files, by their paths relative to `root`."""
     parsed = _ParsedSources(settings.cache_root() / PARSED)
     for name, digest in files.items():
         path = _path_of(name, root)
@@ -157,7 +158,7 @@ def changed_sources(files: Mapping[str, str], root: Path = settings.PROJECT_ROOT
 
 
 class _ParsedSources:
-    """What sources say, each by its path, in one file of the cache; a damaged file counts as none."""
+    """Parsed sources by their paths, in one file of the cache; a damaged file counts as empty."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -181,7 +182,7 @@ class _ParsedSources:
         return self._read[path]
 
     def write(self) -> None:
-        """Keep what is new for the next program, and forget files that are gone."""
+        """Store new entries for the next program, and drop those of deleted files."""
         if self._changed:
             self._changed = False
             self._known = {name: said for name, said in self._known.items() if Path(name).is_file()}
@@ -200,7 +201,7 @@ def _sources_at_begin(path: Path) -> _ParsedSources:
 
 
 def _parse(source: bytes, path: Path) -> dict[str, Any]:
-    """Return the digest of a source without docstrings, what it imports, and the names of files in it."""
+    """Return the digest of a source without docstrings, its imports, and the names of files in it."""
     tree = _tree_of(source, path)
     imports, texts = set[str](), set[str]()
     for node in ast.walk(tree):
@@ -217,7 +218,7 @@ def _parse(source: bytes, path: Path) -> dict[str, Any]:
 
 
 def _tree_of(source: bytes, path: Path) -> ast.Module:
-    """Return the syntax tree; again where another thread, as one of Prefect's, has built one meanwhile."""
+    """Return the syntax tree; try again if another thread, such as one of Prefect's, has disturbed the parser."""
     for _ in range(MOST_TRIES - 1):
         with suppress(SystemError):
             return ast.parse(source, filename=str(path))
@@ -264,7 +265,7 @@ def _module_files(module: str, root: Path) -> tuple[Path, ...]:
 
 
 def _data_files(texts: list[str], path: Path, root: Path) -> Iterator[Path]:
-    """Yield the data files that a module names, beside it or at the root; of site-packages only those that are ours."""
+    """Yield the data files that a module names, next to it or at the root; from site-packages only our own."""
     carried = root / CARRIED
     for text in texts:
         for folder in (path.parent, carried if carried.is_dir() else root):

@@ -1,7 +1,7 @@
 """Values of the pipeline as plain files, and back.
 
 A value becomes `value.json` (structure, numbers, names) plus one file per mesh (PLY), large array (Parquet) and picture
-(PNG). `value.json` names those files where they belong, so everything can be read without this module. Guaranteed:
+(PNG). `value.json` refers to those files, so everything can be read without this module. Guaranteed:
 equal values give equal bytes, and decoding gives back the same dtypes, shapes and numbers, bit for bit.
 """
 
@@ -33,12 +33,12 @@ from dcap.scene.writers.ply import mesh_from_ply, mesh_to_ply
 
 VALUE_FILE = "value.json"
 INLINE_ITEMS = 48
-"""Arrays up to this many numbers are written into value.json: a 4x4 matrix or an 8-corner box is best read in place."""
+"""Most numbers of an array that is written into value.json: a 4x4 matrix or an 8-corner box is best read in place."""
 NAMED_COLUMNS = {1: ("value",), 2: ("x", "y"), 3: ("x", "y", "z")}
 MOST_COLUMNS = 16
 """Arrays of shape (n, k) get one Parquet column per k up to this width; wider or deeper ones are flattened."""
 CHANNELS = (3, 4)
-"""Of pictures: RGB and RGBA."""
+"""Channels of pictures: RGB and RGBA."""
 
 
 def encode(value: object) -> dict[str, bytes]:
@@ -49,13 +49,13 @@ def encode(value: object) -> dict[str, bytes]:
 
 
 def decode(files: Mapping[str, bytes]) -> object:
-    """Return the value that `encode` made these files of."""
+    """Return the value from the files of `encode`."""
     return from_tree(json.loads(files[VALUE_FILE]), object, files)
 
 
 @cache
 def stored_types() -> dict[str, type]:
-    """Return every dataclass that may be stored by its name: files outlive moves between modules."""
+    """Return every dataclass that can be stored, by its name: files stay valid when classes move between modules."""
     modules = [f"{dcap.scene.types.__name__}.{one.name}" for one in pkgutil.iter_modules(dcap.scene.types.__path__)]
     modules += ["solver.certificate", "solver.motion"]
     found: dict[str, type] = {}
@@ -68,7 +68,7 @@ def stored_types() -> dict[str, type]:
 
 
 def to_tree(value: object, path: str, files: dict[str, bytes]) -> object:
-    """Return the JSON tree of a value; what does not belong into JSON goes to `files` under a name made of `path`."""
+    """Return the JSON tree of a value; meshes, arrays and pictures go to `files` under a name made from `path`."""
     if isinstance(value, Caution):
         return {"$caution": str(value), "cause": value.cause.value}
     if value is None or isinstance(value, bool | str):
@@ -112,7 +112,7 @@ def array_to_tree(array: NDArray[np.generic], path: str, files: dict[str, bytes]
 
 
 def from_tree(tree: object, hint: object, files: Mapping[str, bytes]) -> object:
-    """Return the value of one node of the tree; `hint` is the declared type and tells tuples and enums."""
+    """Return the value of one node of the tree; `hint` is the declared type, which determines tuples and enums."""
     if isinstance(tree, dict):
         return object_from_tree(tree, hint, files)
     if isinstance(tree, list):
@@ -151,7 +151,7 @@ def type_hints_of(kind: type) -> dict[str, object]:
 
 
 def sequence_from_tree(tree: list[object], hint: object, files: Mapping[str, bytes]) -> object:
-    """Return a tuple where the field's type says so, else a list."""
+    """Return a tuple if the field's type says so, else a list."""
     declared = next((one for one in options_of(hint) if get_origin(one) is tuple), None)
     if declared is None:
         arguments = get_args(hint)
@@ -216,7 +216,7 @@ def array_from_parquet(data: bytes, dtype: str, shape: tuple[int, ...]) -> NDArr
 
 
 def is_picture(array: NDArray[np.generic]) -> bool:
-    """Return whether an array is stored as a picture: bytes (h, w, 3) or (h, w, 4), few enough to be read again."""
+    """Return whether an array is stored as a picture: bytes (h, w, 3) or (h, w, 4), small enough to be read again."""
     shaped = array.ndim == 3 and array.shape[2] in CHANNELS
     return shaped and array.dtype == np.uint8 and 0 < array.shape[0] * array.shape[1] <= MAX_PIXELS
 
@@ -230,7 +230,7 @@ def picture_to_png(picture: NDArray[np.generic]) -> bytes:
 
 
 def picture_from_png(data: bytes, name: str) -> NDArray[np.uint8]:
-    """Return the picture of a PNG; StoreError, before a pixel is decoded, for one that is larger than ours."""
+    """Return the picture of a PNG; StoreError, before a pixel is decoded, for one larger than we write."""
     try:
         with Image.open(io.BytesIO(data), formats=("PNG",)) as image:
             if image.size[0] * image.size[1] > MAX_PIXELS:

@@ -13,7 +13,7 @@ from dcap.scene.settings import cache_root
 
 class FileLocks:
     """Exclusive locks by `flock(2)` for threads and processes of one machine: the kernel releases those of a killed
-    process. The methods are those of Prefect's LockManager, which asks for no timeouts here."""
+    process. The methods are those of Prefect's LockManager, which sets no timeouts here."""
 
     _held: ClassVar[dict[str, tuple[str, int]]] = {}
 

@@ -24,7 +24,7 @@ class StagePlugin(Plugin):
     """Knows `tasks.cache.stage`."""
 
     def get_function_hook(self, fullname: str) -> Callable[[FunctionContext], Type] | None:
-        """The hook for the function of that name."""
+        """The hook for a function, if it is `stage`."""
         return self.typed_stage if fullname == STAGE else None
 
     def typed_stage(self, context: FunctionContext) -> Type:
@@ -57,5 +57,5 @@ class StagePlugin(Plugin):
 
 
 def plugin(version: str) -> type[Plugin]:
-    """What mypy calls to load the plugin."""
+    """Entry point for mypy."""
     return StagePlugin

@@ -1,7 +1,7 @@
 """Pictures of an infeasible placement: the scene, and the object where it should have gone.
 
-In: scene and object, and what the stages found before one of them gave up. Out: one or two pictures from one camera;
-where no support was found, what there is, numbered.
+In: scene and object, and the results of the stages before one of them failed. Out: one or two pictures from one camera;
+without a support, the numbered things of the scene.
 """
 
 import numpy as np
@@ -24,12 +24,12 @@ from tasks.requests.candidates import candidates_picture
 Array = NDArray[np.float64]
 
 RED = (214, 40, 40)
-HOLE_DISTANCE = 1.0  # of the camera that looks at a hole, over the object's diagonal [-]
-ASKEW = np.array([0.25, -0.35, 0.3])  # a hole is looked at from a little aside, so that its depth shows
+HOLE_DISTANCE = 1.0  # distance of the camera to a hole, over the object's diagonal [-]
+ASKEW = np.array([0.25, -0.35, 0.3])  # angle off a hole's axis, so that its depth shows
 
 
 class OverviewConfig(BaseModel, frozen=True, extra="forbid"):
-    """How the pictures are taken."""
+    """Settings of the pictures."""
 
     size: PositiveInt = 1024
     """Side of each picture [pixels]."""
@@ -38,9 +38,9 @@ class OverviewConfig(BaseModel, frozen=True, extra="forbid"):
     elevation_deg: PositiveFloat = 35.0
     """Height of the camera over the horizon [degrees]: supports are seen from above."""
     distance_factor: PositiveFloat = 1.5
-    """Camera distance over the diagonal of what is looked at [-]."""
+    """Camera distance over the diagonal of its target [-]."""
     scene_factor: PositiveFloat = 0.8
-    """The same if it is the whole scene, whose corners need not be in the picture [-]."""
+    """Camera distance for the whole scene, whose corners may be outside the picture, over its diagonal [-]."""
 
 
 def overview(
@@ -51,7 +51,7 @@ def overview(
     config: OverviewConfig,
     filled: bool = False,
 ) -> Overview:
-    """Look at the base if one was found, else at the whole scene; what was filled with particles has no holes."""
+    """Look at the base if one was found, else at the whole scene; an object filled with particles has no holes."""
     camera = camera_for(scene, intent, anchor, config)
     structure = np.array([one.structure for one in scene.instances] + [True])[scene.face_instance]
     cut = cut_faces(scene.mesh, structure, camera.position, camera.target)
@@ -65,8 +65,8 @@ def overview(
 def hole_picture(
     item: Segmentation, intent: Intent | None, anchor: Anchor | None, config: OverviewConfig
 ) -> NDArray[np.uint8] | None:
-    """The object before the drop, looked at through its largest hole, with the rims of all in red; None where its
-    surface can be closed or no stage got as far as asking."""
+    """The object before the drop, seen through its largest hole, with all rims in red; None if its surface can be
+    closed or no stage has tried."""
     shape = None if intent is None or anchor is None else object_shape(item, intent, anchor)
     if anchor is None or not isinstance(shape, OpenShape):
         return None
@@ -90,7 +90,7 @@ def photograph(meshes: list[Mesh], camera: Camera) -> NDArray[np.uint8]:
 
 
 def camera_for(scene: Segmentation, intent: Intent | None, anchor: Anchor | None, config: OverviewConfig) -> Camera:
-    """A camera in front of and above what is looked at."""
+    """A camera in front of and above its target."""
     low, high = scene.mesh.bounds
     middle, diagonal, factor, front = 0.5 * (low + high), float(np.linalg.norm(high - low)), config.scene_factor, None
     if intent is not None:

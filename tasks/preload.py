@@ -1,4 +1,4 @@
-"""What the fork server loads once for the processes of all heavy stages."""
+"""Modules that the fork server loads once for the processes of all heavy stages."""
 
 import gc
 
@@ -16,6 +16,6 @@ from tasks.cache import STAGE_FILES
 from tasks.code import code_of
 
 for module in list(STAGE_FILES):
-    code_of(module)  # as it was loaded just now: each process compares it with what the program has hashed
+    code_of(module)  # code as just loaded: each process compares it with the program's hashes
 gc.collect()
-gc.freeze()  # a collection in a child would write into each object, and so copy every page that is shared
+gc.freeze()  # a garbage collection in a child would write to each object and so copy every shared page

@@ -1,6 +1,6 @@
 """Runs a function in a process of its own: a crash, a memory leak or a second `ti.init` stays inside of its job.
 
-The processes are forked by the fork server of `multiprocessing`, which has loaded what heavy stages need (preload.py).
+The fork server of `multiprocessing`, which has loaded the modules of heavy stages (preload.py), forks the processes.
 Each leads a session of its own, and ends with the program, even if that is killed.
 """
 
@@ -31,9 +31,9 @@ from tasks.code import PACKAGES
 
 ResultT = TypeVar("ResultT")
 OnProgress = Callable[[float, str], None]
-"""Gets the part of the work that is done, 0 where that is not known, and a text."""
+"""Called with the share of the work that is done, 0 if unknown, and a text."""
 MOST_SECONDS = 3600.0
-"""A stage that runs longer hangs: budgets count steps, so this never decides a result."""
+"""Time after which a stage counts as hanging [s]: budgets count steps, so this never decides a result."""
 LAST_LINES = 15
 PR_SET_PDEATHSIG = 1
 SAFE_PATH = "PYTHONSAFEPATH"
@@ -52,14 +52,14 @@ class StageProcessError(RuntimeError):
 
 
 def preload() -> None:
-    """Start the fork server if it was not started: it loads for three seconds, while the program does other things."""
+    """Start the fork server if needed: it loads for three seconds, in parallel to the program."""
     from multiprocessing import forkserver
 
     with _starting:
         if _preloaded.is_set() or sys.platform != "linux":
             return
         _preloaded.set()
-        CONTEXT.set_forkserver_preload(["dcap", "tasks.preload"])  # dcap: it finds our packages before others
+        CONTEXT.set_forkserver_preload(["dcap", "tasks.preload"])  # it finds our packages before others
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # a Ctrl-C is meant for this program
         safe = os.environ.get(SAFE_PATH)
         os.environ[SAFE_PATH] = "1"  # it imports nothing from the working directory
@@ -75,12 +75,12 @@ def preload() -> None:
 def run_in_process(function: Callable[..., ResultT], *arguments: object, on_progress: OnProgress) -> ResultT:
     """Return what a module-level function returns in a process of its own.
 
-    What it raises is raised here; StageProcessError where the process ends without a result, KeyboardInterrupt where
-    that is because the program was interrupted.
+    Its errors are raised here; StageProcessError if the process ends without a result, KeyboardInterrupt if that is
+    because the program was interrupted.
     """
     preload()
     receiver, sender = CONTEXT.Pipe(duplex=False)
-    # a file without a name, so that nothing stays where this program is killed
+    # a file without a name, so that nothing stays if this program is killed
     with tempfile.TemporaryFile("w+", errors="replace") as output, receiver:
         printed = Connection(os.dup(output.fileno()), readable=False)  # a descriptor that can be sent
         process = _start((sender, printed, dict(os.environ), function, arguments))
@@ -103,7 +103,7 @@ def run_in_process(function: Callable[..., ResultT], *arguments: object, on_prog
 
 
 def interrupt() -> None:
-    """Kill the processes of all stages at work, and start no more."""
+    """Kill the processes of all running stages, and start no more."""
     _interrupted.set()
     for process in list(_running):
         _kill(process)
@@ -125,7 +125,7 @@ def _start(job: tuple[object, ...]) -> BaseProcess:
 
 
 def _listen(process: BaseProcess, receiver: Connection, on_progress: OnProgress) -> Any:
-    """Return the result that a process sends; _EndedError where it ends without one, MachineError where it hangs."""
+    """Return the result that a process sends; _EndedError if it ends without one, MachineError if it hangs."""
     deadline = time.monotonic() + MOST_SECONDS
     while True:
         if not receiver.poll(max(deadline - time.monotonic(), 0.0)):
@@ -173,11 +173,11 @@ def _work(
     os.dup2(output.fileno(), 2)
     output.close()
     os.environ.clear()
-    os.environ.update(environment)  # the fork server has that of its start
+    os.environ.update(environment)  # the fork server has the environment of its own start
     for package in PACKAGES:
         logging.getLogger(package).setLevel(logging.INFO)
         logging.getLogger(package).addHandler(_ProgressHandler(sender))
-    # more threads for small matrices wait for one another without sleeping, at the cost of the process beside
+    # more threads for small matrices spin while they wait, at the cost of other processes
     threadpool_limits(1, user_api="blas")
     try:
         result = function(*arguments)
@@ -191,7 +191,7 @@ def _work(
 
 
 def _portable(error: Exception) -> Exception:
-    """Return an error that another process can read, with its traceback as a note where it is a mistake of ours."""
+    """Return an error that another process can read, with its traceback as a note if it is a bug of ours."""
     known = error if isinstance(error, DcapError) else machine_error(error)
     if known is not None:
         return known
@@ -214,7 +214,7 @@ def die_with_parent() -> None:
 
 
 def _end_with_program() -> None:
-    """Wait for the end of the program that has asked, and kill this process with all that it has started.
+    """Wait for the end of the requesting program, and kill this process with all its children.
 
     The parent is the fork server, which lives as long as one of its processes.
     """
@@ -225,7 +225,7 @@ def _end_with_program() -> None:
 
 
 class _ProgressHandler(logging.Handler):
-    """Sends what our code logs to the parent; `extra={"progress": 0.4}` says how much of the work is done."""
+    """Sends our code's log records to the parent; `extra={"progress": 0.4}` is the share of the work that is done."""
 
     def __init__(self, sender: Connection) -> None:
         super().__init__(logging.INFO)

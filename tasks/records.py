@@ -1,10 +1,9 @@
-"""What stages have computed before: recipes, and the records of their results.
+"""Earlier results of stages: recipes, and the records of their results.
 
 A recipe holds everything that decides a result; its digest is the key. A record lies at `records/KEY` as Prefect's
-result file, whoever wrote it: Prefect, or a run that nobody watches. A record counts only if it is whole, is that of
-the wanted key, and its artifact is sound. If not, the next name is used (KEY, KEY-r1, ...), so nothing is ever deleted
-on the way, only mended from a shared store; and Prefect is never handed a file that names another serializer, as
-`pickle`.
+result file, written by Prefect or by a run without a server. A record counts only if it is whole, has the wanted key,
+and its artifact is sound. If not, the next name is used (KEY, KEY-r1, ...), so nothing is ever deleted, only repaired
+from a shared store; and Prefect never gets a file that names another serializer, such as `pickle`.
 """
 
 import hashlib
@@ -33,9 +32,9 @@ SERIALIZER = {
     "dumps_kwargs": {},
     "loads_kwargs": {},
 }
-"""How Prefect writes our records, and reads a file that says so."""
+"""Prefect's serializer of our records, named in each file."""
 DAMAGED = (OSError, ValueError, KeyError, TypeError, RecursionError)
-"""What reading a damaged record raises."""
+"""Errors of reading a damaged record."""
 
 
 def key_of(recipe: Mapping[str, Any]) -> str:
@@ -53,8 +52,8 @@ def find_record(
 ) -> tuple[str, Ref[Any] | None]:
     """Return the first name that is free or has a usable record, and the result that this names.
 
-    A record that is missing or damaged here is looked for in the shared store; it and its artifact come here if they
-    are to be brought. `wait` waits while somebody holds the lock of a name: Prefect writes a record in place.
+    A record that is missing or damaged here is searched in the shared store; with `bring` it and its artifact are
+    copied here. `wait` waits while another program holds the lock of a name: Prefect writes a record in place.
     """
     for repeat in range(MOST_REPEATS):
         name = key if repeat == 0 else f"{key}-r{repeat}"
@@ -91,12 +90,12 @@ def _usable(data: bytes, key: str, *, bring: bool) -> Ref[Any] | None:
 
 
 def read_record(path: Path) -> Ref[Any]:
-    """Return the result in a record's file; one of DAMAGED if it is no whole record of ours."""
+    """Return the result in a record's file; raises one of DAMAGED if it is not a complete record of ours."""
     return parsed_record(path.read_bytes())
 
 
 def parsed_record(data: bytes) -> Ref[Any]:
-    """Return the result that a record's bytes name; one of DAMAGED if they are no whole record of ours."""
+    """Return the result that a record's bytes name; raises one of DAMAGED if they are not a complete record of ours."""
     tree = json.loads(data)
     if tree["metadata"]["serializer"] != SERIALIZER or tree["metadata"]["expiration"] is not None:
         raise ValueError("not written by us")
@@ -107,7 +106,7 @@ def parsed_record(data: bytes) -> Ref[Any]:
 
 
 def write_record(name: str, ref: Ref[Any]) -> None:
-    """Write the record of a result as Prefect would; it appears whole."""
+    """Write the record of a result like Prefect, atomically."""
     metadata = {
         "storage_key": str(records_root() / name),
         "expiration": None,
@@ -136,7 +135,7 @@ def share_record(name: str, ref: Ref[Any], *, new: bool) -> None:
 
 
 def _shared_result(name: str, key: str, *, bring: bool) -> tuple[bool, Ref[Any] | None]:
-    """Return whether the shared store has a record, and the result that it names; it comes here if it is to `bring`."""
+    """Return whether the shared store has a record, and the result that it names; with `bring` it is copied here."""
     shared = Store.default().shared
     data = None if shared is None else shared.read(f"{FOLDER}/{name}")
     if data is None:
@@ -151,9 +150,9 @@ def _shared_result(name: str, key: str, *, bring: bool) -> tuple[bool, Ref[Any] 
 
 
 def encode_ref(ref: object) -> dict[str, Any]:
-    """Return a result as JSON, with a digest of all of it: nothing else binds the artifact to the key."""
+    """Return a result as JSON with a digest of everything: only the digest ties the artifact to the key."""
     if not isinstance(ref, Ref) or ref.record is None:
-        raise TypeError(f"a {type(ref).__name__} is no result of a stage")
+        raise TypeError(f"a {type(ref).__name__} is not a result of a stage")
     record = ref.record
     tree = {"ref": ref.to_json(), "key": record.key, "seconds": record.seconds, "size": record.size}
     tree["recipe"] = dict(record.recipe)
@@ -181,7 +180,7 @@ def every_record() -> Iterator[tuple[Path, Ref[Any] | None]]:
 
 
 def refs_in(recipe: Mapping[str, Any]) -> list[Ref[Any]]:
-    """Return the artifacts that a stage was given."""
+    """Return the artifacts among a stage's inputs."""
     return [Ref.from_json(one["ref"]) for one in recipe["inputs"].values() if "ref" in one]
 
 
@@ -203,7 +202,7 @@ def records_behind(refs: Iterable[Ref[Any]]) -> Iterator[tuple[Path, Ref[Any]]]:
 
 
 def modified_ns(path: Path) -> int | None:
-    """Return when a file or folder was changed; None where there is none, as somebody may just have deleted it."""
+    """Return the modification time of a file or folder; None if it is missing, as it may just have been deleted."""
     try:
         return path.stat().st_mtime_ns
     except FileNotFoundError:

@@ -1,4 +1,4 @@
-"""How stages run that are called inside a block, and what somebody who watches is told. It decides no result."""
+"""Decides how stages called inside a block run, and reports events to a listener; it decides no result."""
 
 import threading
 from collections.abc import Callable, Iterator, Mapping
@@ -13,7 +13,7 @@ from tasks.artifact import Ref
 
 
 class Mode(StrEnum):
-    """How stages are run."""
+    """Modes of running stages."""
 
     WATCHED = "watched"
     DIRECT = "direct"
@@ -21,29 +21,29 @@ class Mode(StrEnum):
 
 
 class Event(StrEnum):
-    """What can happen to a stage while a sample is placed."""
+    """Events of a stage while a sample is placed."""
 
     STARTED = "started"
     PROGRESS = "progress"
     FINISHED = "finished"
     CACHED = "cached"
     MISSING = "missing"
-    """Only in a lookup: it would run, or wait for a stage that would."""
+    """Only in a lookup: it would run, or depends on a stage that would."""
 
 
 @dataclass(frozen=True, slots=True)
 class StageEvent:
-    """One thing that happened to a stage."""
+    """One event of a stage."""
 
     stage: str
     event: Event
     part: float = 0.0
-    """Share of the work that is done, 0..1, where the stage knows it."""
+    """Share of the work that is done, 0..1, if the stage knows it."""
     text: str = ""
     ref: Ref[Any] | None = None
     """The result, once there is one."""
     recipe: Mapping[str, Any] = field(default_factory=dict)
-    """Of a missing result: what it would be made of; empty if it waits for another stage."""
+    """Recipe of a missing result; empty if it depends on another stage."""
 
 
 OnEvent = Callable[[StageEvent], None]
@@ -56,17 +56,17 @@ class RunContext:
     mode: Mode = Mode.DIRECT
     on_event: OnEvent = lambda event: None
     session: Session = field(default_factory=Session)
-    """How questions are asked."""
+    """Session of the language client."""
     refresh: frozenset[str] = frozenset()
     """Stages to compute again although they have a record."""
     bring: bool = True
-    """Whether a look-up copies what the shared store has."""
+    """Whether a look-up copies results from the shared store."""
     slots: threading.Semaphore | None = None
-    """How many stages may compute at a time; a stage that waits for a reply lends its slot to another."""
+    """Limits the number of stages that compute at a time; a stage that waits for a reply lends its slot to another."""
     limits: frozenset[str] = frozenset()
-    """Prefect's global concurrency limits that hold."""
+    """Prefect's global concurrency limits in force."""
     tags: tuple[str, ...] = ()
-    """Of the task runs."""
+    """Tags of the task runs."""
 
 
 _context: ContextVar[RunContext] = ContextVar("run context")
@@ -79,7 +79,7 @@ def current_context() -> RunContext:
 
 @contextmanager
 def use_context(context: RunContext) -> Iterator[RunContext]:
-    """Let stages called in this block and thread run as `context` says."""
+    """Run stages called in this block and thread by `context`."""
     token = _context.set(context)
     try:
         yield context

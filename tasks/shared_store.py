@@ -1,7 +1,7 @@
 """A store that several machines share: files under any URL that fsspec opens (`$DCAP_STORE`: s3://..., a folder).
 
 It holds the same files under the same names as the local cache: artifacts below `objects/`, records below `records/`.
-What is read here counts only after its digest was checked, so a half-written artifact is as good as none.
+Content read here counts only after its digest was checked, so a half-written artifact counts as missing.
 """
 
 from collections.abc import Iterator
@@ -14,7 +14,7 @@ from dcap.scene.redaction import redacted_url, without_secrets
 
 VARIABLE = "DCAP_STORE"
 MOST_BYTES = 8 << 30
-"""Largest artifact that is fetched; stages hold all of one in memory, so ours are far smaller [bytes]."""
+"""Largest artifact that is fetched [bytes]; stages hold whole artifacts in memory, so ours are far smaller."""
 
 
 class SharedStore:
@@ -25,7 +25,7 @@ class SharedStore:
         self._pushed: set[str] = set()
         self._names: dict[str, frozenset[str]] = {}
         with self._errors_as_one_line("cannot be opened"):
-            import fsspec  # nobody waits for its protocols who shares nothing
+            import fsspec  # imported here, so that users without a shared store do not wait for it
 
             given = url if "://" in url else Path(url).resolve().as_uri()
             self._files: Any
@@ -36,7 +36,7 @@ class SharedStore:
             bucket = self._root.split("/")[0]
             if hasattr(self._files, "call_s3"):
                 try:
-                    self._files.call_s3("head_bucket", Bucket=bucket)  # `exists` says no where nobody answers
+                    self._files.call_s3("head_bucket", Bucket=bucket)  # `exists` returns False if nobody answers
                 except FileNotFoundError:
                     shown = f"{VARIABLE}={redacted_url(url)}"
                     raise StoreError(f"{shown}: there is no bucket {bucket}; create it first") from None
@@ -81,7 +81,7 @@ class SharedStore:
 
     @contextmanager
     def _errors_as_one_line(self, what: str) -> Iterator[None]:
-        """Turn what the libraries of storages raise, each kinds of its own, into a StoreError of one line."""
+        """Turn the errors of storage libraries, which have classes of their own, into a StoreError of one line."""
         try:
             yield
         except StoreError:

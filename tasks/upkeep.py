@@ -1,4 +1,4 @@
-"""What the cache holds, what of it is damaged, and what nothing needs any more."""
+"""Contents of the cache, their damage, and artifacts that are no longer needed."""
 
 import time
 from collections.abc import Iterable, Iterator, Sequence
@@ -12,34 +12,34 @@ from tasks.artifact import DRAFTS, OBJECTS, Ref, Source, Store, files_in, remove
 from tasks.records import every_record, key_of, records_behind, refs_in
 
 SOURCES, UNRECORDED, RECORDS, LITTER = "source files", "without a record", "records", "litter"
-"""Rows beside those of stages."""
+"""Rows besides those of stages."""
 LITTER_HOURS = 6.0
-"""Age at which what is half-made counts as left behind by a killed program: no stage takes that long [h]."""
+"""Age at which drafts count as left behind by a killed program: no stage takes that long [h]."""
 
 
 @dataclass(frozen=True, slots=True)
 class CacheUsage:
-    """What a stage has in the cache."""
+    """Usage of the cache by a stage."""
 
     stage: str
     records: int = 0
     artifacts: int = 0
-    """Those that no stage before it in the list made as well."""
+    """Number of artifacts, without those also made by an earlier stage in the list."""
     size: int = 0
     """Bytes of these artifacts."""
     seconds: float = 0.0
-    """What computing them took [s]."""
+    """Time of computing them [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Unneeded:
-    """What may be deleted."""
+    """Records and artifacts that may be deleted."""
 
     records: tuple[Path, ...]
     artifacts: tuple[Ref[Any], ...]
     litter: tuple[Path, ...]
     usage: tuple[CacheUsage, ...]
-    """The same by stage."""
+    """Usage by stage."""
 
     @property
     def count(self) -> int:
@@ -54,7 +54,7 @@ class Unneeded:
 
 @dataclass(frozen=True, slots=True)
 class Damage:
-    """A record or an artifact that does not count."""
+    """A damaged record or artifact."""
 
     path: Path
     why: str
@@ -63,7 +63,7 @@ class Damage:
 
 
 def usages() -> list[CacheUsage]:
-    """Return what each stage has in the cache, then what no stage made, the records and litter."""
+    """Return the usage by each stage, then by artifacts of no stage, by records and by litter."""
     store, found = Store.default(), [(path, ref) for path, ref in every_record() if ref is not None]
     records = CacheUsage(RECORDS, len(found), 0, sum(size_of(path) for path, _ in found))
     litter = CacheUsage(LITTER, 0, 0, sum(size_of(path) for path in litter_in(store, 0.0)))
@@ -91,7 +91,7 @@ def usage_by_stage(made: Iterable[Ref[Any]], refs: Iterable[Ref[Any]]) -> list[C
 
 
 def unneeded(needed: Iterable[Ref[Any]], older_than_s: float) -> Unneeded:
-    """Return everything that is neither behind a needed artifact nor younger than an age [s], nor behind that."""
+    """Return everything that is neither needed nor younger than an age [s], nor an input of such."""
     store, known = Store.default(), list(every_record())
     young = [ref for path, ref in known if ref is not None and age(path) < older_than_s]
     kept_paths, kept_refs = set[Path](), {*needed, *young}
@@ -112,7 +112,7 @@ def unneeded(needed: Iterable[Ref[Any]], older_than_s: float) -> Unneeded:
 
 
 def delete(what: Unneeded) -> None:
-    """Delete it. Nobody else may use the cache meanwhile (`exclusive_use`)."""
+    """Delete records and artifacts. Nobody else may use the cache meanwhile (`exclusive_use`)."""
     for path in (*what.records, *what.litter):
         remove(path)
     for ref in what.artifacts:
@@ -120,14 +120,14 @@ def delete(what: Unneeded) -> None:
 
 
 def damages() -> list[Damage]:
-    """Read every record and artifact, and return those that do not count."""
+    """Read every record and artifact, and return the damaged ones."""
     store = Store.default()
     found = [
         Damage(store.folder(ref), "it does not match its digest", ref) for ref in store.refs() if not store.is_here(ref)
     ]
     for path, ref in every_record():
         if ref is None or ref.record is None:
-            found.append(Damage(path, "it is not whole, or of an earlier version"))
+            found.append(Damage(path, "it is incomplete, or of an earlier version"))
         elif key_of(ref.record.recipe) != ref.record.key or not path.name.startswith(ref.record.key):
             found.append(Damage(path, f"it is the record of {ref.record.key}"))
         elif not store.has(ref):
@@ -138,7 +138,7 @@ def damages() -> list[Damage]:
 def repair(found: Sequence[Damage]) -> None:
     """Delete damaged records and artifacts; they are computed again when needed.
 
-    The record behind a damaged one (KEY-r1) gets its name: nobody looks behind a free name.
+    The record after a damaged one (KEY-r1) gets its name: a lookup stops at a free name.
     """
     for one in found:
         if one.ref is None:
@@ -151,9 +151,9 @@ def repair(found: Sequence[Damage]) -> None:
 
 
 def litter_in(store: Store, older_than_s: float) -> list[Path]:
-    """Return what is half-made, or tells of files that have gone, of at least an age [s]."""
+    """Return drafts, and notes on deleted files, of at least an age [s]."""
     drafts = store.root / DRAFTS
-    earlier = cache_root() / "damaged"  # where the repair of an earlier version moved things
+    earlier = cache_root() / "damaged"  # folder of the repair in an earlier version
     left = [*drafts.glob("*"), *earlier.glob("*"), *cache_root().glob(".writing-*"), *lost_notes()]
     return sorted(path for path in left if age(path) >= older_than_s)
 
@@ -165,12 +165,12 @@ def idle_locks() -> Iterator[Path]:
 
 
 def size_in(store: Store) -> Any:
-    """Return the function that tells the size of an artifact in a store [bytes]."""
+    """Return a function from an artifact to its size in a store [bytes]."""
     return lambda ref: size_of(store.root / OBJECTS / ref.kind / ref.sha256[:2] / ref.sha256)
 
 
 def size_of(path: Path) -> int:
-    """Return the bytes of a file, or of all files below a folder; what vanishes has none."""
+    """Return the bytes of a file, or of all files below a folder; files deleted meanwhile count 0."""
     try:
         return sum(one.stat().st_size for one in files_in(path)) if path.is_dir() else path.stat().st_size
     except OSError:
@@ -178,7 +178,7 @@ def size_of(path: Path) -> int:
 
 
 def age(path: Path) -> float:
-    """Return the time since something was written [s]; 0 of what is gone."""
+    """Return the time since a file was written [s]; 0 if it is gone."""
     try:
         return max(time.time() - path.lstat().st_mtime, 0.0)
     except OSError:

@@ -1,4 +1,4 @@
-"""Why a stage would run: what differs between its recipe now and the closest recipe of an earlier result."""
+"""Explains why a stage would run: differences between its recipe and the closest recipe of an earlier result."""
 
 from collections.abc import Callable, Iterator, Mapping
 from functools import lru_cache
@@ -13,9 +13,9 @@ from tasks.records import every_record, key_of, modified_ns, records_root
 ABSENT = "absent"
 DAMAGED = "its result is missing or damaged"
 SHOWN = 3
-"""Settings, files or libraries that a line names."""
+"""Most settings, files or libraries that a line names."""
 LONGEST = 60
-"""Characters of a value that a line shows."""
+"""Most characters of a value that a line shows."""
 KeyOf = Callable[[str, str], str]
 """Returns the name of a setting for a person, from the stage and the stage's own name for it."""
 
@@ -40,7 +40,7 @@ def why_not_cached(recipe: Mapping[str, Any], key_of_setting: KeyOf) -> str:
 def closest_record(recipe: Mapping[str, Any]) -> Record | None:
     """Return the record of the same stage with the most in common, the newest of several.
 
-    Plain inputs (the sentence, a seed, a mass) tell the sample, so they count first.
+    Plain inputs (the sentence, a seed, a mass) identify the sample, so they count first.
     """
 
     def likeness(record: Record) -> tuple[int, int, int]:
@@ -54,7 +54,7 @@ def closest_record(recipe: Mapping[str, Any]) -> Record | None:
 
 
 def changed_inputs(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str]:
-    """Yield what differs among the inputs: an artifact by its name, a value by both values."""
+    """Yield the differences of the inputs: an artifact by its name, a value by both values."""
     for name in sorted(new["inputs"].keys() | old["inputs"].keys()):
         before, now = old["inputs"].get(name, {}), new["inputs"].get(name, {})
         if before == now:
@@ -91,14 +91,14 @@ def changed_values(old: Any, new: Any) -> dict[str, tuple[object, object]]:
 def named(
     kind: str, changes: Mapping[str, tuple[object, object]], name_of: Callable[[str], str] = lambda key: key
 ) -> Iterator[str]:
-    """Yield the first changes in words, and how many more there are."""
+    """Yield the first changes in words, and the number of further ones."""
     words = [f"{name_of(key)} {short(old)} -> {short(new)}" for key, (old, new) in changes.items()]
     if words:
         yield kind + first_of(words, SHOWN)
 
 
 def short(value: object) -> str:
-    """Return a value in few letters."""
+    """Return a shortened value."""
     text = str(value)
     return text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"
 

@@ -23,7 +23,7 @@ class Aim:
     part: str = ""
     region: str = ""
     """Region words in any order; in a truth empty where the sentence leaves it open."""
-    beside: frozenset[str] = frozenset()
+    references: frozenset[str] = frozenset()
     """Instance ids and part:NAME that the region refers to; in a truth empty where that is open."""
     reason: str = ""
     """Reason code if there is no such place."""
@@ -36,7 +36,7 @@ class Marks:
     base: bool | None
     part: bool | None
     region: bool | None
-    beside: bool | None
+    references: bool | None
     reason: bool | None
 
     @property
@@ -54,8 +54,8 @@ def aim_of(intent: Intent | Infeasible, anchor: Anchor | Infeasible | None) -> A
         return asked
     if isinstance(anchor, Infeasible):
         part = anchor.evidence.part if isinstance(anchor.evidence, NoRoom | BesideThePart) else ""
-        return Aim(asked.base, part, asked.region, asked.beside, anchor.reason)
-    return Aim(anchor.base_id, anchor.part, anchor.region, asked.beside)
+        return Aim(asked.base, part, asked.region, asked.references, anchor.reason)
+    return Aim(anchor.base_id, anchor.part, anchor.region, asked.references)
 
 
 def marks(truth: Aim, found: Aim) -> Marks:
@@ -64,7 +64,7 @@ def marks(truth: Aim, found: Aim) -> Marks:
         base=found.base == truth.base if truth.base else None,
         part=found.part == truth.part if truth.part else None,
         region=same_region(found.region, truth.region) if truth.region else None,
-        beside=found.beside == truth.beside if truth.beside else None,
+        references=found.references == truth.references if truth.references else None,
         reason=found.reason == truth.reason if truth.reason or found.reason else None,
     )
 

@@ -68,4 +68,4 @@ THINGS = (
 )
 
 PIECES = choice_of(PieceChoice, (*FURNITURE, *THINGS))
-"""Either kind, for rooms and for objects: a mug may stand on a table, a sofa may be put somewhere."""
+"""Builders of both kinds, for rooms and for objects: a mug may stand on a table, a sofa may be placed."""

@@ -1,8 +1,8 @@
-"""Makes a dataset of its recipes: rooms, objects, and their truth, which lies apart because no stage may read it.
+"""Makes a dataset from its recipes: rooms, objects, and their truth, in a separate folder because no stage may read it.
 
 FOLDER/rooms/NAME/ (InteriorGS layout), FOLDER/objects/NAME.glb|obj|ply, FOLDER/truth/NAME.parquet (face by face:
-instance, label, part) and FOLDER/truth/recipes/ (what each was made from). On demand FOLDER/splat_rooms/NAME/: the same
-rooms as InteriorGS has them, Gaussian splats instead of a mesh. What exists whole, made by the same recipe, is kept.
+instance, label, part) and FOLDER/truth/recipes/ (the recipe of each). On demand FOLDER/splat_rooms/NAME/: the same
+rooms in InteriorGS' original form, Gaussian splats instead of a mesh. Complete files from the same recipe are kept.
 """
 
 import hashlib
@@ -30,7 +30,7 @@ from dcap.synthetic.rooms import build_recipe
 from dcap.synthetic.shapes import joined
 
 SPLAT_ROOMS = "splat_rooms"
-"""Folder of the rooms that are splats."""
+"""Folder of the splat rooms."""
 
 Maker = Callable[[], list[Path]]
 
@@ -48,8 +48,8 @@ def make_dataset(
     """Write every room and object that is missing, damaged or made by another recipe.
 
     `rooms` are the only ones made, all if empty; `objects` likewise, all if None. With `splats` each room is also
-    written as that number of Gaussians. So many `scenes` are made of the rooms in turn, each round with the next seed;
-    one of each if 0. `recipes` is a folder as data/recipes; InputError says what is wrong in it.
+    written as that number of Gaussians. `scenes` scenes are made from the rooms in turn, each round with the next seed;
+    one of each if 0. `recipes` is a folder like data/recipes; InputError names a mistake in it.
     """
     code = _digest_of(_sources())
     for name, room, own_seed in scenes_of(rooms or room_names(recipes), scenes, seed):
@@ -66,21 +66,20 @@ def make_dataset(
 
 
 def scenes_of(rooms: Sequence[str], scenes: int, seed: int) -> Iterator[tuple[str, str, int]]:
-    """Name, room and seed of each scene: those of the first round are called as the rooms, later ones by their seed,
-    too."""
+    """Name, room and seed of each scene: the first round has the names of the rooms, later names include the seed."""
     for number in range(scenes or len(rooms)):
         turn, place = divmod(number, len(rooms))
         yield (f"{rooms[place]}_seed_{seed + turn}" if turn else rooms[place]), rooms[place], seed + turn
 
 
 def _sources() -> list[Path]:
-    """The source that decides what is made of a recipe."""
+    """Source files that determine the result of a recipe."""
     writers = [Path(str(one.__file__)) for one in (interiorgs_write, object_write, ply_write)]
     return [*sorted(Path(__file__).parent.rglob("*.py")), *writers]
 
 
 def recipe_digest(recipes: Path, name: str) -> str:
-    """Digest of a file of recipes and of the colours that it may name."""
+    """Digest of a file of recipes and of the available colours."""
     files = (recipes / name, RECIPES / "colors.yaml", recipes / "colors.yaml")
     return _digest_of([path for path in dict.fromkeys(files) if path.exists()])
 
@@ -95,7 +94,7 @@ def _digest_of(sources: Sequence[Path]) -> str:
 
 
 def _keep_or_make(folder: Path, name: str, recipe: str, make: Maker) -> None:
-    """Run a maker unless what it would write is there, whole, from the same recipe."""
+    """Run a maker unless its files exist, complete and from the same recipe."""
     note = folder / "truth" / "recipes" / f"{name}.json"
     if _is_whole(folder, note, recipe):
         return

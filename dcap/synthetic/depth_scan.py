@@ -1,7 +1,7 @@
-"""An embedded room as a depth camera that is carried through it sees it: one noisy surface without names.
+"""Simulates a scan of an embedded room by a moving depth camera: one noisy surface without names.
 
-In: a room's mesh. Out: the surface that depth images from eye height fuse to [C96]: what no camera saw is missing,
-what touches is one surface, edges are round, colours are blurred.
+In: a room's mesh. Out: the surface fused from depth images at eye height [C96]: unseen surfaces are missing, touching
+things are one surface, edges are round, colours are blurred.
 
 [C96] Curless, Levoy: A volumetric method for building complex models from range images. SIGGRAPH 1996.
 """
@@ -18,11 +18,11 @@ from dcap.scene.types.mesh import Mesh
 Array = NDArray[np.float64]
 
 VOXEL = 0.02
-"""Of the fused volume [m]: what phones resolve."""
+"""Voxel size of the fused volume [m]: the resolution of phones."""
 BLOCK, BLOCKS = 16, 20_000
 """Voxels along an edge of a block, and blocks at first [-]."""
 LEAST_SEEN = 3.0
-"""Cameras that must have seen a place [-]."""
+"""Least number of cameras that have seen a place [-]."""
 NOISE = 0.004
 """Standard deviation of depth at one metre, growing with its square [m]."""
 EYES = 1.5
@@ -35,7 +35,7 @@ FARTHEST = 6.0
 
 
 def scanned(mesh: Mesh, seed: int = 0) -> Mesh:
-    """The surface that is fused from what a camera sees; the same for the same seed."""
+    """The surface fused from the camera's views; the same for the same seed."""
     kinds, channels = (core.float32,) * 3, (1, 1, 3)
     grid = geometry.VoxelBlockGrid(
         ("tsdf", "weight", "color"), kinds, channels, VOXEL, BLOCK, BLOCKS, core.Device("CPU:0")
@@ -67,7 +67,7 @@ def walk(mesh: Mesh, caster: Raycaster) -> list[Camera]:
             turns = 2.0 * np.pi * (np.arange(TURNS) + 0.5 * u) / TURNS
             around = np.stack([np.cos(turns), np.sin(turns), np.zeros(TURNS)], axis=1)
             if caster.cast(np.tile(place, (TURNS, 1)), around).distance.min() < 0.25:
-                continue  # inside of something, or with the nose at it
+                continue  # inside of a thing, or too close to one
             cameras += [
                 looking_at(place, place + way + [0.0, 0.0, -0.45], WIDTH, HEIGHT, fov_deg=FOV_DEG) for way in around
             ]
@@ -77,7 +77,7 @@ def walk(mesh: Mesh, caster: Raycaster) -> list[Camera]:
 def seen(
     mesh: Mesh, caster: Raycaster, camera: Camera, rng: np.random.Generator
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Depth along the optical axis with noise [m], shape (HEIGHT, WIDTH), 0 where nothing is, and colour 0..1."""
+    """Depth along the optical axis with noise [m], shape (HEIGHT, WIDTH), 0 without a hit, and colour 0..1."""
     ways = camera.directions(camera.pixel_centers)
     hits = caster.cast(np.tile(camera.position, (len(ways), 1)), ways)
     depth = np.where(np.isfinite(hits.distance), hits.distance * (ways @ camera.world_from_camera[:, 2]), 0.0)

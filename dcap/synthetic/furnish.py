@@ -1,4 +1,4 @@
-"""Furnishes a room by its recipe: builds every piece and sets it in its place."""
+"""Furnishes a room by its recipe: builds every piece and puts it in its place."""
 
 import numpy as np
 
@@ -8,15 +8,15 @@ from dcap.synthetic.recipes import BookFill, CurtainRecipe, RoomRecipe, ThingRec
 from dcap.synthetic.room import FurnishedRoom, Opening, Placed
 
 BOOK_SHARES = (0.52, 0.74, 0.40, 0.62)
-"""Of a board's length that books take, from board to board."""
+"""Shares of a board's length that books take, from board to board."""
 SIDE_BOARDS = 0.06
-"""Width of a shelf that its sides and some play take [m]."""
+"""Width taken by a shelf's sides and some clearance [m]."""
 HEADROOM = 0.03
-"""Between a book of full height and the board above, the board's thickness included [m]."""
+"""Distance between a book of full height and the board above, including the board's thickness [m]."""
 
 
 def furnish(recipe: RoomRecipe, seed: int) -> FurnishedRoom:
-    """The room with all that is in it; pieces that vary do so with the seed."""
+    """The furnished room; pieces that vary depend on the seed."""
     room = FurnishedRoom(recipe.kind, *recipe.size, recipe.wall, recipe.floor, seed, _openings(recipe))
     named: dict[str, Placed] = {}
     for thing in recipe.things:
@@ -40,13 +40,13 @@ def _openings(recipe: RoomRecipe) -> tuple[Opening, ...]:
 
 
 def _varied(thing: ThingRecipe, room_seed: int) -> dict[str, object]:
-    """The arguments that are not as the recipe says."""
+    """The arguments that differ from the recipe."""
     own = thing.piece.arguments.get("seed")
     return {"seed": room_seed + own} if thing.varies and isinstance(own, int) else {}
 
 
 def _set(room: FurnishedRoom, built: Assembly, thing: ThingRecipe, named: dict[str, Placed]) -> Placed:
-    """Set a piece in the place that its recipe names."""
+    """Put a piece in the place of its recipe."""
     if thing.at:
         return room.put(built, **dict(thing.at))
     if thing.stand:
@@ -68,7 +68,7 @@ def board_heights(shelf: Assembly) -> list[float]:
 
 
 def _fill_shelf(room: FurnishedRoom, shelf: Assembly, placed: Placed, books: BookFill) -> None:
-    """Books on the left of every board but the free ones and the topmost."""
+    """Put books on the left of every board except the free ones and the topmost."""
     width, depth, _ = np.ptp(shelf.bounds, axis=0)
     levels = board_heights(shelf)
     for index, level in enumerate(levels[:-1]):

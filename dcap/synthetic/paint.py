@@ -15,7 +15,7 @@ from dcap.synthetic.shapes import Array
 Rgb = Sequence[float] | Array
 Painter = Callable[[Array], Array]
 Finish = Painter | Rgb
-"""What a surface is given: a pattern or one colour."""
+"""Finish of a surface: a pattern or one colour."""
 Axis = Literal["x", "y", "z"]
 
 AXES = {"x": 0, "y": 1, "z": 2}

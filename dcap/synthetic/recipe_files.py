@@ -1,4 +1,4 @@
-"""Reads a YAML file of recipes into what it must hold, or says what is wrong with it, where."""
+"""Reads a YAML file of recipes into its model, or reports a mistake with its place."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -38,7 +38,7 @@ def check_file(path: Path, kind: type[T], palette: Mapping[str, object] | None =
 
 
 def _complaint(broken: ValidationError, tree: object) -> tuple[Place, str]:
-    """Where the first mistake is, and what it is."""
+    """Place and description of the first mistake."""
     first = broken.errors(include_url=False)[0]
     place = _in_tree(first["loc"], tree)
     if first["type"] == "missing":

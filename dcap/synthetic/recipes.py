@@ -1,6 +1,6 @@
 """Recipes of rooms and objects: the keys of their YAML files and how these are read (docs/formats.md).
 
-A recipe names builders and says where what they build stands; builders are Python (dcap/synthetic/catalogue.py).
+A recipe names builders and the places of their pieces; builders are Python (dcap/synthetic/catalogue.py).
 Lengths are in metres, angles in degrees, walls are named by the compass, x runs from west to east and y to the north.
 """
 
@@ -27,7 +27,7 @@ PieceField = Annotated[PieceChoice, GetPydanticSchema(lambda _, handler: handler
 
 
 class CurtainRecipe(RecipeModel):
-    """The pair of curtains beside a window."""
+    """The pair of curtains next to a window."""
 
     fabric: Color
     seed: NonNegativeInt
@@ -82,12 +82,12 @@ class UponPlace(RecipeModel):
     """On another thing, at a point of that thing's own frame."""
 
     thing: str
-    """Name of a thing that stands earlier in the list."""
+    """Name of an earlier thing in the list."""
     right: float = 0.0
     front: float = 0.0
     yaw_deg: float = 0.0
     top: PositiveFloat | None = None
-    """Height of what it stands on [m]; that of the highest point by default."""
+    """Height of its support [m]; by default of the highest point."""
     board: NonNegativeInt | None = None
     """Instead of a height: a board of a shelf, the lowest being 0."""
 
@@ -97,7 +97,7 @@ class BookFill(RecipeModel):
 
     seed: NonNegativeInt
     free: tuple[NonNegativeInt, ...] = (2,)
-    """Boards that stay empty too."""
+    """Further boards that stay empty."""
 
 
 class ThingRecipe(RecipeModel):
@@ -105,9 +105,9 @@ class ThingRecipe(RecipeModel):
 
     piece: PieceField
     name: str = ""
-    """By which others stand upon it."""
+    """Name by which others stand upon it."""
     varies: bool = False
-    """The room's seed is added to the piece's: another dataset has another one."""
+    """Whether the room's seed is added to the piece's, so that it differs between datasets."""
     books: BookFill | None = None
     at: FreePlace | None = None
     stand: FloorPlace | None = None
@@ -132,7 +132,7 @@ class RoomRecipe(RecipeModel):
     kind: str
     """Room type as InteriorGS writes it."""
     seed: NonNegativeInt
-    """Of everything random in it; rooms of one dataset differ if their seeds do."""
+    """Seed of everything random in it; rooms of one dataset differ if their seeds do."""
     size: SizeField
     """Inner width (x), depth (y) and height [m]."""
     wall: FinishField
@@ -168,7 +168,7 @@ class RoomRecipe(RecipeModel):
 
 
 def _check_height(place: UponPlace, below: PieceChoice) -> None:
-    """Raise ValueError for a board that a thing does not have, and for two heights."""
+    """Raise ValueError for a board that a thing lacks, and for two heights."""
     boards = below.arguments.get("boards")
     count = boards if isinstance(boards, int) else 0
     if place.board is not None and place.top is not None:
@@ -182,11 +182,11 @@ class ObjectRecipe(RecipeModel):
 
     piece: PieceField
     mass: PositiveFloat
-    """What such a thing weighs [kg]; informative, nothing reads it but tests and people."""
+    """Mass of such a thing [kg]; informative, only for tests and people."""
     format: Literal["glb", "obj", "ply"] = "glb"
     """glb (named nodes, y up), obj or ply (one mesh, z up)."""
     unit: PositiveFloat = 1.0
-    """Length of the file's unit [m]; some files are in a unit of their own, as downloads are."""
+    """Length of the file's unit [m]; some files have a unit of their own, like downloaded ones."""
     fused: bool = False
     """The solids of each part are grown together into one."""
 

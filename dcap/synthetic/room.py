@@ -36,7 +36,7 @@ class Opening:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Placed:
-    """A piece where it stands."""
+    """A piece in its place."""
 
     thing: Assembly
     """In room coordinates."""
@@ -71,20 +71,20 @@ class FurnishedRoom:
     things: list[Placed] = field(default_factory=list)
 
     def put(self, item: Assembly, x: float, y: float, yaw_deg: float = 0.0, z: float = 0.0) -> Placed:
-        """Set a piece anywhere."""
+        """Put a piece anywhere."""
         placed = Placed(item.placed(x, y, z, yaw_deg), yaw_deg, x, y)
         self.things.append(placed)
         return placed
 
     def stand(self, item: Assembly, x: float, y: float) -> Placed:
-        """Set a piece on the floor, moved inwards as far as it needs to clear the walls by 2 cm."""
+        """Put a piece on the floor, moved inwards as far as it needs to clear the walls by 2 cm."""
         low, high = item.bounds
         x = float(np.clip(x, 0.02 - low[0], self.width - 0.02 - high[0]))
         y = float(np.clip(y, 0.02 - low[1], self.depth - 0.02 - high[1]))
         return self.put(item, x, y)
 
     def against(self, item: Assembly, wall: str, along: float, gap: float = 0.02, z: float = 0.0) -> Placed:
-        """Set a piece with its back to a wall; `along` is measured along x or y [m]."""
+        """Put a piece with its back to a wall; `along` is measured along x or y [m]."""
         behind = gap - float(item.bounds[0, 1])
         x, y = self.on_wall(wall, along, behind)
         return self.put(item, x, y, YAW[wall], z)
@@ -100,7 +100,7 @@ class FurnishedRoom:
 
     def upon(self, item: Assembly, below: Placed, right: float = 0.0, front: float = 0.0, yaw_deg: float = 0.0,
              top: float | None = None) -> Placed:  # fmt: skip
-        """Set a piece on another at a point of its frame, pressed in by 1.5 mm so that they touch."""
+        """Put a piece on another at a point of its frame, pressed in by 1.5 mm so that they touch."""
         x, y = below.point(right, front)
         height = below.top if top is None else top
         return self.put(item, x, y, below.yaw_deg + yaw_deg, height - 0.0015 - float(item.bounds[0, 2]))

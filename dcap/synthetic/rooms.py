@@ -15,9 +15,9 @@ from dcap.synthetic.shapes import Array, moved, rotation
 from dcap.synthetic.shell import shell
 
 SEEDS_APART = 1000
-"""Between the rooms of one dataset and those of the next seed."""
+"""Difference of seeds between the rooms of one dataset and those of the next seed."""
 BOX_MARGIN = 0.001
-"""Boxes are this much larger than what they hold [m]."""
+"""Margin of boxes around their content [m]."""
 NOT_STANDING = ("rug", "ceiling lamp", "picture", "mirror", "window", "curtain")
 """Things that leave the floor free in the occupancy map."""
 

@@ -1,8 +1,8 @@
-"""Turns a room of closed solids into what a scan of it looks like: one noisy coloured mesh with holes.
+"""Turns a room of closed solids into a simulated scan: one noisy coloured mesh with holes.
 
 In: surfaces tagged with instance and part. Out: one mesh in which faces hidden inside other solids or lying on the
-floor are absent, displaced by smooth and fine noise of about a millimetre, with a few small holes, its faces in no
-telling order; and beside it the truth, which face belongs to which surface.
+floor are absent, displaced by smooth and fine noise of about a millimetre, with a few small holes, its faces in
+random order; and the truth, which surface each face belongs to.
 """
 
 from collections.abc import Sequence
@@ -20,20 +20,20 @@ from dcap.synthetic.schema import RecipeModel
 from dcap.synthetic.shapes import Array
 
 ON_FLOOR = 0.003
-"""Faces looking down below this height lie on the floor: no camera saw them [m]."""
+"""Height below which downward faces lie on the floor, unseen by any camera [m]."""
 
 
 class ScanDefects(RecipeModel):
-    """What a scan does to a surface: noise along its normals, and holes."""
+    """Defects of a scanned surface: noise along its normals, and holes."""
 
     smooth_noise: NonNegativeFloat = 0.0008
     """Standard deviation of the long-waved noise [m]."""
     rough_noise: NonNegativeFloat = 0.0004
-    """... of the short-waved one [m]."""
+    """Standard deviation of the short-waved noise [m]."""
     fine_noise: NonNegativeFloat = 0.0002
-    """... of the independent one per vertex [m]."""
+    """Standard deviation of the independent noise per vertex [m]."""
     sheet_noise: NonNegativeFloat = 0.02
-    """Share of the noise on walls, floor and ceiling: large planes come out flatter [-]."""
+    """Share of the noise on walls, floor and ceiling: large planes are scanned flatter [-]."""
     hole_count: NonNegativeInt = 9
     hole_radius: tuple[PositiveFloat, PositiveFloat] = (0.012, 0.03)
     """Smallest and largest hole [m]."""
@@ -48,7 +48,7 @@ class ScanSurface:
     """Index of the thing it belongs to."""
     part: str
     closed: bool
-    """A solid that hides what lies inside it; False for the sheets of walls, floor and ceiling."""
+    """Whether it is a solid that hides its inside; False for the sheets of walls, floor and ceiling."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -113,7 +113,7 @@ def _mark_inside(index: int, solid: Mesh, points: list[Array], bounds: Array, hi
 
 
 def _inside(solid: Mesh, points: Array) -> NDArray[np.bool_]:
-    """Which points (n, 3) lie inside a closed mesh, by ray parity, shape (n,)."""
+    """Whether points (n, 3) lie inside a closed mesh, by ray parity, shape (n,)."""
     caster = open3d.t.geometry.RaycastingScene(nthreads=1)
     caster.add_triangles(tensor(solid.vertices, np.float32), tensor(solid.faces, np.uint32))
     occupied = caster.compute_occupancy(tensor(points, np.float32), nthreads=1, nsamples=3)

@@ -1,4 +1,4 @@
-"""How recipes are checked: a function that builds something is its own schema, its parameters being the keys.
+"""Checks of recipes: a builder function is its own schema, with its parameters as keys.
 
 A recipe names a function and gives its arguments, `NAME` or `{NAME: {PARAMETER: VALUE, ...}}`; `choice_of` makes the
 pydantic model for a table of such functions from their signatures. Unknown keys are errors with the nearest known one.
@@ -68,12 +68,12 @@ class FunctionChoice(RecipeModel):
 
     @property
     def name(self) -> str:
-        """The name that was chosen."""
+        """The chosen name."""
         return next(iter(self.model_fields_set))
 
     @property
     def arguments(self) -> dict[str, object]:
-        """Every argument by its parameter, defaults included."""
+        """Every argument by its parameter, including defaults."""
         return dict(getattr(self, self.name))
 
 
@@ -81,7 +81,7 @@ class PieceChoice(FunctionChoice):
     """A builder of furniture or of an object."""
 
     def build(self, **changed: object) -> Assembly:
-        """What the builder makes of the arguments, some of them changed."""
+        """Run the builder with the arguments, some of them changed."""
         built = self.functions[self.name](**(self.arguments | changed))
         assert isinstance(built, Assembly)
         return built
@@ -100,7 +100,7 @@ AnyChoice = TypeVar("AnyChoice", bound=FunctionChoice)
 
 
 def choice_of(base: type[AnyChoice], functions: Iterable[Callable[..., object]]) -> type[AnyChoice]:
-    """The model whose values each name one of some functions."""
+    """The model whose values each name one of the functions."""
     table = {function.__name__: function for function in functions}
     fields: dict[str, Any] = {name: (parameters_of(function) | None, None) for name, function in table.items()}
     model = create_model(base.__name__, __base__=base, **fields)
@@ -147,7 +147,7 @@ FIELD_TYPES: dict[Any, Any] = {
     Size: tuple[PositiveFloat, PositiveFloat, PositiveFloat],
     Rgb: Color,
 }
-"""What a recipe may say for a parameter of a type."""
+"""Types of a recipe's values by the type of the parameter."""
 
 PATTERNS = choice_of(PatternChoice, (paint.checks, paint.dots, paint.planks, paint.stripes, paint.tiles))
 Pattern: Any = Annotated[PATTERNS, AfterValidator(PatternChoice.painter)]

@@ -328,5 +328,5 @@ def union(meshes: Sequence[Mesh]) -> Mesh:
 
 
 def difference(mesh: Mesh, tool: Mesh) -> Mesh:
-    """The solid without what lies inside `tool`."""
+    """The solid minus `tool`."""
     return _mesh(_manifold(mesh) - _manifold(tool))

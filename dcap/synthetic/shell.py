@@ -13,7 +13,7 @@ from dcap.synthetic.room import WALLS, FurnishedRoom, Opening, to_room, wall_len
 from dcap.synthetic.shapes import Array, columns, line, moved, rounded_box, sheet, sphere
 
 REVEAL = 0.09
-"""How deep windows sit in the wall [m]."""
+"""Depth of windows in the wall [m]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)

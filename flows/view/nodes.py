@@ -43,7 +43,7 @@ class PlacementNodes:
         self._server, self._scene, self.view = server, server.scene, view
         self._lock = threading.Lock()
         self.frame = len(view.time) - 1 if frame is None else frame
-        light(self._scene)
+        set_light(self._scene)
         self.pieces = [add_piece(self._scene, one, view, self.frame) for one in view.pieces]
         self.thing, self._shapes = self._thing_nodes()
         self.ghost = self._ghost_node()
@@ -102,10 +102,10 @@ class PlacementNodes:
         """Set the poses of rigidly moving nodes."""
         frame = int(self.view.frames[self.frame])
         if self.view.thing is not None and self.thing is not None:
-            put(self.thing, self.view.thing.poses[frame])
+            set_pose(self.thing, self.view.thing.poses[frame])
         for one in self.pieces:
             if one.piece.poses is not None:
-                put(one.node, one.piece.poses[frame])
+                set_pose(one.node, one.piece.poses[frame])
 
     def _thing_nodes(self) -> tuple[viser.FrameHandle | None, list[viser.GlbHandle]]:
         """Add the object, with its shape at every frame or its only one."""
@@ -154,13 +154,13 @@ class PlacementNodes:
         return node, ray
 
 
-def light(scene: viser.SceneApi) -> None:
+def set_light(scene: viser.SceneApi) -> None:
     """Set up even ambient light and shadows from above: a scan has its own shadows in its colours."""
     scene.set_up_direction("+z")
     scene.configure_environment_map("studio", environment_intensity=ENVIRONMENT)
 
 
-def stand(server: viser.ViserServer, view: StartView) -> None:
+def place_cameras(server: viser.ViserServer, view: StartView) -> None:
     """Place the camera of new pages, and of those that are open."""
     up, fov = (0.0, 0.0, 1.0), float(np.radians(view.fov_deg))
     first = server.initial_camera
@@ -208,7 +208,7 @@ def glbs_of(surfaces: Iterable[DrawnSurface], *, opacity: float = 1.0) -> Iterat
         yield page.glb(one, opacity=opacity)
 
 
-def put(node: viser.SceneNodeHandle, pose: NDArray[np.float64]) -> None:
+def set_pose(node: viser.SceneNodeHandle, pose: NDArray[np.float64]) -> None:
     """Give a node a pose (4, 4)."""
     node.wxyz = Turn.from_matrix(pose[:3, :3]).as_quat(scalar_first=True)
     node.position = pose[:3, 3]

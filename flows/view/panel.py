@@ -13,7 +13,7 @@ from dcap.scene.json_tree import JsonValue
 from dcap.scene.types.rotation import Rotation
 from flows.view import texts
 from flows.view.model import PlacementView
-from flows.view.nodes import PieceNode, PlacementNodes, stand
+from flows.view.nodes import PieceNode, PlacementNodes, place_cameras
 from flows.view.signals import CEILING, SignalSeries
 
 FRAME_SECONDS = 0.06
@@ -138,10 +138,10 @@ class PlacementPanel:
         if nodes.clouds:
             self._add_clouds(gui)
         add_room(gui, nodes.pieces)
-        gui.add_button("Start view").on_click(lambda _: stand(self._server, view.view))
+        gui.add_button("Start view").on_click(lambda _: place_cameras(self._server, view.view))
         if view.closeup is not None:
             near = view.closeup
-            gui.add_button("Close-up of the contact").on_click(lambda _: stand(self._server, near))
+            gui.add_button("Close-up of the contact").on_click(lambda _: place_cameras(self._server, near))
 
     def _add_heat(self, gui: viser.GuiApi) -> None:
         """Add the heat map with its colour bar."""

@@ -8,7 +8,7 @@ import viser
 
 from flows.view import texts
 from flows.view.model import PlacementView
-from flows.view.nodes import ANCHOR_COLOR, add_piece, light, stand
+from flows.view.nodes import ANCHOR_COLOR, add_piece, place_cameras, set_light
 from flows.view.panel import add_room
 from flows.view.picking import PickedPoint, SurfacePicker
 
@@ -31,7 +31,7 @@ class PickPanel:
     ) -> None:
         self._server, self._picker, self._place = server, picker, place
         self.picked: PickedPoint | None = None
-        light(server.scene)
+        set_light(server.scene)
         self.pieces = [add_piece(server.scene, one, view) for one in view.pieces]
         corners = np.concatenate([one.surface.mesh.vertices for one in view.pieces])
         self._radius = min(MARKER_LARGEST, MARKER * float(np.linalg.norm(np.ptp(corners, axis=0))))
@@ -44,8 +44,8 @@ class PickPanel:
         if view.notes:
             gui.add_html(texts.page(texts.bullets(view.notes, "")))
         add_room(gui, self.pieces)
-        gui.add_button("Start view").on_click(lambda _: stand(server, view.view))
-        stand(server, view.view)
+        gui.add_button("Start view").on_click(lambda _: place_cameras(server, view.view))
+        place_cameras(server, view.view)
         self.button.on_click(lambda _: self.press())
         self._listener = server.scene.on_click()(self._clicked)
 

@@ -1,1 +1,1 @@
-"""What `make perf-peers` measures: the reference drops in other simulators, each in a process of its own."""
+"""Measurements of `make perf-peers`: the reference drops in other simulators, each in a process of its own."""

@@ -20,7 +20,7 @@ from dcap.scene.settings import PROJECT_ROOT
 from perf.peers.reference import DEPTH, PeerDrop
 
 PEERS_PYTHON = PROJECT_ROOT / ".venv-peers" / "bin" / "python"
-"""Taken where it exists: the peers pin versions of their own, so they get an environment of their own."""
+"""Python of the peers, used if it exists: they pin versions of their own, so they get an environment of their own."""
 INSTALL = (
     "perf.peers: none of Genesis, Newton and MuJoCo is installed; run: python3 -m venv .venv-peers && "
     ".venv-peers/bin/pip install genesis-world==1.4.5 newton==1.8.0 torch mujoco==4.0.0 (or name their Python with "
@@ -29,29 +29,29 @@ INSTALL = (
 PEERS = (("Genesis MPM", "genesis", True), ("Newton VBD", "newton", True), ("MuJoCo flex", "mujoco", False))
 """Name in the table, top-level import, and whether it runs on graphics cards: MuJoCo's own engine does not."""
 GRACE = 900.0
-"""Seconds that a peer may take to import, build and compile, beside the limit for its steps."""
+"""Seconds for a peer to import, build and compile, in addition to the limit for its steps."""
 
 
 @dataclass(frozen=True)
 class Runner:
-    """How a simulator is started: `python -m module YOUNGS_MODULUS argument LIMIT`."""
+    """Command of a simulator: `python -m module YOUNGS_MODULUS argument LIMIT`."""
 
     name: str
     module: str
     argument: str
     package: str
-    """Top-level import that has to be there."""
+    """Top-level import that must be installed."""
     python: str
 
 
 def present(python: str, package: str) -> bool:
-    """Whether that Python finds the package; nothing of it is run."""
+    """Whether that Python finds the package, without importing it."""
     code = f"import importlib.util, sys; sys.exit(importlib.util.find_spec({package!r}) is None)"
     return subprocess.run([python, "-P", "-c", code], check=False, capture_output=True).returncode == 0
 
 
 def measured(runner: Runner, modulus: float, limit: float) -> PeerDrop | str:
-    """Outcome of one drop, or in a line why there is none."""
+    """Outcome of one drop, or the reason for its lack in one line."""
     command = module_command(runner.module, repr(modulus), runner.argument, repr(limit), python=runner.python)
     threads = {"QD_NUM_THREADS": str(os.cpu_count())} | dict(os.environ)  # Genesis takes one thread unless told
     try:
@@ -71,7 +71,7 @@ def measured(runner: Runner, modulus: float, limit: float) -> PeerDrop | str:
 
 
 def runners(python: str) -> list[Runner]:
-    """dcap twice, then each peer on the processor and, where there is one, on the graphics card."""
+    """dcap twice, then each peer on the processor and, if there is one, on the graphics card."""
     card = shutil.which("nvidia-smi") is not None
     own = [
         Runner(f"dcap {method}", "perf.peers.own_drop", method, "taichi", sys.executable) for method in ("tl", "mls")

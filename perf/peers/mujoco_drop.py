@@ -15,9 +15,9 @@ from perf.peers import reference as ref
 from perf.peers.tets import lumped, slab
 
 CELL = {2e4: 4e-3, 5e5: 1.5e-3}
-"""Smallest cell [m], at the contact: as dcap's own grids and as Newton gets."""
+"""Smallest cell [m], at the contact: the same as for dcap's own grids and for Newton."""
 GROWTH = {2e4: 1.2, 5e5: 1.25}
-"""From cell to cell away from the contact [-]."""
+"""Growth from cell to cell away from the contact [-]."""
 STEP = {2e4: 1 / 300, 5e5: 2e-3}
 """Time step [s], out of the 1 to 4 ms that MuJoCo's manual calls typical; looks are a whole number of steps apart."""
 DAMPING = {2e4: 0.05, 5e5: 0.02}
@@ -77,7 +77,8 @@ def main() -> None:
     modulus, device, limit = float(sys.argv[1]), sys.argv[2], float(sys.argv[3])
     cell = float(sys.argv[4]) if len(sys.argv) > 4 else CELL[modulus]
     begin = time.perf_counter()
-    mujoco.set_mju_user_warning(lambda text: sys.stderr.write(f"{text}\n"))  # else into a file where it was started
+    # else warnings go into a file of the working folder
+    mujoco.set_mju_user_warning(lambda text: sys.stderr.write(f"{text}\n"))
     nodes, tets = slab(cell, GROWTH[modulus])
     model = compiled(modulus, nodes, tets)
     data = mujoco.MjData(model)

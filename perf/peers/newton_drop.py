@@ -15,9 +15,9 @@ from perf.peers import reference as ref
 from perf.peers.tets import slab
 
 CELL = {2e4: 4e-3, 5e5: 1.5e-3}
-"""Smallest cell [m], at the contact: as dcap's own grids."""
+"""Smallest cell [m], at the contact: the same as for dcap's own grids."""
 GROWTH = {2e4: 1.2, 5e5: 1.25}
-"""From cell to cell away from the contact [-]."""
+"""Growth from cell to cell away from the contact [-]."""
 STEP = 1 / 600
 """Time step [s] of Newton's soft-body examples: 60 frames of 10 substeps."""
 ITERATIONS = 10
@@ -27,9 +27,9 @@ DAMPING = {2e4: 500.0, 5e5: 5000.0}
 CONTACT = 2e4
 """Contact stiffness of a node [N/m]: the ball sinks into the surface by about 1e-5 m."""
 GAP = 0.01
-"""Contacts are looked for this far away [m]."""
+"""Distance within which contacts are searched [m]."""
 THIN = 1e-6
-"""Radius of the slab's nodes in contact [m]: they stand for a surface."""
+"""Radius of the slab's nodes in contact [m]: they represent a surface."""
 
 
 def main() -> None:
@@ -94,7 +94,7 @@ def main() -> None:
 
     advance()  # compiles
     look()
-    states[:], vbd = [model.state(), model.state()], solver()  # a solver remembers where bodies were
+    states[:], vbd = [model.state(), model.state()], solver()  # a solver stores earlier positions of bodies
     prepare = time.perf_counter() - begin
     fall = ref.follow(advance, look, limit)
     ref.report(

@@ -27,7 +27,7 @@ def main() -> None:
         result = json.loads(json.dumps(run_case(path, Path(folder), solver=method, quiet=True)))
         cpu = time.process_time() - begin_cpu
     bodies = result["bodies"]
-    steps = result["certificate"].get("substeps", result["steps"])  # mls counts the intervals at which it looks
+    steps = result["certificate"].get("substeps", result["steps"])  # mls counts the intervals between its tests of rest
     ref.report(
         ref.PeerDrop(
             versions=f"dcap {version('dcap')}, taichi {version('taichi')}",

@@ -1,4 +1,4 @@
-"""The reference drops and what counts as rest; needs numpy only, so that it runs in a peer's environment."""
+"""The reference drops and their criteria of rest; needs only numpy, so that it runs in a peer's environment."""
 
 import json
 import sys
@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 SLAB = (0.40, 0.40, 0.15)
 """Size of the slab, bottom bonded, weightless [m]."""
 DENSITY = 200.0
-"""Density of the slab [kg/m^3]: decides how it moves, not where it rests."""
+"""Density of the slab [kg/m^3]: affects its motion, not its rest state."""
 POISSON = 0.3
 """Poisson's ratio of the slab [-]."""
 RADIUS = 0.05
@@ -17,36 +17,36 @@ RADIUS = 0.05
 MASS = 1.0
 """Mass of the ball [kg]."""
 GRAVITY = 9.81
-"""Pulls at the ball only [m/s^2]."""
+"""Gravity, on the ball only [m/s^2]."""
 START = 0.01
 """Height of the ball above the slab at the start [m]."""
 FRICTION = 0.5
-"""Between ball and slab [-]; the depth does not depend on it (0.02 %)."""
+"""Friction between ball and slab [-]; the depth hardly depends on it (0.02 %)."""
 DEPTH = {2e4: 12.166e-3, 5e5: 1.488e-3}
 """Depth of the ball at rest [m] by Young's modulus [Pa]: static finite elements (hex27)."""
 
 REST_SPEED = 6.5e-4
-"""The ball and every particle are slower than this at rest [m/s]: 5e-4 sqrt(g L), as in solver/config.py."""
+"""Upper bound of the speed of ball and particles at rest [m/s]: 5e-4 sqrt(g L), as in solver/config.py."""
 REST_DRIFT = 1.7e-5
-"""The ball's height varies by less than this at rest [m]: 1e-4 L, likewise."""
+"""Upper bound of the variation of the ball's height at rest [m]: 1e-4 L, as there."""
 REST_SECONDS = 0.1
-"""Both hold for so long: more than half a swing of the ball on the softer slab (0.18 s)."""
+"""Time for which both must hold [s]: more than half a swing of the ball on the softer slab (0.18 s)."""
 LOOK_SECONDS = 0.01
-"""A drop is looked at this often [s]; reading speeds back costs little then."""
+"""Interval between tests of rest [s], at which reading speeds back costs little."""
 LONGEST = 3.0
-"""No drop is followed longer than this in simulated time [s]."""
+"""Longest simulated time of a drop [s]."""
 BALL_DENSITY = MASS / (4 / 3 * 3.141592653589793 * RADIUS**3)
 """Density of the ball [kg/m^3]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fall:
-    """How a followed drop ended."""
+    """End of a followed drop."""
 
     depth: float
     """Undeformed top minus lowest point of the ball at the end [m]."""
     speed: float
-    """Of the fastest of ball and particles at the end [m/s]."""
+    """Largest speed of ball and particles at the end [m/s]."""
     at_rest: bool
     simulated: float
     """Simulated time, including the REST_SECONDS that show rest [s]."""
@@ -58,7 +58,7 @@ class Fall:
 
 @dataclass(frozen=True, kw_only=True)
 class PeerDrop(Fall):
-    """What one drop came to; times are of the steps alone, without building and compiling."""
+    """Result of one drop; times are of the steps alone, without building and compiling."""
 
     versions: str
     device: str

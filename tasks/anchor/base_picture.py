@@ -1,4 +1,4 @@
-"""The picture of a base from above, with what stands on it and beside it; made only if a client looks."""
+"""The picture of a base from above, with the things on it and next to it; made on demand."""
 
 from collections.abc import Sequence
 
@@ -13,11 +13,11 @@ from dcap.scene.types.segmentation import Instance, Segmentation
 from tasks.requests.pictures import SIZE
 
 AROUND = 1.25
-"""Half width of the picture at the base's top over the base's half extent [-]: a rim of what is beside it."""
+"""Half width of the picture at the base's top over the base's half extent [-]: shows a rim of the surroundings."""
 HEADROOM = 1.0
-"""What hangs higher than this over the base's top would hide it [m]."""
+"""Height over the base's top above which things are left out, as they would hide it [m]."""
 FOV_DEG = 30.0
-"""Narrow, so that high things lean outward little [degrees]."""
+"""Narrow field of view, so that high things hardly lean outward [degrees]."""
 LETTERS = 20
 """Height of the words at the rim [pixels]."""
 

@@ -1,8 +1,8 @@
-"""Which faces of the scene carry an object that shall go on a part: the part's own, and what lies flat on it.
+"""Faces of the scene that can carry an object on a part: the part's own, and those of things lying flat on it.
 
-In: the scene, the base and the part meant. Out: sets of faces to try one after the other, and what a face belongs to.
-On a bed the blanket carries as well as the mattress beside it, unless the prompt names one of them; on a floor its
-rugs do where the bare floor has no place.
+In: the scene, the base and the intended part. Out: sets of faces to try one after the other, and the owner of a face.
+On a bed both the blanket and the uncovered mattress carry, unless the prompt names one of them; on a floor the rugs do
+if the bare floor has no place.
 """
 
 import numpy as np
@@ -14,9 +14,9 @@ from dcap.scene.types.segmentation import Instance, Segmentation
 COVERS = frozenset({"blanket", "mattress"})
 """Parts that lie on each other: whichever is on top there carries the object."""
 SEEN = 0.3
-"""A part that is named but hardly seen from above (share of its box [-]) lies under what carries for it."""
+"""Share of its box below which a named part is hidden from above, so that the thing on it carries instead [-]."""
 FLAT = 0.03
-"""Things no higher than this over the floor cover it [m]: rugs, mats."""
+"""Largest height of things that cover a floor [m]: rugs, mats."""
 
 Mask = NDArray[np.bool_]
 
@@ -40,7 +40,7 @@ def faces_of(scene: Segmentation, base: Instance, index: int) -> Mask:
 
 
 def coverings(scene: Segmentation, base: Instance, index: int) -> Mask:
-    """The faces of what lies flat on a floor, shape (faces,)."""
+    """The faces of things that lie flat on a floor, shape (faces,)."""
     top = base.parts[index].box.top
     flat = [not one.structure and abs(one.box.bottom - top) < FLAT and one.box.top < top + FLAT
             for one in scene.instances]  # fmt: skip

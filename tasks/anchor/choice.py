@@ -1,7 +1,7 @@
-"""The part and the areas on it that a reply means, under the intent's constraints.
+"""The part and the areas on it that a reply selects, under the intent's constraints.
 
-In: scene, base, intent, the reply and the object as it will lie. Out: a `Choice`: areas to try, and spare ones where
-those have no place.
+In: scene, base, intent, the reply and the object as it will lie. Out: a `Choice`: areas to try, and spare ones for
+the case that those have no place.
 """
 
 from collections.abc import Sequence
@@ -22,13 +22,14 @@ from dcap.scene.types.segmentation import Instance, Segmentation
 from tasks.anchor.carriers import COVERS, Mask, carriers
 from tasks.anchor.constraints import EDGE, Bounds, constrained
 from tasks.anchor.viewpoint import side_cautions
-from tasks.requests.surroundings import apart, is_floor, part_frame, reference_boxes, reference_frame
+from tasks.requests.surroundings import horizontal_gap, is_floor, part_frame, reference_boxes, reference_frame
 
 Array = NDArray[np.float64]
 HAND = 0.6
-"""A hand's reach: beside a thing on the floor no place is farther from it [m]."""
+"""Largest distance of a place next to a thing on the floor [m], a hand's reach."""
 NEIGHBOUR = 1.5
-"""A base within this distance of a thing stands beside it [m]: then "the chair next to the desk" says which chair."""
+"""Largest distance between a base and a thing next to it [m]: then "the chair next to the desk" identifies the
+chair."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -39,19 +40,19 @@ class Choice:
     frame: ViewerFrame
     areas: list[Region]
     spare: list[Region]
-    """Areas to try where those have no place."""
+    """Areas to try if those have no place."""
     region: str
-    """Region words that the areas mean; empty for the whole part."""
+    """Region words of the areas; empty for the whole part."""
     note: str = ""
     """How the region was understood."""
     spare_note: str = ""
     """How it was understood in the spare areas."""
-    beside: float | None = None
-    """How far from the part the asked place lies [m]; None where it is on it."""
+    distance: float | None = None
+    """Distance of the requested place from the part [m]; None if it is on it."""
     cautions: tuple[Caution, ...] = ()
-    """Sides that nothing says from where they are seen."""
+    """Warnings on sides whose point of view is ambiguous."""
     in_turn: bool = False
-    """An area is tried only where those before it have no place: the corner that is farthest from something."""
+    """Whether an area is only tried if those before it have no place: the corner that is farthest from something."""
 
     def tries(self) -> list[tuple[list[Region], str]]:
         """Areas to try together, best first, with how the region is understood in them."""
@@ -65,21 +66,22 @@ def carrier_masks(
     scene: Segmentation, base: Instance, choice: Choice, intent: Intent, caster: Raycaster
 ) -> list[Mask]:  # fmt: skip
     """Faces that may carry, best first."""
-    return carriers(scene, base, choice.index, named=asked(base, choice.index, intent), caster=caster)
+    return carriers(scene, base, choice.index, named=names_part(base, choice.index, intent), caster=caster)
 
 
-def asked(base: Instance, index: int, intent: Intent) -> bool:
+def names_part(base: Instance, index: int, intent: Intent) -> bool:
     """Whether the prompt names this part."""
     return base.parts[index].name == intent.region.part
 
 
 def choice_of(scene: Segmentation, base: Instance, intent: Intent, reply: AnchorReply, mesh: Mesh) -> Choice:
-    """The areas that the reply means on the part; words for a place on a bed mean its mattress, whatever covers it.
+    """The areas that the reply selects on the part; words for a place on a bed refer to its mattress, whatever covers
+    it.
 
-    A point is one of the part that was chosen, and stays on it.
+    A point belongs to the chosen part, and stays on it.
     """
     index = reply.part_index
-    if base.parts[index].name in COVERS and reply.point is None and not asked(base, index, intent):
+    if base.parts[index].name in COVERS and reply.point is None and not names_part(base, index, intent):
         index = next((number for number, part in enumerate(base.parts) if part.name == "mattress"), index)
     frame = part_frame(scene, base, base.parts[index].box)
     names: tuple[str, ...] = reply.regions
@@ -88,21 +90,21 @@ def choice_of(scene: Segmentation, base: Instance, intent: Intent, reply: Anchor
     other = reference_frame(scene, base, reply.references, names)
     view, reach = other or frame, reach_of(mesh, frame)
     outline = convex_hull(mesh.vertices[np.unique(mesh.faces)][:, :2])
-    outside = any(apart(base.box, box) > 0.0 for group in groups for box in group) and not is_floor(base)
-    sided = any(name in SIDES for name in names)  # in front of a chair that stands beside the table
+    outside = any(horizontal_gap(base.box, box) > 0.0 for group in groups for box in group) and not is_floor(base)
+    sided = any(name in SIDES for name in names)  # in front of a chair that stands next to the table
     limits = (*intent.region.constraints, *region_constraints(reply.constraints))
     guessed = side_cautions(scene, base, intent, names, reply.references, limits, frame, other)
     farther = max([HAND if outside and sided else 0.0, *distances(limits, reply.references)])
     areas = asked_areas(frame, names, groups, reach, view, outline, farther)
     if len(reply.references) > 1 and "between" not in names:
         areas[:0] = both(areas)  # "next to the lamp and the book": where the two meet, if they do
-    if not areas and all(apart(base.box, box) < NEIGHBOUR for group in groups for box in group):
+    if not areas and all(horizontal_gap(base.box, box) < NEIGHBOUR for group in groups for box in group):
         taken = f"{intent.region.words!r} is taken to say which {base.label} is meant"
         names, note = (), Caution(Cause.WHICH, taken)
         areas = regions(frame, (), [], reach)
     if not areas:
         away = min(distance_beside(frame, names, group, reach, view) for group in groups)
-        return Choice(index, frame, [], [], " ".join(names), beside=away)
+        return Choice(index, frame, [], [], " ".join(names), distance=away)
     spare, spare_note = spare_areas(base, frame, names, groups, reach, view, outline)
     if reply.point is not None:
         areas = [replace(area, target=frame.world(np.array(reply.point))) for area in areas]
@@ -130,18 +132,19 @@ def spare_areas(
     base: Instance, frame: ViewerFrame, names: Sequence[str], groups: Sequence[list[OrientedBox]], reach: Array,
     view: ViewerFrame, outline: Array,
 ) -> tuple[list[Region], str]:  # fmt: skip
-    """Where beside a thing there is no room: on the floor a little farther off, on furniture under what overhangs."""
+    """Areas if there is no room next to a thing: on the floor a little farther off, on furniture under overhanging
+    things."""
     if not OFF.intersection(names) or not any(groups):
         return [], ""
     if is_floor(base):
         far = asked_areas(frame, names, groups, reach, view, outline, HAND)
-        return far, Caution(Cause.NOT_MET, f"there is no room right beside it: up to {HAND:g} m away")
+        return far, Caution(Cause.NOT_MET, f"there is no room right next to it: up to {HAND:g} m away")
     under = [area for group in groups for area in regions(frame, names, group, reach, view)]
-    return under, Caution(Cause.NOT_MET, "there is no room beside it: partly over or under it")
+    return under, Caution(Cause.NOT_MET, "there is no room next to it: partly over or under it")
 
 
 def distances(limits: Sequence[RegionConstraint], references: Sequence[str]) -> list[float]:
-    """How far off the things beside which it goes it is to be [m]: "in front of the armchair, 50 cm from it"."""
+    """Requested distance from the things next to which it goes [m]: "in front of the armchair, 50 cm from it"."""
     return [
         one.metres for one in limits
         if one.metres is not None and one.reference in references and one.kind in ("exactly", "at_least")
@@ -150,7 +153,7 @@ def distances(limits: Sequence[RegionConstraint], references: Sequence[str]) -> 
 
 
 def groups_of(scene: Segmentation, base: Instance, reply: AnchorReply, index: int) -> list[list[OrientedBox]]:
-    """Boxes of what the regions refer to, those that make an area together in a group, the nearest to the part first.
+    """Boxes of the regions' references, grouped if they form one area together, the nearest to the part first.
 
     "Near the pillow" with two pillows is near one of them; "between" takes all together.
     """

@@ -1,8 +1,8 @@
-"""Areas cut to what a place must keep to: excluded places, distances, farthest and nearest.
+"""Cuts areas to the constraints of a place: excluded places, distances, farthest and nearest.
 
-In: areas of a part, the constraints of the intent, and the object's outline. Out: the areas with what is left of them
-and where to aim then; those of which nothing is left fall away. Distances are free gaps between the object and what
-they are measured from, seen from above.
+In: areas of a part, the constraints of the intent, and the object's outline. Out: the remaining
+areas with their aims; areas of which nothing remains are dropped. Distances are free gaps between the object and the
+reference, seen from above.
 """
 
 from collections.abc import Sequence
@@ -31,20 +31,20 @@ from tasks.requests.surroundings import PART, boxes_of, reference_frame
 
 Array = NDArray[np.float64]
 EDGE = "edge"
-"""The region that a constraint with a reference has where that says which edge is meant."""
+"""Region of a constraint whose reference determines the edge."""
 TOLERANCE = 0.015
-"""A distance holds to this [m]: places are searched on a grid."""
+"""Tolerance of a distance [m]: places are searched on a grid."""
 AWAY, AWAY_FROM_EDGE = 0.5, 0.1
-"""What "away from" a thing, and from an edge, means at least where there is room [m]."""
+"""Least distance for "away from" a thing, and from an edge, if there is room [m]."""
 SPOT = 1e-5
-"""Less than this is no room [m^2]: rounding."""
+"""Area below which there is no room [m^2]: rounding."""
 SAME_LEVEL = 0.05
-"""An excluded part that ends this far below the chosen one is no obstacle on it [m]."""
+"""Distance below the chosen part at which an excluded part is no obstacle on it [m]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Bounds:
-    """What areas are cut to: a part, and the object that goes on it."""
+    """A part, and the object that goes on it, to which areas are cut."""
 
     scene: Segmentation
     base: Instance
@@ -60,7 +60,7 @@ class Bounds:
 
 
 def constrained(areas: Sequence[Region], constraints: Sequence[RegionConstraint], bounds: Bounds) -> list[Region]:
-    """What is left of the areas, in their order; cut first, aimed then."""
+    """The remaining areas, in their order; first cut, then aimed."""
     left = list(areas)
     for one in sorted(constraints, key=lambda one: one.kind in ("farthest", "nearest")):
         left = [cut for area in left for cut in cut_to(area, one, bounds) if len(cut.polygon) >= 3]
@@ -74,54 +74,58 @@ def constrained(areas: Sequence[Region], constraints: Sequence[RegionConstraint]
 
 
 def cut_to(area: Region, one: RegionConstraint, bounds: Bounds) -> list[Region]:
-    """An area under one constraint; a distance from no edge in particular has an area for each."""
+    """An area under one constraint; a distance from an unspecified edge gives an area for each edge."""
     if one.kind == "not_on":
-        return [without(area, [swept(ring, bounds.footprint) for ring in barred_rings(one, bounds)])]
+        return [with_exclusions(area, [swept(ring, bounds.footprint) for ring in barred_rings(one, bounds)])]
     if one.kind == "not_in":
-        return [without(area, barred_areas(one, bounds))]
+        return [with_exclusions(area, barred_areas(one, bounds))]
     if not one.reference or EDGE in one.regions:
         return from_edges(area, one, bounds)
     rings = [swept(ring, bounds.footprint) for ring in rings_of(one, bounds)]
     if one.kind in ("farthest", "nearest"):
-        return [aimed(area, one.kind, rings_of(one, bounds), bounds)]
+        return [with_aim(area, one.kind, rings_of(one, bounds), bounds)]
     if one.kind == "away":
-        far = without(area, [grown(ring, AWAY) for ring in rings])
-        return [far if has_room(far) else aimed(without(area, rings), "farthest", rings_of(one, bounds), bounds)]
+        far = with_exclusions(area, [grown(ring, AWAY) for ring in rings])
+        return [
+            far if has_room(far) else with_aim(with_exclusions(area, rings), "farthest", rings_of(one, bounds), bounds)
+        ]
     return from_things(area, one, rings)
 
 
 def from_things(area: Region, one: RegionConstraint, rings: Sequence[Array]) -> list[Region]:
-    """So far from things, at least or at most; from one of several exactly so far."""
+    """An area at a least or largest distance from things, or at an exact distance from one of several."""
     assert one.metres is not None
     nearest = max(one.metres - TOLERANCE, 0.0)
     if one.kind == "at_least":
-        return [without(area, [grown(ring, nearest) for ring in rings])]
+        return [with_exclusions(area, [grown(ring, nearest) for ring in rings])]
     found = []
     for ring in rings:
         off = [grown(ring, nearest)] if one.kind == "exactly" and nearest > 0.0 else [ring]
         within = clipped(area.polygon, grown(ring, one.metres + TOLERANCE))
-        found.append(without(replace(area, polygon=within), [*off, *(other for other in rings if other is not ring)]))
+        found.append(
+            with_exclusions(replace(area, polygon=within), [*off, *(other for other in rings if other is not ring)])
+        )
     return found
 
 
 def from_edges(area: Region, one: RegionConstraint, bounds: Bounds) -> list[Region]:
-    """So far from an edge, a corner or an end of the part, or from the edge at a thing; from all edges where it is no
-    single one."""
+    """An area at a distance from an edge, a corner or an end of the part, or from the edge at a thing; from all edges
+    if no single one is meant."""
     frame, sides = bounds.frame, [SIDES[name] for name in one.regions if name in SIDES]
     if "corner" in one.regions:
         spots = [frame.world(np.array(d, dtype=float))[None] for d in corner_directions(sides)]
         rings = [swept(np.repeat(spot, 3, axis=0), bounds.footprint) for spot in spots]
-        return from_things(area, one, rings) if one.metres is not None else [without(area, rings)]
+        return from_things(area, one, rings) if one.metres is not None else [with_exclusions(area, rings)]
     edges = [(x, 0) for x, _ in sides if x] + [(0, y) for _, y in sides if y]
     if one.reference and not edges and (boxes := boxes_of(bounds.scene, bounds.base, one.reference)):
         edges = [edge_at(frame, boxes)]
     if one.kind in ("exactly", "at_most"):
-        return [banded(area, [edge], one, bounds) for edge in edges or edge_directions(frame, [])]
-    return [banded(area, edges or edge_directions(frame, []), one, bounds)]
+        return [cut_to_band(area, [edge], one, bounds) for edge in edges or edge_directions(frame, [])]
+    return [cut_to_band(area, edges or edge_directions(frame, []), one, bounds)]
 
 
-def banded(area: Region, edges: Sequence[tuple[int, int]], one: RegionConstraint, bounds: Bounds) -> Region:
-    """The area where the object's free gap to each of these edges is as asked."""
+def cut_to_band(area: Region, edges: Sequence[tuple[int, int]], one: RegionConstraint, bounds: Bounds) -> Region:
+    """The area in which the object's free gap to each of these edges is as requested."""
     polygon, frame = area.polygon, bounds.frame
     for x, y in edges:
         axis, sign = (0, x) if x else (1, y)
@@ -138,7 +142,7 @@ def banded(area: Region, edges: Sequence[tuple[int, int]], one: RegionConstraint
     return aimed_inside(replace(area, polygon=polygon))
 
 
-def aimed(area: Region, kind: str, rings: Sequence[Array], bounds: Bounds) -> Region:
+def with_aim(area: Region, kind: str, rings: Sequence[Array], bounds: Bounds) -> Region:
     """The area with its aim farthest from, or nearest to, things: a corner of it, as distances grow outwards."""
     room = clipped(area.polygon, shrunk(bounds))
     corners = room if len(room) >= 3 else area.polygon
@@ -149,7 +153,7 @@ def aimed(area: Region, kind: str, rings: Sequence[Array], bounds: Bounds) -> Re
 
 
 def shrunk(bounds: Bounds) -> Array:
-    """The part's rectangle less the object's reach, shape (4, 2); the part's where nothing would be left."""
+    """The part's rectangle minus the object's reach, shape (4, 2); the part's if nothing would remain."""
     left = 1.0 - bounds.reach / np.maximum(bounds.frame.half, 1e-9)
     if (left <= 0.0).any():
         return outline(bounds.frame)
@@ -163,7 +167,7 @@ def distance(point: Array, rings: Sequence[Array]) -> float:
 
 
 def aimed_inside(area: Region) -> Region:
-    """The area with its aim moved on to what is left of it."""
+    """The area with its aim moved onto the remaining part."""
     if len(area.polygon) < 3:
         return area
     edges = np.linspace(area.polygon, np.roll(area.polygon, -1, axis=0), 17)[:-1].reshape(-1, 2)
@@ -174,7 +178,7 @@ def aimed_inside(area: Region) -> Region:
     return replace(area, target=points[int(np.argmin(np.linalg.norm(points - area.target, axis=1)))])
 
 
-def without(area: Region, rings: Sequence[Array]) -> Region:
+def with_exclusions(area: Region, rings: Sequence[Array]) -> Region:
     """The area with more of it excluded."""
     return replace(area, excluded=(*area.excluded, *rings))
 
@@ -184,16 +188,16 @@ def has_room(area: Region) -> bool:
     return len(area.polygon) >= 3 and area_without(area.polygon, area.excluded) > SPOT
 
 
-# what they refer to -------------------------------------------------------------------------------------------------
+# references -----------------------------------------------------------------------------------------------------
 
 
 def rings_of(one: RegionConstraint, bounds: Bounds) -> list[Array]:
-    """The plans of what a constraint refers to [m], shape (4, 2) each."""
+    """The plans of a constraint's references [m], shape (4, 2) each."""
     return [box.corners[:4, :2] for box in boxes_of(bounds.scene, bounds.base, one.reference)]
 
 
 def barred_rings(one: RegionConstraint, bounds: Bounds) -> list[Array]:
-    """The plans of what the object shall not be on: of parts those that are in the way on the chosen part."""
+    """The plans of excluded things; of parts only those that are in the way on the chosen part."""
     boxes = boxes_of(bounds.scene, bounds.base, one.reference)
     if one.reference.startswith(PART):
         boxes = [box for box in boxes if at_level(box, bounds)]
@@ -207,7 +211,7 @@ def at_level(box: OrientedBox, bounds: Bounds) -> bool:
 
 
 def barred_areas(one: RegionConstraint, bounds: Bounds) -> list[Array]:
-    """The areas of regions where the object's middle shall not be."""
+    """The areas of regions that exclude the object's middle."""
     if not one.reference:
         return [area.polygon for area in regions(bounds.frame, one.regions, [], bounds.reach)]
     relation = next((name for name in one.regions if name in BESIDE), "near")

@@ -1,6 +1,6 @@
-"""A point that the user gave, as the anchor's part, area and carrying faces.
+"""Turns the user's point into the anchor's part, area and carrying faces.
 
-In: scene, base and the point on its surface. Out: what the search for a free spot needs; it stays near the point.
+In: scene, base and the point on its surface. Out: input of the search for a free spot, which stays near the point.
 """
 
 import numpy as np
@@ -15,14 +15,14 @@ from dcap.scene.types.segmentation import Instance, Segmentation
 Array = NDArray[np.float64]
 
 ABOVE = 0.02
-"""The surface at the point is looked for from this high above it [m]."""
+"""Height above the point from which its surface is searched [m]."""
 BAND = (0.12, 0.1)
-"""How far below and above the point a surface still carries [m]: dents and cushions, not the board above."""
+"""Distance below and above the point within which a surface carries [m]: dents and cushions, not the board above."""
 NEAR = 0.05
-"""The object may go this far beside the point where that is not free, or half its breadth if that is more [m]."""
+"""Largest offset from the point if that is not free, or half the object's breadth if that is larger [m]."""
 UP = np.array([0.0, 0.0, 1.0])
-BESIDE = 0.02
-"""Farther from the point than this is told [m]."""
+REPORTED_OFFSET = 0.02
+"""Offset from the point above which it is reported [m]."""
 
 
 def reply_at(scene: Segmentation, base: Instance, at: Array, caster: Raycaster) -> AnchorReply:
@@ -31,7 +31,7 @@ def reply_at(scene: Segmentation, base: Instance, at: Array, caster: Raycaster) 
     face = int(hit.face[0])
     own = face >= 0 and int(scene.face_instance[face]) == scene.index_of(base.id)
     index = max(int(scene.face_part[face]), 0) if own else 0
-    return AnchorReply(part_index=index, reason="the point that was given")
+    return AnchorReply(part_index=index, reason="the given point")
 
 
 def area_at(at: Array, mesh: Mesh) -> Region:
@@ -48,7 +48,7 @@ def carrying_at(scene: Segmentation, base: Instance, at: Array) -> NDArray[np.bo
     return np.asarray(level & (scene.face_instance == scene.index_of(base.id)))
 
 
-def beside_the_point(at: Array | None, spot: Array) -> str:
-    """How far from the point the object goes, where that is worth a word."""
+def offset_note(at: Array | None, spot: Array) -> str:
+    """Note on the object's offset from the point; empty if it is small."""
     away = 0.0 if at is None else float(np.linalg.norm(spot - at[:2]))
-    return f"; {away:.2f} m beside the point, which is not free" if away > BESIDE else ""
+    return f"; {away:.2f} m from the point, which is not free" if away > REPORTED_OFFSET else ""

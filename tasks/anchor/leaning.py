@@ -1,11 +1,11 @@
-"""Where an object starts that leans: tilted against a wall, a back or another thing, its foot a stable way off.
+"""Start of a leaning object: tilted against a wall, a back or another thing, its foot at a stable distance.
 
-In: scene, base, object, intent and the anchor's reply. Out: the pre-drop pose, the spot and the tilt, or why there is
-none. The thin side of the object goes along the wall; it is tilted until its centre of mass lies clearly beyond its
-lower edge, at least by `LEAST` (so that it presses against what holds it) and at most by `MOST` (so that friction
-holds its foot: a ladder slides where the tangent of its angle from the vertical exceeds twice the coefficient of
-friction, at 0.3 beyond 31 degrees). Set down on the base a little off, it is moved against what it leans on until `GAP`
-is left; gravity does the rest.
+In: scene, base, object, intent and the anchor's reply. Out: the pre-drop pose, the spot and the tilt, or the reason why
+there is none. The thin side of the object goes along the wall; it is tilted until its centre of mass lies clearly
+beyond its lower edge, at least by `LEAST` (so that it presses against its support) and at most by `MOST` (so that
+friction holds its foot: a ladder slides where the tangent of its angle from the vertical exceeds twice the coefficient
+of friction, at 0.3 beyond 31 degrees). Set down on the base at a small distance, it is moved towards the thing that it
+leans on until `GAP` is left; gravity does the rest.
 """
 
 from collections.abc import Iterator
@@ -39,15 +39,15 @@ Array = NDArray[np.float64]
 LEAST, MOST = np.radians(12.0), np.radians(28.0)
 """Smallest and largest tilt [rad]."""
 BEYOND = np.radians(4.0)
-"""How far the centre of mass is tilted beyond the point where it would stand on its edge [rad]."""
+"""Tilt of the centre of mass beyond the balance on its edge [rad]."""
 GAP = 0.004
-"""Left between the object and what it leans on, and between its foot and the base [m]."""
+"""Gap between the object and the thing that it leans on, and between its foot and the base [m]."""
 STRIP = 0.04
-"""Breadth of the strip in which the place of the object's middle is searched [m]."""
+"""Breadth of the strip in which a place for the object's middle is searched [m]."""
 FARTHEST = 0.6
-"""The object is not moved farther against what it leans on [m]."""
+"""Largest distance that the object is moved towards the thing that it leans on [m]."""
 THIN = 0.75
-"""A plan shorter than this times its length has a thin side, which goes along the wall [-]."""
+"""Ratio of width to length in plan below which an object has a thin side, which goes along the wall [-]."""
 Z = np.array([0.0, 0.0, 1.0])
 
 
@@ -56,7 +56,7 @@ class LeanSide:
     """An upright face to lean on."""
 
     middle: Array
-    """Of the face, seen from above [m], shape (2,)."""
+    """Middle of the face, seen from above [m], shape (2,)."""
     toward: Array
     """Horizontal unit vector into it, shape (2,)."""
     half: float
@@ -67,7 +67,7 @@ class LeanSide:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class LeaningStart:
-    """Where and how it starts."""
+    """Position and pose of the start."""
 
     choice: Choice
     start: Start
@@ -80,7 +80,7 @@ class LeaningStart:
 def leaning_start(
     scene: Segmentation, base: Instance, item: Mesh, pose: Array, intent: Intent, reply: AnchorReply, caster: Raycaster
 ) -> LeaningStart | Infeasible:
-    """The first side of what it shall lean on that has a place for it."""
+    """The start at the first side with a place, of the thing that it should lean on."""
     why = "there is nothing to lean on"
     for on, side in faces_to_lean_on(scene, base, intent.orientation.lean, reply.part_index):
         turned = aligned(item, pose, side.toward, turn=not intent.orientation.facing)
@@ -90,7 +90,7 @@ def leaning_start(
         tilted = tilted_pose(item, turned, side.toward, tilt)
         mesh = item.transformed(tilted)
         if not squat and base.parts[reply.part_index].box.top + float(-mesh.bounds[0, 2]) > side.top:
-            why = "its middle would be above what it leans on"
+            why = "its middle would be above the thing that it leans on"
             continue
         choice = choice_of(scene, base, intent, reply, mesh)
         found = set_against(scene, base, choice, (intent, on), mesh, side, caster)
@@ -104,19 +104,19 @@ def leaning_start(
 
 
 def note_of(asked: str, on: str, *, squat: bool) -> str:
-    """What differs from leaning as it was said."""
+    """Note on deviations from the requested leaning."""
     other = f"{on} is leaned on: there is no free place before {asked}" if on != asked else ""
     upright = f"it is too thick for its height to lean: it stands by itself, right against {on}" if squat else ""
     return Caution(Cause.NOT_MET, "; ".join(note for note in (other, upright) if note))
 
 
-# what it leans on ---------------------------------------------------------------------------------------------------
+# things to lean on -------------------------------------------------------------------------------------------------
 
 
 def faces_to_lean_on(
     scene: Segmentation, base: Instance, asked: str, part_index: int
 ) -> Iterator[tuple[str, LeanSide]]:  # fmt: skip
-    """The faces of what was asked, and where that is a wall those of the other walls: one is as good as another."""
+    """The faces of the requested thing; for a wall also those of the other walls, since any wall will do."""
     yield from ((asked, side) for side in sides_of(scene, base, asked, part_index))
     if asked.startswith(PART):
         return
@@ -156,7 +156,7 @@ def faces_of_box(box: OrientedBox) -> list[LeanSide]:
 
 
 def leaned_faces(scene: Segmentation, base: Instance, on: str) -> NDArray[np.int64]:
-    """The faces of what it leans on, shape (k,)."""
+    """The faces of the thing that it leans on, shape (k,)."""
     if not on.startswith(PART):
         return np.flatnonzero(scene.face_instance == scene.index_of(on))
     own = scene.face_instance == scene.index_of(base.id)
@@ -168,7 +168,7 @@ def leaned_faces(scene: Segmentation, base: Instance, on: str) -> NDArray[np.int
 
 def aligned(item: Mesh, pose: Array, toward: Array, *, turn: bool) -> Array:
     """The pose turned about the vertical so that a side lies along the face, the thin one if there is one; the nearest
-    turn that does it. Not turned where a facing is asked."""
+    turn that does it. Not turned if a facing is requested."""
     mesh = item.transformed(pose)
     along, size = smallest_rectangle(mesh.vertices[np.unique(mesh.faces)][:, :2])
     if not turn:
@@ -182,7 +182,7 @@ def aligned(item: Mesh, pose: Array, toward: Array, *, turn: bool) -> Array:
 
 
 def tilt_of(mesh: Mesh, toward: Array) -> float:
-    """How far it has to be tilted towards a face so that it presses against it [rad]: its middle beyond its edge."""
+    """Tilt towards a face at which it presses against the face [rad]: its middle beyond its edge."""
     depth = mesh.vertices[:, :2] @ toward
     # the centre of mass is at the origin
     edge, height = float(depth[mesh.vertices[:, 2] < low_band(mesh)].max()), float(-mesh.bounds[0, 2])
@@ -190,7 +190,7 @@ def tilt_of(mesh: Mesh, toward: Array) -> float:
 
 
 def low_band(mesh: Mesh) -> float:
-    """Height under which the object's foot is [m]."""
+    """Height below which vertices belong to the object's foot [m]."""
     low, high = mesh.bounds[:, 2]
     return float(low + 0.1 * (high - low)) + 1e-9
 
@@ -211,7 +211,7 @@ def set_against(
     scene: Segmentation, base: Instance, choice: Choice, asked: tuple[Intent, str], mesh: Mesh, side: LeanSide,
     caster: Raycaster,
 ) -> tuple[Start, PlacementSearch] | None:  # fmt: skip
-    """The place before a face, then moved against it; None where there is none. `asked`: with what it leans on."""
+    """The place in front of a face, moved against it; None without one. `asked` includes the thing that it leans on."""
     intent, on = asked
     exact = Clearance(mesh, scene.mesh, caster)
     held = scene.mesh.submesh(leaned_faces(scene, base, on))
@@ -226,7 +226,8 @@ def set_against(
 
 
 def strips(area: Region, mesh: Mesh, side: LeanSide, cell: float) -> list[Region]:
-    """Where the object's middle goes before the face: a little off, as samples cannot touch; cut to the area."""
+    """Strips for the object's middle in front of the face, at a small distance, as samples cannot touch; cut to the
+    area."""
     reach = float((mesh.vertices[:, :2] @ side.toward).max()) + 3.0 * cell
     along = np.array([-side.toward[1], side.toward[0]])
     wide = max(side.half - 0.25 * float(np.ptp(mesh.vertices[:, :2] @ along)), 0.05)
@@ -240,10 +241,11 @@ def strips(area: Region, mesh: Mesh, side: LeanSide, cell: float) -> list[Region
 
 
 class Sideways:
-    """How far an object is from what it leans on, along a horizontal way: clearance in a frame that has it as down."""
+    """Horizontal distance of an object from the thing that it leans on: clearance in a frame whose down is that
+    direction."""
 
     def __init__(self, item: Mesh, held: Mesh, toward: Array) -> None:
-        """`toward`: horizontal unit vector to what holds it, shape (2,)."""
+        """`toward`: horizontal unit vector to its support, shape (2,)."""
         down = np.array([*toward, 0.0])
         self.turn = np.stack([Z, np.cross(-down, Z), -down])  # rows: an own right-handed frame whose -z is `toward`
         matrix = np.eye(4)
@@ -252,12 +254,13 @@ class Sideways:
         self.clearance = Clearance(item.transformed(matrix), turned, Raycaster(turned))
 
     def gap(self, place: Array) -> float:
-        """Smallest way to what holds it for the object's origin there [m]; inf where it would miss it."""
+        """Smallest distance to its support for the object's origin at `place` [m]; inf if it would miss it."""
         return self.clearance.gap(self.turn @ place)
 
 
 def against(start: Start, search: PlacementSearch, exact: Clearance, sideways: Sideways) -> Start | None:
-    """The start moved until only the gap is left to what it leans on; None if that is far or something is between."""
+    """The start moved until only the gap to its support is left; None if the support is far or something is in
+    between."""
     place = np.array([start.spot.x, start.spot.y, start.height])
     toward = np.array([*-sideways.turn[2, :2], 0.0])
     for _ in range(2):  # moved, its foot may stand a little higher or lower

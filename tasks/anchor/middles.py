@@ -1,4 +1,4 @@
-"""Where to aim on a part of several pieces: the middle of each, as between the arms of a sofa there is no arm."""
+"""Aims on a part of several pieces: the middle of each piece, as there is no arm between the arms of a sofa."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -12,20 +12,20 @@ from dcap.geometry.segmentation.faces import surface_pieces, surface_points
 from dcap.scene.types.mesh import Mesh
 
 LEVEL = 0.7
-"""Least normal z of what carries in the middle of a piece [-]."""
+"""Least normal z of a carrying face in the middle of a piece [-]."""
 PIECE = 0.3
-"""A piece has at least this share of the largest one's surface [-]."""
+"""Least share of the largest piece's surface that a piece has [-]."""
 OVER = 0.05
-"""An aim this near to a piece, seen from above, is over it [m]."""
+"""Largest distance in plan of an aim over a piece [m]."""
 
 
 def at_own_middles(mesh: Mesh, mask: NDArray[np.bool_], areas: Sequence[Region]) -> list[Region]:
-    """The areas, those whose aim is over none of the carrying pieces once for each piece, aimed at its middle.
+    """The areas; one whose aim is over no carrying piece is repeated for each piece, aimed at the piece's middle.
 
     Args:
         mesh: the scene.
         mask: faces that may carry, shape (m,).
-        areas: where to look.
+        areas: the areas.
     """
     faces = np.flatnonzero(mask & (mesh.face_normals[:, 2] > LEVEL * 2.0 * mesh.face_areas))
     if not len(faces):

@@ -1,4 +1,4 @@
-"""Why an object has no place: the numbers behind `too_large_for_target` and `no_support_hit`; what is in the way."""
+"""Reasons why an object has no place: the numbers behind `too_large_for_target` and `no_support_hit`, and obstacles."""
 
 from collections.abc import Sequence
 
@@ -13,7 +13,7 @@ from dcap.scene.types.outcome import BesideThePart, Infeasible, InTheWay, NoRoom
 from dcap.scene.types.segmentation import Instance, Segmentation
 
 NAMED, LEAST = 3, 0.05
-"""How many things in the way are named at most, and the least share of the spots at which each of them is [-]."""
+"""Most obstacles that are named, and the least share of the spots that each of them blocks [-]."""
 
 
 def no_room(
@@ -52,7 +52,7 @@ def no_room(
 
 
 def not_on_it(base: Instance, index: int, intent: Intent, away: float) -> Infeasible:
-    """The refusal of a place beside something that is too far from the part: no part of the place is on it."""
+    """The refusal of a place next to something that is too far from the part: no part of the place is on it."""
     part, words = base.parts[index], intent.region.words
     place = f"the requested place ({words})" if words else "the requested place"
     evidence = BesideThePart(
@@ -62,12 +62,12 @@ def not_on_it(base: Instance, index: int, intent: Intent, away: float) -> Infeas
         references=tuple(intent.region.references),
         beside_m=round(away, 4),
     )
-    text = f"{place} lies {away:.2f} m beside the {part.name} of {base.label}, not on it"
+    text = f"{place} lies {away:.2f} m from the {part.name} of {base.label}, not on it"
     return Infeasible(Reason.NO_SUPPORT_HIT, text, evidence)
 
 
 def nothing_left(base: Instance, index: int, intent: Intent) -> Infeasible:
-    """The refusal of constraints that no place of the part keeps to."""
+    """The refusal of constraints that no place on the part meets."""
     part, region = base.parts[index], intent.region
     asked = ", ".join(dict.fromkeys(one.words for one in region.constraints if one.words)) or region.words
     evidence = BesideThePart(
@@ -77,12 +77,12 @@ def nothing_left(base: Instance, index: int, intent: Intent) -> Infeasible:
         references=tuple(one.reference for one in region.constraints if one.reference) or tuple(region.references),
         beside_m=0.0,
     )
-    text = f"no place on the {part.name} of {base.label} is as asked ({asked}); say less of it, or another distance"
+    text = f"no place on the {part.name} of {base.label} meets the request ({asked}); ask for less or another distance"
     return Infeasible(Reason.NO_SUPPORT_HIT, text, evidence)
 
 
 def not_level(base: Instance, index: int, intent: Intent) -> Infeasible:
-    """The refusal where only level faces may carry and there is none."""
+    """The refusal if only level faces may carry and there is none."""
     part = base.parts[index]
     evidence = BesideThePart(
         base=base.id, part=part.name, region=" ".join(intent.region.names), references=(), beside_m=0.0
@@ -91,7 +91,7 @@ def not_level(base: Instance, index: int, intent: Intent) -> Infeasible:
 
 
 def not_leaning(base: Instance, index: int, intent: Intent, why: str) -> Infeasible:
-    """The refusal of leaning where there is no such pose."""
+    """The refusal of leaning without a possible pose."""
     part, on = base.parts[index], intent.orientation.lean
     evidence = BesideThePart(base=base.id, part=part.name, region="leaning", references=(on,), beside_m=0.0)
     text = f"{intent.object_name} cannot lean on {on} on the {part.name} of {base.label}: {why}"
@@ -99,7 +99,7 @@ def not_leaning(base: Instance, index: int, intent: Intent, why: str) -> Infeasi
 
 
 def in_the_way(scene: Segmentation, base: Instance, faces: NDArray[np.int64]) -> list[tuple[str, str, float]]:
-    """Id, name and share of the spots of what is in the way most often; parts of the base go by their own names."""
+    """Id, name and share of blocked spots of the most frequent obstacles; parts of the base have their own names."""
     if len(faces) == 0:
         return []
     key = np.stack([scene.face_instance[faces], scene.face_part[faces]], axis=1).astype(np.int64)

@@ -1,7 +1,7 @@
-"""The question of the anchor: what a client needs to choose a part and a place on it.
+"""The anchor's question: information for a client to choose a part and a place on it.
 
-In: scene, base, intent, sentence and the object as it will lie. Out: an `AnchorRequest` with boxes in the frame of who
-looks at the base's front, and with a picture of the base from above that is made only if a client looks.
+In: scene, base, intent, sentence and the object as it will lie. Out: an `AnchorRequest` with boxes in the frame of a
+viewer of the base's front, and with a picture of the base from above that is made on demand.
 """
 
 from functools import partial
@@ -16,17 +16,17 @@ from dcap.scene.types.intent import Intent
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.segmentation import Instance, Segmentation
 from tasks.anchor.base_picture import base_from_above
-from tasks.requests.surroundings import PART, apart, boxes_of, part_frame, parts_meant
+from tasks.requests.surroundings import PART, boxes_of, horizontal_gap, part_frame, parts_meant
 from tasks.requests.views import part_views
 
-BESIDE = 0.6
-"""Things within this distance of a base are shown with it [m]."""
+NEARBY = 0.6
+"""Distance from a base within which things are shown with it [m]."""
 MOST = 40
-"""So many of them at most, the nearest: on a floor stands everything."""
+"""Most of these things, the nearest ones: everything stands on a floor."""
 
 
 def anchor_request(scene: Segmentation, base: Instance, intent: Intent, prompt: str, mesh: Mesh) -> AnchorRequest:
-    """What the client needs to choose."""
+    """Information for the client's choice."""
     frame = part_frame(scene, base, base.box)
     size = np.ptp(mesh.bounds, axis=0)
     others = neighbours(scene, base)
@@ -57,7 +57,7 @@ def anchor_request(scene: Segmentation, base: Instance, intent: Intent, prompt: 
 
 
 def allowed_parts(scene: Segmentation, base: Instance, intent: Intent) -> tuple[PartView, ...]:
-    """The base's parts without those on which the object shall not go; all, if that would leave none."""
+    """The base's parts without excluded ones; all, if that would leave none."""
     views = part_views(scene, scene.index_of(base.id))
     barred = {
         index
@@ -69,7 +69,7 @@ def allowed_parts(scene: Segmentation, base: Instance, intent: Intent) -> tuple[
 
 
 def asked_boxes(scene: Segmentation, base: Instance, intent: Intent, frame: ViewerFrame) -> tuple[BoxView, ...]:
-    """The boxes of what the region refers to; a part of two pieces has two."""
+    """The boxes of the region's references; a part of two pieces has two."""
     return tuple(
         box_view(name, label_of(scene, name), box, frame, base)
         for name in intent.region.references
@@ -78,23 +78,23 @@ def asked_boxes(scene: Segmentation, base: Instance, intent: Intent, frame: View
 
 
 def label_of(scene: Segmentation, reference: str) -> str:
-    """What a reference is called."""
+    """Name of a reference."""
     kind, _, part = reference.partition(":")
     return part if kind == "part" else scene.instances[scene.index_of(reference)].label
 
 
 def neighbours(scene: Segmentation, base: Instance) -> list[Instance]:
-    """What stands or hangs on, over and beside the base, the nearest first."""
+    """Things standing or hanging on, over and next to the base, the nearest first."""
     away = [
-        (apart(base.box, one.box), float(np.linalg.norm(one.box.center - base.box.center)), one.id, one)
+        (horizontal_gap(base.box, one.box), float(np.linalg.norm(one.box.center - base.box.center)), one.id, one)
         for one in scene.instances
         if one.id != base.id and not one.structure
     ]
-    return [one for gap, _, _, one in sorted(away, key=lambda row: row[:3]) if gap < BESIDE][:MOST]
+    return [one for gap, _, _, one in sorted(away, key=lambda row: row[:3]) if gap < NEARBY][:MOST]
 
 
 def box_view(name: str, label: str, box: OrientedBox, frame: ViewerFrame, base: Instance) -> BoxView:
-    """A box as seen by who looks at the base's front."""
+    """A box as seen by a viewer of the base's front."""
     axes = axes_of(frame)
     local = (box.corners - base.box.center) @ axes.T
     low, high = local.min(axis=0), local.max(axis=0)

@@ -4,9 +4,8 @@ In: scene, object, intent and rotation. Out: `Anchor` with the pre-drop pose, or
 `too_large_for_target`. The region's aim is tried first, then the spots around it: a ray along gravity must hit the
 part, the object's underside must be over it, and nothing else may be in the way. Faces need not look up. The object's
 centre of mass goes over the anchor, and its lowest points start `clearance` above what lies beneath them, measured
-between the meshes, which cut through each other nowhere. Beside a thing means neither over nor under it; excluded
-places and distances cut the areas (see `constraints.py`); what leans starts tilted against what it leans on
-(`leaning.py`).
+between the meshes, which do not intersect. Next to a thing means neither over nor under it; excluded places and
+distances cut the areas (see `constraints.py`); a leaning object starts tilted against its support (`leaning.py`).
 """
 
 from dataclasses import replace
@@ -33,7 +32,7 @@ from dcap.scene.types.rotation import AskedPose, Rotation
 from dcap.scene.types.segmentation import Instance, Segmentation, SegmentedObject, SegmentedScene
 from tasks.anchor.carriers import owner
 from tasks.anchor.choice import Choice, carrier_masks, choice_of
-from tasks.anchor.given_point import area_at, beside_the_point, carrying_at, reply_at
+from tasks.anchor.given_point import area_at, carrying_at, offset_note, reply_at
 from tasks.anchor.leaning import leaning_start
 from tasks.anchor.middles import at_own_middles
 from tasks.anchor.no_room import no_room, not_level, not_on_it, nothing_left
@@ -51,15 +50,15 @@ LEVEL_COS = 0.9
 
 
 class AnchorConfig(BaseModel, frozen=True, extra="forbid"):
-    """Who is asked, and where the drop starts."""
+    """Language client of the anchor, and start of the drop."""
 
     language: LanguageConfig = LanguageConfig()
     clearance: PositiveFloat = 0.01
     """Smallest vertical gap at the start [m]; the paper's 1 cm."""
     subparts: bool = True
-    """Whether part and region are chosen; else the middle of the support is aimed at: an ablation."""
+    """Whether part and region are chosen; else the aim is the middle of the support: an ablation."""
     face_up: bool = False
-    """Whether only level faces may carry, as methods with planar supports have it: an ablation."""
+    """Whether only level faces may carry, as in methods with planar supports: an ablation."""
 
 
 def anchor(
@@ -86,11 +85,11 @@ def anchor(
     caster = Raycaster(scene.mesh)
     if reply is not None:
         if intent.orientation.lean:
-            found = leaned(scene, base, item.mesh, pose, intent, reply, caster)
+            found = leaning_anchor(scene, base, item.mesh, pose, intent, reply, caster)
             return found if isinstance(found, Infeasible) else replace(found, pose=facing_alone(rotation.pose, intent))
         choice = choice_of(scene, base, intent, reply, mesh)
-        if choice.beside is not None:
-            return not_on_it(base, choice.index, intent, choice.beside)
+        if choice.distance is not None:
+            return not_on_it(base, choice.index, intent, choice.distance)
         if not choice.areas:
             return nothing_left(base, choice.index, intent)
         masks = carrier_masks(scene, base, choice, intent, caster)
@@ -114,9 +113,9 @@ def anchor(
             aims = at_own_middles(scene.mesh, mask, areas) if anywhere else areas
             start = set_down(search, exact, aims, config.clearance, anywhere=anywhere)
             if start is not None:
-                found = anchored(scene, base, replace(choice, note=note), start, pose, search, reply)
+                found = anchor_at(scene, base, replace(choice, note=note), start, pose, search, reply)
                 spot = np.array([start.spot.x, start.spot.y])
-                return replace(found, reason=found.reason + beside_the_point(intent.at, spot), pose=rotation.pose)
+                return replace(found, reason=found.reason + offset_note(intent.at, spot), pose=rotation.pose)
     if search is None:  # there is always a mask to try, but one without a level face
         return not_level(base, choice.index, intent)
     return no_room(scene, base, choice.index, choice.frame, search, choice.areas, intent, mesh)
@@ -126,7 +125,8 @@ anchor_task = stage(anchor)
 
 
 def aimed_at_middle(intent: Intent, base: Instance, caster: Raycaster) -> Intent:
-    """The intent with the middle of the support's box, on what lies highest there, as if the point had been given."""
+    """The intent with the middle of the support's box, on the highest surface there, as if the user had given the
+    point."""
     top = base.box.corners[:, 2].max()
     over = np.array([*base.box.center[:2], top + 0.05])
     way = float(caster.cast(over[None], np.array([[0.0, 0.0, -1.0]])).distance[0])
@@ -134,7 +134,7 @@ def aimed_at_middle(intent: Intent, base: Instance, caster: Raycaster) -> Intent
 
 
 def level_alone(scene: Segmentation, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Those faces of a mask (m,) that look up."""
+    """The upward faces of a mask (m,)."""
     normal = scene.mesh.face_normals
     upward = normal[:, 2] > LEVEL_COS * np.maximum(np.linalg.norm(normal, axis=1), 1e-300)
     return np.asarray(mask & upward)
@@ -143,7 +143,7 @@ def level_alone(scene: Segmentation, mask: NDArray[np.bool_]) -> NDArray[np.bool
 # setting ------------------------------------------------------------------------------------------------------------
 
 
-def anchored(
+def anchor_at(
     scene: Segmentation,
     base: Instance,
     choice: Choice,
@@ -170,29 +170,30 @@ def anchored(
         world_from_object=world_from_object,
         clearance=start.gap,
         region_polygon=start.region.polygon,
-        reason=f"{reply.reason}{covered(base, choice, carrier, index)}{support_note(start, part.name)}",
+        reason=f"{reply.reason}{cover_note(base, choice, carrier, index)}{support_note(start, part.name)}",
         lean=lean,
         notes=(*((choice.note,) if choice.note else ()), *choice.cautions),
     )
 
 
-def leaned(
+def leaning_anchor(
     scene: Segmentation, base: Instance, item: Mesh, pose: Array, intent: Intent, reply: AnchorReply, caster: Raycaster
 ) -> Anchor | Infeasible:
-    """The pre-drop pose of what leans."""
+    """The pre-drop pose of a leaning object."""
     found = leaning_start(scene, base, item, pose, intent, reply, caster)
     if isinstance(found, Infeasible):
         return found
-    return anchored(scene, base, found.choice, found.start, found.pose, found.search, reply, found.lean)
+    return anchor_at(scene, base, found.choice, found.start, found.pose, found.search, reply, found.lean)
 
 
 def facing_alone(asked: AskedPose | None, intent: Intent) -> AskedPose | None:
-    """What is compared of what leans: how it leans has a check of its own, and a turn gives way to what it leans on."""
+    """The part of a leaning object's pose that is compared: leaning has a check of its own, and the support decides the
+    turn."""
     return replace(asked, name="any") if asked is not None and intent.orientation.facing else None
 
 
-def covered(base: Instance, choice: Choice, carrier: Instance, index: int) -> str:
-    """That something else than the part meant carries the object."""
+def cover_note(base: Instance, choice: Choice, carrier: Instance, index: int) -> str:
+    """Note that another thing than the intended part carries the object."""
     meant = base.parts[choice.index].name
     if carrier.id != base.id:
         return f"; there the {carrier.label} lies on the {meant}"
@@ -200,6 +201,6 @@ def covered(base: Instance, choice: Choice, carrier: Instance, index: int) -> st
 
 
 def support_note(start: Start, part: str) -> str:
-    """That not all of the underside is over the support."""
+    """Note that not all of the underside is over the support."""
     share = start.spot.share
     return "" if share >= SHARES[0] else f"; {100 * share:.0f} % of its underside is over the {part}"

@@ -1,6 +1,6 @@
-"""Sides of a support or of a thing beside it that nothing says from where they are seen.
+"""Warnings on sides of a support, or of a thing next to it, whose point of view is ambiguous.
 
-In: scene, base, what was asked and the frames it was understood in. Out: a caution for each thing without a front whose
+In: scene, base, the request and the frames of its reading. Out: a caution for each thing without a front whose
 left, right, front or back the result depends on. Doors and walls are seen from the room, which settles it.
 """
 
@@ -14,14 +14,14 @@ from dcap.scene.types.viewpoint import VIEWED, axis_word
 from tasks.requests.surroundings import PART, is_floor, part_frame
 
 FACED = frozenset({"viewer", "left", "right", "front", "back"})
-"""What may be faced that depends on from where the support is seen."""
+"""Facings that depend on the point of view on the support."""
 
 
 def side_cautions(
     scene: Segmentation, base: Instance, intent: Intent, names: Sequence[str], references: Sequence[str],
     limits: Sequence[RegionConstraint], frame: ViewerFrame, view: ViewerFrame | None,
 ) -> tuple[Caution, ...]:  # fmt: skip
-    """What to say of the region words and the constraints; `view` is the frame of the single reference, if it has one
+    """Warnings on the region words and the constraints; `view` is the frame of the single reference, if it has one
     (`reference_frame`)."""
     found = []
     if VIEWED.intersection(names):
@@ -39,7 +39,7 @@ def side_cautions(
 
 
 def facing_cautions(scene: Segmentation, base: Instance, intent: Intent) -> tuple[Caution, ...]:
-    """What to say of a side of the support, or of its viewer, that shall be faced."""
+    """Warnings on facing a side of the support, or its viewer."""
     if base.front is not None or intent.orientation.facing.removeprefix("away:") not in FACED:
         return ()
     words = intent.orientation.words or f"facing {intent.orientation.facing}"
@@ -47,7 +47,7 @@ def facing_cautions(scene: Segmentation, base: Instance, intent: Intent) -> tupl
 
 
 def is_seen_from_the_room(thing: Instance) -> bool:
-    """Whether one looks at it from one side only: a door or a wall, but not a floor."""
+    """Whether it is only seen from one side: a door or a wall, but not a floor."""
     return thing.structure and not is_level(thing)
 
 
@@ -57,7 +57,7 @@ def is_level(thing: Instance) -> bool:
 
 
 def seen_from(words: str, thing: Instance, frame: ViewerFrame) -> Caution:
-    """Whose left it is, and what says it otherwise."""
+    """Point of view of the words, and how to state another one."""
     where = f"{words!r} is taken as seen from the {axis_word(frame.front)} side of the {thing.label} (world axes, z up)"
     return Caution(
         Cause.WHICH, f'{where}, which has no front; "on the side nearest the ..." or --at X,Y say it otherwise'

@@ -1,1 +1,1 @@
-"""Stages of other methods of placement: a scene, an object and what all methods share in, a final pose out."""
+"""Stages of other placement methods. In: a scene, an object and the shared part of the intent. Out: a final pose."""

@@ -1,9 +1,9 @@
 """FirePlace* as a stage: constraint outlines, anchors, surfaces, solve, pruning and choice; a final pose out.
 
-In: scene, object, and of the intent what all methods share (name and scale of the object). Out: `Anchor` whose
-`world_from_object` is the final pose, or `Infeasible` where the scene lacks what is asked for or no pose is free. The
-steps are those of the package `dcap.evaluation.baselines.fireplace`, whose docstring says what is the source's and what
-is ours; nothing is simulated, and nothing is mended after the solve.
+In: scene, object, and the shared part of the intent (name and scale of the object). Out: `Anchor` whose
+`world_from_object` is the final pose, or `Infeasible` if the scene lacks a requested thing or no pose is free. The
+steps are those of the package `dcap.evaluation.baselines.fireplace`, whose docstring separates the source's ideas from
+ours; nothing is simulated, and nothing is corrected after the solve.
 """
 
 from collections.abc import Sequence
@@ -54,22 +54,22 @@ from tasks.requests.views import instance_views, object_view, room_center
 
 Array = NDArray[np.float64]
 UNSURE = 0.9
-"""A scene with labels below this is shown as well as told [-]."""
+"""Confidence of a label below which the scene is also shown in pictures [-]."""
 LOOKED_UNDER = 0.02
-"""How far under and over its contact surface what carries the object is looked for [m]."""
+"""Distance below and above its contact surface in which the object's support is searched [m]."""
 LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 
 
 class FirePlaceConfig(BaseModel, frozen=True, extra="forbid"):
-    """Who is asked, and how many placements are looked at."""
+    """Language client, and number of candidate placements."""
 
     language: LanguageConfig = LanguageConfig()
     seed: NonNegativeInt = 0
-    """Of the samples and of the order of options."""
+    """Seed of the samples and of the order of options."""
     placements: PositiveInt = 16
-    """Diverse placements that are pruned and chosen from, at most [-]."""
+    """Most diverse placements for pruning and choice [-]."""
     batch: PositiveInt = BATCH
-    """Options that are looked at together, at least two [-]."""
+    """Options that are compared at once, at least two [-]."""
     picture_size: PositiveInt = 320
     """Width and height of the options' pictures [pixels]."""
 
@@ -113,7 +113,7 @@ fireplace_task = stage(fireplace)
 def outlines_request(
     scene: Segmentation, item: Segmentation, intent: Intent, prompt: str, surfaces: ItemSurfaces
 ) -> OutlinesRequest:
-    """What a client needs to write the outlines: the candidates are those of the question for the support."""
+    """Information for a client to write the outlines: the candidates are those of the question for the support."""
     seen = object_view(item)
     x, y, z = (intent.scale * length for length in seen.size)
     fronts = (np.append(part_frame(scene, one, one.box).front, 0.0) for one in scene.instances)
@@ -165,7 +165,7 @@ def not_there(reply: OutlinesReply, request: OutlinesRequest) -> Infeasible:
 
 
 def is_implied(one: ConstraintOutline, carrying: ConstraintOutline) -> bool:
-    """Whether an outline says of the contact's own surface what every solve keeps to."""
+    """Whether an outline only repeats, for the contact's own surface, a condition of every solve."""
     same = (one.anchors, one.anchor_parts, one.anchor_side) == (
         carrying.anchors, carrying.anchor_parts, carrying.anchor_side,
     )  # fmt: skip
@@ -183,7 +183,7 @@ def resting_item(
     chooser: Chooser,
     config: FirePlaceConfig,
 ) -> RestingItem:
-    """The object on the surface that is chosen for the contact."""
+    """The object on the surface chosen for the contact."""
     by_id = {one.id: one for one in surfaces.poses}
     meant = [by_id[name] for name in carrying.object_surfaces]
     items = [resting(mesh, scale, np.array(one.rotation), surfaces.sides, surfaces.up) for one in meant]
@@ -199,7 +199,7 @@ def resting_item(
 
 
 def room_of(scene: Segmentation) -> SupportArea | None:
-    """The plan of the room; None where no floor is named."""
+    """The plan of the room; None without a labelled floor."""
     floors = [k for k, one in enumerate(scene.instances) if one.structure and "floor" in one.label]
     if not floors:
         return None
@@ -259,7 +259,7 @@ def chosen_placement(
     chooser: Chooser,
     config: FirePlaceConfig,
 ) -> tuple[SolvedPlacement, str]:
-    """The placement that common sense leaves and selection prefers, and how many there were."""
+    """The placement that survives pruning and is preferred, and the number of placements."""
     options = [
         Described(
             f"placement {k}",
@@ -278,13 +278,13 @@ def chosen_placement(
 
 
 def placement_facts(one: SolvedPlacement) -> Facts:
-    """The measures of a placement that are shown."""
+    """Displayed measures of a placement."""
     where = (("margin_m", one.margin), ("from_middle_m", one.from_middle), ("gap_m", one.gap))
     return (("loss", one.loss), ("overhang", one.overhang), *where)
 
 
 def plausible(options: Sequence[Described], object_name: str, chooser: Chooser) -> list[int]:
-    """The placements that are left after pruning in batches; all, where none would be left."""
+    """The placements that remain after pruning in batches; all, if none would remain."""
     if len(options) < 2:
         return list(range(len(options)))
     order = [int(k) for k in chooser.rng.permutation(len(options))]
@@ -310,7 +310,7 @@ def plausible(options: Sequence[Described], object_name: str, chooser: Chooser) 
 def anchored(
     scene: Segmentation, carrier: Carrier, index: int, best: SolvedPlacement, reply: OutlinesReply, about: str
 ) -> Anchor:  # fmt: skip
-    """The result as every method gives it."""
+    """The result in the form of every method."""
     base, surface = carrier.base, carrier.anchor.surface
     part = base.parts[index]
     own = [one for one in reply.constraints if one.anchor_side in ("left", "right", "front", "back")

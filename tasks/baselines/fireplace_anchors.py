@@ -1,4 +1,4 @@
-"""Which thing and which of its surfaces a constraint outline means: options, and the client's choice among them.
+"""Resolves the thing and the surface of a constraint outline: options, and the client's choice among them.
 
 In: the scene, the outlines and a client. Out: the surface that carries, and the other constraints with both sides
 known. Several things, and several surfaces of one, are chosen from in batches (`selection.py`).
@@ -45,16 +45,16 @@ from tasks.requests.views import room_center
 Array = NDArray[np.float64]
 Facts = tuple[tuple[str, float], ...]
 LEVEL = 0.5
-"""Faces whose normals rise so much look up [-]."""
+"""Least vertical part of an upward face's normal [-]."""
 COVER, COVER_SPACING = 0.2, 0.04
-"""What lies on a part is no thicker, and is looked for at points so far apart [m]."""
+"""Largest thickness of a thing lying on a part, and spacing of the points at which it is searched [m]."""
 MUCH = 0.2
 """Share of those points [-]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Described:
-    """An option: what it is called, its measures and its picture."""
+    """An option: its label, its measures and its picture."""
 
     label: str
     facts: Facts
@@ -70,7 +70,7 @@ class Chooser:
     rng: np.random.Generator
     batch: int
     asked: list[str] = field(default_factory=list)
-    """What kinds were asked, in order."""
+    """Kinds of the questions asked, in order."""
 
     def choose(self, kind: ChoiceKind, sought: str, options: Sequence[Described]) -> int:
         """The number of the chosen option."""
@@ -106,7 +106,7 @@ class Carrier:
     base: Instance
     anchor: AnchorSurface
     frame: ViewerFrame
-    """Of the whole thing, as its viewer sees it."""
+    """Frame of the whole thing, as its viewer sees it."""
 
     @property
     def rim(self) -> ViewerFrame:
@@ -121,7 +121,7 @@ class Carrier:
 
 
 class AnchorResolver:
-    """Resolves outlines in one scene; each thing is asked for once."""
+    """Resolves outlines in one scene; each thing is only asked about once."""
 
     def __init__(self, scene: Segmentation, chooser: Chooser, picture_size: int) -> None:
         self.scene, self.chooser, self.size = scene, chooser, picture_size
@@ -164,18 +164,18 @@ class AnchorResolver:
             )
         ]
         if outline.anchor_side == "top" and (over := covering_parts(self.scene, index, parts, self.caster)):
-            # a blanket on its mattress: what is seen of both may be one surface
+            # a blanket on its mattress: their visible parts may form one surface
             seen = np.concatenate([self.faces_of(index, part) for part in dict.fromkeys((*parts, *over))])
             together = surfaces_of_part(self.scene.mesh, seen, -1, way, outline.anchor_side, self.caster)
             found += [replace(one, part=self.main_part(one)) for one in together]
-        if not found:  # nothing planar looks there: the side of the box stands in
+        if not found:  # no planar surface faces that way: the side of the box stands in
             found = [self.box_surface(base, index, part, outline) for part in parts]
         options = [self.described_surface(base, index, one, frame) for one in found]
         sought = outline.words or f"{outline.anchor_side} of the {base.label} that carries the object"
         return Carrier(base, found[self.chooser.choose("anchor_surface", sought, options)], frame)
 
     def parts_of(self, outline: ConstraintOutline, base: Instance) -> Sequence[int]:
-        """The parts that an outline means; all where it names none, or names those of another candidate."""
+        """The parts that an outline names; all if it names none, or names those of another candidate."""
         meant = base.id == outline.anchors[0] and outline.anchor_parts
         return outline.anchor_parts if meant else range(len(base.parts))
 
@@ -208,7 +208,7 @@ class AnchorResolver:
     # other constraints ----------------------------------------------------------------------------------------------
 
     def constraint(self, outline: ConstraintOutline, carrier: Carrier, plane: SurfaceFrame) -> ResolvedConstraint:
-        """A constraint beside the contact, in the frame of the surface that carries."""
+        """A constraint other than the contact, in the frame of the surface that carries."""
         thing = self.thing(outline)
         box, frame = self.extent(outline, thing, carrier)
         side = outline.anchor_side
@@ -231,7 +231,8 @@ class AnchorResolver:
     def extent(
         self, outline: ConstraintOutline, thing: Instance, carrier: Carrier
     ) -> tuple[OrientedBox, ViewerFrame]:  # fmt: skip
-        """The box that is meant, and its rectangle as the viewer sees it: of what stands on a thing, that thing's."""
+        """The intended box, and its rectangle as the viewer sees it; for a thing on another thing, the viewer of the
+        latter."""
         parts = self.parts_of(outline, thing)
         box = thing.box if len(parts) == len(thing.parts) else joined_box([thing.parts[k].box for k in parts])
         if thing.id == carrier.base.id:
@@ -245,7 +246,7 @@ class AnchorResolver:
     def surface_of_side(
         self, outline: ConstraintOutline, thing: Instance, box: OrientedBox, frame: ViewerFrame
     ) -> InteractionSurface:  # fmt: skip
-        """The side itself: that of the box, or a planar surface of the mesh that looks there."""
+        """The side itself: that of the box, or a planar surface of the mesh that faces that way."""
         side = outline.anchor_side
         stood_in = box_side(box, frame, side)
         if side in ("whole", "top", "bottom") or outline.function in ("close_to", "far_from", "in_front_of"):

@@ -1,7 +1,7 @@
-"""Pictures of options for batched visual selection: a thing, a surface, a placement; made only if a client looks.
+"""Pictures of options for batched visual selection: a thing, a surface, a placement; made on demand.
 
-In: the scene and what an option is about. Out: sRGB pictures of shape (size, size, 3) in which that is painted in a
-loud colour; a placement shows the object in its own colours. Walls and ceilings are left out.
+In: the scene and an option. Out: sRGB pictures of shape (size, size, 3) in which the option is painted in a bright
+colour; a placement shows the object in its own colours. Walls and ceilings are left out.
 """
 
 import numpy as np
@@ -17,25 +17,25 @@ from tasks.requests.pictures import LOUD, TINT
 
 Array = NDArray[np.float64]
 LIFT = 0.004
-"""How far before its surface a painted outline is drawn [m]."""
+"""Distance in front of its surface at which a painted outline is drawn [m]."""
 CLOSEST = 0.6
-"""The camera does not come nearer [m]."""
+"""Least distance of the camera [m]."""
 DISTANCE = 1.35
-"""Distance of the camera over the diagonal of what it looks at [-]."""
+"""Distance of the camera over the diagonal of its target [-]."""
 NEARER = 1.1
-"""The same of a thing alone [-]."""
+"""Distance of the camera over the diagonal of a thing alone [-]."""
 LARGE = 4.0
-"""Things longer than this are not shown as a whole [m]."""
+"""Largest length of a thing that is shown as a whole [m]."""
 STEEP = 1.3
-"""How much higher one looks down on a surface that looks up: into a tub [-]."""
+"""Factor of the camera's height for an upward surface, to look into a tub [-]."""
 AROUND = 2.2
-"""The same of a placement over the object's diagonal: what is around it belongs to the picture [-]."""
+"""Distance of the camera to a placement over the object's diagonal: the surroundings belong to the picture [-]."""
 WAY = (0.85, 0.4, 0.65)
-"""From what is looked at to the camera: parts to the viewer, to his right and up [-]."""
+"""Direction from the target to the camera: parts towards the viewer, to his right and up [-]."""
 
 
 def thing_picture(scene: Segmentation, index: int, frame: ViewerFrame, size: int) -> NDArray[np.uint8]:
-    """One instance in a loud colour in its surroundings."""
+    """One instance in a bright colour in its surroundings."""
     box = scene.instances[index].box
     mine = np.flatnonzero(scene.face_instance == index)
     camera = view(box.center, max(2.5, DISTANCE * box.diagonal), frame, size)
@@ -50,7 +50,7 @@ def surface_picture(
     whole = scene.instance_mesh(index)
     low, high = whole.bounds
     middle, reach = 0.5 * (low + high), float(np.linalg.norm(high - low))
-    # a floor is looked at near the surface, a thing as a whole
+    # the camera looks at a floor near the surface, at a thing as a whole
     target = surface.center if reach > LARGE else 0.5 * (middle + surface.center)
     camera = view(target, max(CLOSEST, NEARER * min(reach, LARGE)), frame, size, surface.normal)
     painted = outline_mesh(surface)
@@ -65,7 +65,7 @@ def surface_picture(
 def placement_picture(
     scene: Segmentation, item: Mesh, frame: ViewerFrame, size: int
 ) -> NDArray[np.uint8]:  # fmt: skip
-    """The object where it would be."""
+    """The object at a placement."""
     middle = item.bounds.mean(axis=0)
     reach = max(CLOSEST, AROUND * float(np.linalg.norm(np.ptp(item.bounds, axis=0))))
     return picture([open_room(scene), item], view(middle, reach, frame, size), samples=1).rgb
@@ -80,7 +80,7 @@ def resting_picture(item: Mesh, size: int) -> NDArray[np.uint8]:
 
 
 def view(target: Array, distance: float, frame: ViewerFrame, size: int, normal: Array | None = None) -> Camera:
-    """From the viewer's side and above, or from the side to which a surface looks."""
+    """Camera from the viewer's side and above, or from the side that a surface faces."""
     way = WAY[0] * np.append(frame.front, 0.0) + WAY[1] * np.append(frame.right, 0.0) + (0.0, 0.0, WAY[2])
     if normal is not None and normal[2] > 0.5:
         way += np.array([0.0, 0.0, STEEP])
@@ -99,12 +99,12 @@ def open_room(scene: Segmentation, skipped: int = -1) -> Mesh:
 
 
 def outline_mesh(surface: InteractionSurface) -> Mesh:
-    """The hull of a surface as a thin sheet in a loud colour."""
+    """The hull of a surface as a thin sheet in a bright colour."""
     ring = surface.outline + LIFT * surface.normal
     fan = np.array([(0, k, k + 1) for k in range(1, len(ring) - 1)], dtype=np.int32).reshape(-1, 3)
     return Mesh.of(ring, fan, LOUD)
 
 
 def loud(mesh: Mesh) -> Mesh:
-    """The mesh in a loud colour that lets its own through."""
+    """The mesh in a bright colour blended with its own."""
     return Mesh(mesh.vertices, mesh.faces, np.rint((1.0 - TINT) * mesh.colors + TINT * LOUD).astype(np.uint8))

@@ -1,4 +1,4 @@
-"""The floor plan of a scene: what the baselines that plan on boxes see of it, and of other rooms as examples."""
+"""The floor plan of a scene, for baselines that plan on boxes, and of other rooms as examples."""
 
 from dcap.evaluation.baselines.floor_plan import floor_plan_of
 from dcap.scene.types.floor_plan import FloorPlan, FloorPlans
@@ -12,7 +12,7 @@ def floor_plan(scene: SegmentedScene) -> FloorPlan:
 
 
 def gathered(plan: FloorPlan, before: FloorPlans | None = None) -> FloorPlans:
-    """The plans gathered before, and one more."""
+    """The plans collected before, and one more."""
     return FloorPlans((*(before.plans if before else ()), plan))
 
 

@@ -1,8 +1,8 @@
-"""Holodeck as a stage: one question; what it names decides between the floor's search and places on a receptacle.
+"""Holodeck as a stage: one question; the named thing decides between the floor's search and places on a receptacle.
 
 In: scene, object, the intent's scale and name of the object (nothing else of it), prompt. Out: an `Anchor` whose pose
-is final; `too_large_for_target` where the object is not smaller than 90 % of the receptacle, `no_support_hit` where all
-attempts fail, what it found collides, the floor has no place, or the answer has no line for the object. See
+is final; `too_large_for_target` if the object is not smaller than 90 % of the receptacle, `no_support_hit` if all
+attempts fail, the place collides, the floor has no place, or the answer has no line for the object. See
 `dcap/evaluation/baselines/holodeck`.
 """
 
@@ -31,11 +31,11 @@ from tasks.cache import stage
 from tasks.requests.views import instance_views, object_view, room_center
 
 SHOWN = 120
-"""Characters of a bad answer that a message quotes."""
+"""Most characters of a bad answer that a message quotes."""
 
 
 class HolodeckConfig(BaseModel, frozen=True, extra="forbid"):
-    """Who is asked, and how long is searched; the source's numbers but for the last two."""
+    """Language client, and limits of the search; the source's numbers but for the last two."""
 
     language: LanguageConfig = LanguageConfig()
     attempts: PositiveInt = 10
@@ -45,7 +45,7 @@ class HolodeckConfig(BaseModel, frozen=True, extra="forbid"):
     steps: PositiveInt = 1000
     """Objects for which the floor is searched, in place of the source's 30 s."""
     seed: NonNegativeInt = 0
-    """Of what is drawn."""
+    """Seed of random draws."""
 
 
 def holodeck(
@@ -95,7 +95,8 @@ def on_receptacle(
     rng: np.random.Generator,
     attempts: int,
 ) -> Anchor | Infeasible:
-    """A random free place on a thing; what the source leaves to physics comes down onto what is beneath it."""
+    """A random free place on a thing; objects that the source settles by physics are lowered onto the surface
+    beneath."""
     index = scene.index_of(receptacle)
     one = scene.instances[index]
     extents = 2.0 * one.box.half_extents[:2]

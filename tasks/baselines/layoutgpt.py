@@ -1,7 +1,7 @@
-"""LayoutGPT as a stage: one question, one new line of the room's layout, the pose that it says.
+"""LayoutGPT as a stage: one question, one new line of the room's layout, and its pose.
 
 In: scene, object, the intent's scale and name of the object (nothing else of it), prompt, plans of other rooms. Out:
-an `Anchor` whose pose is final, or `no_support_hit` where the answer is not one new line. See
+an `Anchor` whose pose is final, or `no_support_hit` if the answer is not one new line. See
 `dcap/evaluation/baselines/layoutgpt`.
 """
 
@@ -28,14 +28,14 @@ from tasks.requests.views import instance_views, object_view, room_center
 
 
 class LayoutGptConfig(BaseModel, frozen=True, extra="forbid"):
-    """Who is asked, and how much is shown; the source's numbers."""
+    """Language client, and size of the question; the source's numbers."""
 
     language: LanguageConfig = LanguageConfig()
     exemplars: NonNegativeInt = 8
-    """Most rooms that are shown as examples."""
+    """Most rooms shown as examples."""
     token_limit: PositiveInt = 7000
-    """Tokens that sentence, categories, layout and examples may have together, about; the system text, which the source
-    counts too, and the list of instances, which it does not have, are not counted."""
+    """Approximate limit of tokens in sentence, categories, layout and examples together; the system text, which the
+    source counts too, and the list of instances, which it does not have, are not counted."""
 
 
 def layoutgpt(
@@ -48,7 +48,7 @@ def layoutgpt(
     exemplars: FloorPlans | None = None,
     left_out: tuple[str, ...] = (),
 ) -> Anchor | Infeasible:
-    """Ask for one line and take it as it is; `left_out` names rooms that would be examples and cannot be read."""
+    """Ask for one line and use it unchanged; `left_out` names rooms that would be examples but cannot be read."""
     plan = floor_plan_of(scene)
     asset = canonical_asset(item.mesh, intent.scale, intent.object_name)
     asked = IntentRequest(prompt, object_view(item), instance_views(scene), vector(room_center(scene)))

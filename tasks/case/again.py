@@ -1,7 +1,7 @@
-"""A second drop of a case whose bodies came to rest on a soft body where nobody had foreseen them.
+"""A second drop of a case whose bodies came to rest on a soft body outside the predicted contact.
 
 In: the case and its rest state. Out: the rest state of a drop from the same start with cells of fixed bodies that are
-fine at both places, or a word why the first one stays.
+fine at both places, or a note why the first one stays.
 """
 
 from collections.abc import Callable
@@ -22,11 +22,11 @@ from tasks.case.bodies import case_particles, foreseen
 from tasks.case.file import Case
 
 FORESEEN = 0.5
-"""Share of a body's contact that must lie where it was foreseen; else it is resolved there too [-]."""
+"""Least share of a body's contact inside the predicted patch; else its place is resolved too [-]."""
 
 
 def elsewhere(case: Case, folder: Path, result: SettledModel) -> bool:
-    """Whether a body rests on a fixed soft one with less than half of its contact where cells are fine for it."""
+    """Whether a body rests on a fixed soft one with less than half of its contact on cells that are fine for it."""
     if result.verdict is not Verdict.AT_REST:
         return False
     solids, contacts = foreseen(case, folder)
@@ -47,8 +47,8 @@ def elsewhere(case: Case, folder: Path, result: SettledModel) -> bool:
 def dropped_again(
     case: Case, folder: Path, first: SettledModel, settle: Callable[[Model], SettledModel]
 ) -> tuple[tuple[Particles, Model, SettledModel] | None, str]:
-    """The second drop, None where it does not end at rest, and what is to be said."""
-    rolled = "bodies came to rest where contact was not foreseen"
+    """The second drop, None if it does not end at rest, and a note."""
+    rolled = "bodies came to rest outside the predicted contact"
     try:
         particles = case_particles(case, folder, None, as_ended(case, first))
         model = solver_model(particles, case.gravity, [(a, b) for a, b in case.bonds])
@@ -61,7 +61,7 @@ def dropped_again(
 
 
 def as_ended(case: Case, result: SettledModel) -> Case:
-    """The case with its bodies where they came to rest."""
+    """The case with its bodies in their rest positions."""
     moved = []
     for body, rest in zip(case.bodies, result.bodies, strict=True):
         turned = Rotation.from_matrix(rest.rotation) * Rotation.from_quat(body.quaternion, scalar_first=True)

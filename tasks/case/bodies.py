@@ -1,4 +1,4 @@
-"""The bodies of a physics case, built as those of a placement are: fine at the contact, graded away from it."""
+"""Builds the bodies of a physics case like those of a placement: fine at the contact, graded away from it."""
 
 from pathlib import Path
 
@@ -30,23 +30,23 @@ from tasks.case.solid import CaseSolid
 
 Array = NDArray[np.float64]
 
-RIGID_CELLS = 25.0  # in the smallest side where nothing is soft: spacing of surface points
+RIGID_CELLS = 25.0  # cells along the smallest side if nothing is soft: spacing of surface points
 CELLS_THROUGH = 4.0  # least cells through a body along each axis
 # and across layers: cells of constant slip see the parabola of n slices as one of (1 - 1 / n^2) of its second moment,
 # so a body that gives by slip alone is 1.5 % too stiff with eight and 6 % with four
 CELLS_ACROSS_LAYERS = 8.0
-BUDGET = 30_000  # cells of one soft body, unless a resolution was asked for
+BUDGET = 30_000  # most cells of one soft body, unless a resolution was requested
 MOST_MARGIN = 0.02  # a signed distance reaches this far beyond the body [m], half its thickness for small ones
-MOST_SAMPLES = 250.0  # of a signed distance along its longest side: 16 million in a cube
-SHARP_SAMPLES = 8_000_000  # of a signed distance where sharp edges ask for more: 32 MB
+MOST_SAMPLES = 250.0  # most samples of a signed distance along its longest side: 16 million in a cube
+SHARP_SAMPLES = 8_000_000  # most samples of a signed distance if sharp edges need more: 32 MB
 ROUNDED = 1e-4  # edges that samples round off by more than this are sharp [m]
-MOST_CELLS = 200_000  # cells of one soft body; more would not fit the time a user expects
-"""What a person can raise with --resolution."""
+MOST_CELLS = 200_000  # most cells of one soft body; more would take longer than a user expects
+"""Limit behind the advice to raise --resolution."""
 
 
 def case_particles(case: Case, folder: Path, resolution: float | None, ended: Case | None = None) -> Particles:
-    """The simulation input of a case, with the smallest cell at a contact [m]; cells of fixed bodies are fine too where
-    others `ended` on them before."""
+    """The simulation input of a case, with the smallest cell at a contact [m]; cells of fixed bodies are also fine at
+    the places where others `ended` on them before."""
     solids, contacts = foreseen(case, folder)
     later = [] if ended is None else foreseen(ended, folder)[1]
     grids = [
@@ -59,7 +59,7 @@ def case_particles(case: Case, folder: Path, resolution: float | None, ended: Ca
 
 
 def foreseen(case: Case, folder: Path) -> tuple[list[CaseSolid], list[PredictedContact]]:
-    """The bodies as they start, and where they will press on each other."""
+    """The bodies at their start, and the predicted contacts between them."""
     solids = [CaseSolid(body, folder, _bonded_to(body.name, case.bonds)) for body in case.bodies]
     return solids, predicted_contacts(solids, float(np.linalg.norm(case.gravity)))
 
@@ -87,8 +87,8 @@ def case_body(solid: CaseSolid, grid: Cells | None, finest: float, contacts: lis
 def soft_grid(
     solid: CaseSolid, solids: list[CaseSolid], contacts: list[PredictedContact], resolution: float | None
 ) -> Cells:
-    """The cells of a soft body: fine where a contact is predicted, or of `resolution` [m] there; coarser where that
-    takes more cells than the budget, unless a resolution was asked for. Any budget left goes to cells at edges."""
+    """The cells of a soft body: fine at predicted contacts, or of `resolution` [m] there; coarser if that
+    exceeds the budget of cells, unless a resolution was requested. The remaining budget goes to cells at edges."""
     joined = {one.body.name for one in bonded_group(solid, solids)}
     felt = [c for c in contacts if joined & c.names]
 
@@ -159,7 +159,7 @@ def bonded_group(solid: CaseSolid, solids: list[CaseSolid]) -> list[CaseSolid]:
 
 
 def sampled_distance(solid: CaseSolid, surface: Mesh, finest: float, contacts: list[PredictedContact]) -> DistanceGrid:
-    """Return samples of the signed distance as fine as the contact needs, as far out as another body comes.
+    """Return samples of the signed distance as fine as the contact needs, out to the reach of other bodies.
     Interpolation between samples rounds sharp edges off, so a body that may be pressed on one has finer samples."""
     distance, least = solid.distance(surface), min(0.5 * solid.smallest, MOST_MARGIN)
     longest = float(solid.extent.max()) + 2.0 * least
@@ -172,8 +172,8 @@ def sampled_distance(solid: CaseSolid, surface: Mesh, finest: float, contacts: l
 
 
 def touched_vertices(solid: CaseSolid, surface: Mesh, contacts: list[PredictedContact]) -> Array:
-    """Return vertices on which others may press [m], shape (n, 3): all of a body that moves, else those where a
-    contact is predicted."""
+    """Return vertices on which others may press [m], shape (n, 3): all of a moving body, else those at predicted
+    contacts."""
     if not solid.fixed:
         return surface.vertices
     boxes = [one.plan.boxes for one in contacts if solid.body.name in one.names]

@@ -1,7 +1,7 @@
-"""Where the bodies of a case will press on each other.
+"""Predicts the contacts between the bodies of a case.
 
-In: the solids as they start. Out: for every pair of which one may come to lie on the other the patch that an elastic
-half-space would show under the gap between their true shapes. No shape is assumed.
+In: the solids at their start. Out: for every pair in which one may come to lie on the other, the patch of an elastic
+half-space under the gap between their true shapes. No shape is assumed.
 """
 
 from dataclasses import dataclass
@@ -34,8 +34,8 @@ class PredictedContact:
         return {self.upper.body.name, self.lower.body.name}
 
     def height_on(self, solid: CaseSolid) -> float:
-        """Height of the contact [m] as a body sees it that touches there or is bonded to one that does: on the lower
-        body and what is below it where that begins to be touched, else on the underside of the upper one."""
+        """Height of the contact [m] for a body that touches there or is bonded to one that does: for the lower body and
+        those below it the point of first touch, else the underside of the upper one."""
         name = solid.body.name
         from_below = name == self.lower.body.name or (name != self.upper.body.name and higher(self.upper, solid))
         return self.plan.height if from_below else float(self.upper.low[2])
@@ -43,7 +43,7 @@ class PredictedContact:
 
 def predicted_contacts(solids: list[CaseSolid], gravity: float) -> list[PredictedContact]:
     """The contact of every pair that can press on each other and lies one above the other in plan, with anything soft
-    at or behind it. Bodies side by side are not foreseen: cells there are what other contacts ask for."""
+    at or behind it. Contacts of bodies side by side are not predicted: cells there follow from other contacts."""
     found = []
     for i, one in enumerate(solids):
         for two in one.may_touch(solids[i + 1 :]):
@@ -58,7 +58,7 @@ def predicted_contacts(solids: list[CaseSolid], gravity: float) -> list[Predicte
 def predicted_contact(
     upper: CaseSolid, lower: CaseSolid, solids: list[CaseSolid], gravity: float
 ) -> PredictedContact | None:
-    """Where a body will lie on the one beneath it; None where it would fall past it, or nothing there is soft."""
+    """Contact of a body on the one beneath it; None if it would fall past it, or nothing there is soft."""
     stacks = layers(upper, solids, 1.0), layers(lower, solids, -1.0)
     box = np.stack([np.maximum(upper.low, lower.low), np.minimum(upper.high, lower.high)])[:, :2]
     load = gravity * carried_mass(upper, lower, solids)
@@ -79,14 +79,14 @@ def higher(one: CaseSolid, two: CaseSolid) -> bool:
 
 
 def covered(lower: CaseSolid, upper: CaseSolid, solids: list[CaseSolid]) -> bool:
-    """Whether what is bonded to a body's top keeps another from reaching it."""
+    """Whether bodies bonded to a body's top keep another from reaching it."""
     between = [s for s in solids if s.body.name in lower.bonded and higher(s, lower) and higher(upper, s)]
     return any((s.low[:2] <= lower.low[:2]).all() and (s.high[:2] >= lower.high[:2]).all() for s in between)
 
 
 def carried_mass(upper: CaseSolid, lower: CaseSolid, solids: list[CaseSolid]) -> float:
-    """Mass [kg] that comes down on `lower` through `upper`: its own, and that of what stands on it; where the upper one
-    is fixed that of the lower one, which presses against it."""
+    """Mass [kg] that comes down on `lower` through `upper`: its own, and that of bodies on it; if the upper one is
+    fixed, that of the lower one, which presses against it."""
     if upper.fixed:
         return lower.mass
     carried, new = [upper], [upper]
@@ -99,8 +99,8 @@ def carried_mass(upper: CaseSolid, lower: CaseSolid, solids: list[CaseSolid]) ->
 
 def above(one: CaseSolid, two: CaseSolid) -> bool:
     """Whether a body starts over another: their boxes overlap in plan."""
-    beside = (one.low[:2] >= two.high[:2]) | (one.high[:2] <= two.low[:2])
-    return not beside.any() and higher(one, two)
+    apart = (one.low[:2] >= two.high[:2]) | (one.high[:2] <= two.low[:2])
+    return not apart.any() and higher(one, two)
 
 
 def heights(solid: CaseSolid, plan: Array, side: float) -> Array:
@@ -121,7 +121,7 @@ def heights(solid: CaseSolid, plan: Array, side: float) -> Array:
 
 
 def layers(solid: CaseSolid, solids: list[CaseSolid], side: float) -> list[Layer]:
-    """Of a body and of what is bonded to it further from the contact: below it (`side` -1) or above (1)."""
+    """Layers of a body and of those bonded to it further from the contact: below it (`side` -1) or above (1)."""
     found, one = [], solid
     while True:
         found.append((float(one.extent[2]), one.compliance))

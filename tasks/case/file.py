@@ -1,4 +1,4 @@
-"""The case file of `dcap drop`: its keys, their ranges, and how a mistake in it is reported.
+"""The case file of `dcap drop`: its keys, their ranges, and error messages.
 
 In: a YAML 1.2 file as in docs/formats.md. Out: a checked `Case`. Every key is checked before anything is computed; an
 unknown one is an error that names the nearest known key.
@@ -73,7 +73,7 @@ class CaseShape(BaseModel, **Strict):
 
 
 class CaseLayers(BaseModel, **Strict):
-    """What else describes a material of layers; its own modulus and Poisson ratio are then those across them."""
+    """Further constants of a layered material; its own modulus and Poisson ratio are then those across the layers."""
 
     youngs_modulus: float
     poisson_ratio: float
@@ -105,7 +105,7 @@ class CaseMaterial(BaseModel, **Strict):
 
     @property
     def problem(self) -> str:
-        """Which value makes some strain cost no energy; empty if none does."""
+        """Description of a value for which some strain costs no energy; empty if none does."""
         if self.layers is not None:
             return self.layers.constants.problem(self.youngs_modulus, self.poisson_ratio)
         inside = -1.0 < self.poisson_ratio < 0.5
@@ -113,7 +113,7 @@ class CaseMaterial(BaseModel, **Strict):
 
     @property
     def friction(self) -> ContactFriction:
-        """What it contributes to a contact."""
+        """Its contribution to a contact's friction."""
         return ContactFriction(self.static_friction, self.dynamic_friction, self.rolling_resistance)
 
 
@@ -168,7 +168,7 @@ OWNERS: dict[object, type[BaseModel]] = {
     "bodies": CaseBody, "shape": CaseShape, "box": BoxShape, "sphere": SphereShape, "cylinder": CylinderShape,
     "capsule": CapsuleShape, "material": CaseMaterial, "layers": CaseLayers, "friction_pairs": FrictionPair,
 }  # fmt: skip
-"""Whose keys stand below a key."""
+"""Model of the keys below a key."""
 
 
 def read_case(path: Path) -> Case:
@@ -192,7 +192,7 @@ def checked_case(document: Mapping[str, object], path: str) -> Case:
         raise InputError(f"{path}: {_first_complaint(error)}") from error
     for where in truth_values(document):  # the tree is known to be finite now: an alias may hold itself
         if where != "inertia":
-            raise InputError(f"{path}: {where}: true and false are no numbers")
+            raise InputError(f"{path}: {where}: true and false are not numbers")
     names = [b.name for b in case.bodies]
     if len(set(names)) != len(names):
         raise InputError(f"{path}: bodies: names must differ, got {names}")
@@ -224,7 +224,7 @@ def truth_values(tree: object, where: str = "") -> Iterator[str]:
 
 
 def _first_complaint(error: ValidationError) -> str:
-    """One line: key, what is wrong, which value, nearest known key."""
+    """One line: key, error, value, nearest known key."""
     complaints = error.errors(include_url=False)
     first = next((c for c in complaints if c["type"] == "extra_forbidden"), complaints[0])  # a typo explains the rest
     where = ".".join(str(part) for part in first["loc"])

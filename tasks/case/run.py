@@ -49,7 +49,7 @@ def run_case(
 ) -> JsonObject:
     """Read, simulate and write a case, from a file or given as the tree of one; returns the content of result.json.
 
-    `settings` are others of the solver's, which the options and the case's own go before.
+    `settings` are further ones of the solver; the options and the case's own settings win over them.
     """
     path = given if isinstance(given, Path) else Path("case")  # a tree's meshes are relative to the working directory
     case = read_case(given) if isinstance(given, Path) else checked_case(given, str(path))
@@ -112,7 +112,7 @@ def _progress(step: int, seconds: float, signals: Signals) -> None:
 
 
 def _broken(error: UnstableStep, bodies: Sequence[Body], cell: float, notes: list[str]) -> JsonObject:
-    """result.json of a drop without a last state that can be believed, without times."""
+    """result.json of a drop without a reliable last state, without times."""
     return {
         "verdict": "unstable_step", "bodies": {body.name: None for body in bodies}, "contacts": [], "residual": None,
         "resolution": cell, "simulated_s": None, "relaxation_steps": None, "steps": None, "particles": None,
@@ -152,7 +152,7 @@ def summarise(case: Case, bodies: Sequence[Body], result: SettledModel, cell: fl
 def write_case(
     out: Path, summary: Mapping[str, JsonValue], bodies: Sequence[Body], result: SettledModel | None
 ) -> None:
-    """Write the files beside their place and move them in, result.json last: whoever sees it sees everything.
+    """Write the files as drafts and move them in, result.json last: once it is there, everything is.
 
     Files of an earlier result are replaced or removed; whatever else lies in the folder stays.
     """

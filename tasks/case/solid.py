@@ -1,4 +1,4 @@
-"""The solid of one body of a case: its shape where it stands, what it weighs, and where another will touch it."""
+"""The solid of one body of a case: its placed shape, its mass, and its contacts with others."""
 
 from pathlib import Path
 
@@ -42,7 +42,7 @@ class CaseSolid:
         self.primitive = primitive_of(body.shape)
         self.given: Mesh | None = None
         self.repairs: tuple[str, ...] = ()
-        """A sentence for each thing that had to be mended to make its mesh the border of a solid."""
+        """One sentence for each repair that made its mesh the border of a solid."""
         if self.primitive is None:
             self.given, self.repairs = given_solid(folder, body)
         if isinstance(self.primitive, Capsule):
@@ -122,8 +122,9 @@ class CaseSolid:
         return InertialProperties(self.mass, self.placed(unit.center_of_mass[None])[0], inertia)
 
     def surface(self, planes: Planes | None, cell: float) -> Mesh:
-        """As fine as the cells [m], on a soft body twice as fine: a box has points on the planes of its grid, so that a
-        contact presses on every node under it, and between them, so that a rim counts where it is."""
+        """Its surface, as fine as the cells [m], on a soft body twice as fine: a box has points on the planes of its
+        grid, so that a contact presses on every node under it, and between them, so that a rim counts at its true
+        position."""
         if isinstance(self.primitive, Box) and planes is not None and np.allclose(self.rotation, np.eye(3)):
             halved = [np.sort(np.concatenate([p, 0.5 * (p[1:] + p[:-1])])) for p in planes]
             local = self.primitive.surface_on([p - c for p, c in zip(halved, self.position, strict=True)])
@@ -144,7 +145,7 @@ class CaseSolid:
         return self.primitive.distance((points - self.position) @ self.rotation)
 
     def curvature_radius(self) -> float:
-        """Radius that stands for the body's underside [m]: its own where round, else half its footprint."""
+        """Radius that represents the body's underside [m]: its own if round, else half its footprint."""
         if isinstance(self.primitive, Capsule):
             return self.primitive.radius
         return 0.5 * float(self.extent[:2].min())
@@ -159,9 +160,9 @@ class CaseSolid:
 
 
 def given_solid(folder: Path, body: CaseBody) -> tuple[Mesh, tuple[str, ...]]:
-    """The mesh of a body as the border of one solid, in metres, and what was mended to make it one.
+    """The mesh of a body as the border of one solid, in metres, and its repairs.
 
-    No axis or unit is changed. InputError names the key where the file cannot be read or is not the border of a solid.
+    No axis or unit is changed. InputError names the key if the file cannot be read or is not the border of a solid.
     """
     try:
         mesh = read_scan(folder / str(body.shape.mesh), SourceOptions(up="z", unit="m"), Role.SCENE).mesh
@@ -171,5 +172,7 @@ def given_solid(folder: Path, body: CaseBody) -> tuple[Mesh, tuple[str, ...]]:
     except (InputError, GeometryError) as error:
         raise InputError(f"bodies.{body.name}.shape.mesh: {error}") from error
     if report.problem:
-        raise InputError(f"bodies.{body.name}.shape.mesh: it is not the border of a solid, and mended {report.problem}")
+        raise InputError(
+            f"bodies.{body.name}.shape.mesh: it is not the border of a solid, and after repair {report.problem}"
+        )
     return solid, tuple(f"{body.name}: {sentence}" for sentence in report.repairs)

@@ -1,7 +1,7 @@
-"""`dcap drop --load-aware`: bodies of a case that nobody would see give under the load become rigid.
+"""`dcap drop --load-aware`: bodies of a case with an invisible deflection under the load become rigid.
 
 In: a checked case. Out: the same case with `model: rigid` where the predicted deflection is below a bound, and one
-sentence for each. Only bodies with `model: auto`; what is asked to be soft stays soft.
+sentence for each. Only bodies with `model: auto`; bodies requested as soft stay soft.
 """
 
 from pathlib import Path
@@ -14,7 +14,7 @@ from tasks.case.solid import CaseSolid
 
 
 def load_aware(case: Case, folder: Path, invisible: float) -> tuple[Case, list[str]]:
-    """Make rigid what gives less than `invisible` [m] under the weight of all free bodies together.
+    """Make bodies rigid that give less than `invisible` [m] under the weight of all free bodies together.
 
     Hertz's indentation by the smallest curvature there is, and bending as a bar clamped at one end, unless the body is
     clamped at its bottom: then a bar as high as it is. Without a free body or gravity there is no load to predict from
@@ -40,7 +40,7 @@ def load_aware(case: Case, folder: Path, invisible: float) -> tuple[Case, list[s
 
 
 def sides_of(solid: CaseSolid) -> tuple[float, float, float]:
-    """Length, width and thickness [m] of the bar that a body is at most."""
+    """Length, width and thickness [m] of the bar that represents a body."""
     if solid.primitive is not None:
         extent = 2.0 * solid.primitive.half_extents
     else:

@@ -1,7 +1,7 @@
-"""What was asked of the orientation, compared with the rest state: rows for the certificate and lines for people.
+"""Compares the requested orientation with the rest state: rows for the certificate and lines for people.
 
-In: the pose that was asked, as directions of the mesh and the world, and the object before and after the drop. Out: a
-row for each pose, facing and turn that was asked.
+In: the requested pose, as directions of the mesh and the world, and the object before and after the drop. Out: a row
+for each requested pose, facing and turn.
 """
 
 import numpy as np
@@ -16,10 +16,10 @@ from dcap.scene.types.settled import PoseCheck
 Array = NDArray[np.float64]
 
 ON_END = ("standing", "upright", "leaning")
-"""Poses of flat and long things that lie where they are not met."""
-NOT_KNOWN = "nothing tells where it should look"
+"""Poses of flat and long things that lie down if they are not met."""
+NOT_KNOWN = "the direction that it should face is unknown"
 LEVEL = 0.3  # horizontal part of a unit vector below which it looks up or down [-]
-UPRIGHT = np.cos(np.pi / 4.0)  # a direction that is nearer to the vertical than this is up or down
+UPRIGHT = np.cos(np.pi / 4.0)  # angle to the vertical below which a direction is up or down
 
 
 def pose_checks(
@@ -30,14 +30,14 @@ def pose_checks(
     turned: float,
     bounds: tuple[float, float],
 ) -> tuple[PoseCheck, ...]:
-    """A row for each pose, facing and turn that was asked.
+    """A row for each requested pose, facing and turn.
 
     Args:
-        asked: the pose as directions of the mesh; None: nothing was asked.
+        asked: the pose as directions of the mesh; None: nothing was requested.
         orientation: the request in words.
         world_from_object: the pose before the drop, shape (4, 4).
-        quaternion_wxyz: what the drop turned it by.
-        turned: the part of that about the vertical [rad]; all there is of a facing where nobody can tell the way.
+        quaternion_wxyz: rotation by the drop.
+        turned: its part about the vertical [rad]; the only measure of a facing whose direction is unknown.
         bounds: largest angles that meet a pose and a facing [rad].
     """
     if asked is None:
@@ -49,7 +49,7 @@ def pose_checks(
         rows.append(pose_row(asked, before, after, bounds[0]))
     wishes = [f"facing {orientation.facing}"] if orientation.facing else []
     wishes += [f"turned by {orientation.turn_deg:g} degrees"] if orientation.turn_deg else []
-    angle = turned if asked.looks is None or asked.ahead is None else off(after @ asked.looks, asked.ahead)
+    angle = turned if asked.looks is None or asked.ahead is None else angle_off(after @ asked.looks, asked.ahead)
     words = f"{np.degrees(angle):.0f} degrees off"
     for wish in wishes:
         unsure = NOT_KNOWN if asked.ahead is None else asked.facing_doubt if wish.startswith("facing") else ""
@@ -73,8 +73,8 @@ def pose_row(asked: AskedPose, before: Array, after: Array, bound: float) -> Pos
     return PoseCheck(asked.name, found, angle, bound, met, asked.doubt)
 
 
-def off(looks: Array, ahead: Array) -> float:
-    """Angle between where it looks and a horizontal direction, seen from above unless it looks up or down [rad]."""
+def angle_off(looks: Array, ahead: Array) -> float:
+    """Angle between the direction it faces and a horizontal one, seen from above unless it faces up or down [rad]."""
     flat = looks * (1.0, 1.0, 0.0)
     length = float(np.linalg.norm(flat))
     way = flat / length if length > LEVEL else looks
@@ -87,7 +87,7 @@ def tilt(direction: Array) -> float:
 
 
 def pose_name(up: Array, front: Array) -> str:
-    """What a thing's own upright axis and front show, both in the world."""
+    """Name of the pose in which a thing's own upright axis and front have these directions in the world."""
     if abs(up[2]) > UPRIGHT:
         return "upright" if up[2] > 0.0 else "upside_down"
     left = np.cross(up, front)
@@ -104,8 +104,8 @@ def pose_warnings(rows: tuple[PoseCheck, ...]) -> tuple[str, ...]:
         if not row.met:
             found, angle = row.found.replace("_", " "), np.degrees(row.angle_rad)
             lines.append(
-                f"asked {what}, found {found}: {angle:.0f} degrees off; look at the pictures, or try --object-up"
+                f"requested {what}, found {found}: {angle:.0f} degrees off; look at the pictures, or try --object-up"
             )
         elif row.doubt:
-            lines.append(f"asked {what}: {row.doubt}; look at the pictures, and try --object-up if it is not")
+            lines.append(f"requested {what}: {row.doubt}; look at the pictures, and try --object-up if it is not")
     return tuple(Caution(Cause.NOT_MET, line) for line in lines)

@@ -1,4 +1,4 @@
-"""The solver's result in the words of the pipeline."""
+"""The solver's result as a type of the pipeline."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 
 
 def settled_of(particles: Particles, result: SettledModel) -> Settled:
-    """The solver's result as the pipeline stores it, not yet compared with what was asked."""
+    """The solver's result in the form that the pipeline stores, not yet compared with the request."""
     bodies = [_body(body, rest) for body, rest in zip(particles.bodies, result.bodies, strict=True)]
     return Settled(
         verdict=result.verdict,

@@ -1,7 +1,8 @@
 """Stage 8, drop: from bodies and a pre-drop pose to the state at rest, or to the reason why there is none.
 
-In: particles (bodies as arrays), the anchor (what was asked) and the intent. Out: `Settled` with verdict `at_rest`,
-its contacts and certificate, or `Infeasible` with the drop's reason code and the same certificate as evidence.
+In: particles (bodies as arrays), the anchor (the requested place) and the intent. Out: `Settled` with verdict
+`at_rest`, its contacts and certificate, or `Infeasible` with the drop's reason code and the same certificate as
+evidence.
 """
 
 import logging
@@ -39,7 +40,7 @@ Array = NDArray[np.float64]
 LOG = logging.getLogger(__name__)
 
 PART = "part:"
-FOOT = 0.25  # of what leans, over its height: contact above it is with what it leans on [-]
+FOOT = 0.25  # share of a leaning object's height above which contact is with the thing that it leans on [-]
 REPORTED = 10  # steps between two lines of progress
 
 
@@ -50,22 +51,23 @@ class DropConfig(BaseModel, frozen=True, extra="forbid"):
     threads: NonNegativeInt = 0
     """Worker threads, 0: all cores; never changes a result."""
     topple_angle: PositiveFloat = 0.7854
-    """Change of the object's own tilt that is toppling, where an orientation was asked [rad]."""
+    """Change of the object's own tilt that counts as toppling, if an orientation was requested [rad]."""
     turn_angle: PositiveFloat = 0.7854
-    """Turn about the vertical that is looking elsewhere, where a facing was asked [rad]."""
+    """Turn about the vertical that misses a requested facing [rad]."""
     lean_angle: PositiveFloat = 0.2618
-    """Change of the tilt of what leans that is sliding down or falling back [rad]."""
+    """Change of a leaning object's tilt that counts as sliding down or falling back [rad]."""
     held_share: PositiveFloat = 0.005
-    """Share of all force on what leans that must come from what it leans on [-]."""
+    """Least share of all force on a leaning object that comes from the thing that it leans on [-]."""
     foreseen_share: PositiveFloat = 0.5
-    """Share of the contact's points that must lie where it was foreseen; else it is resolved there too [-]."""
+    """Least share of the contact's points inside the predicted patch; else the contact is resolved at its place too
+    [-]."""
     object_share: PositiveFloat = 0.5
-    """Share of the object's weight that the base must carry for the object to be on it [-]."""
+    """Least share of the object's weight that the base carries for the object to be on it [-]."""
 
 
 def drop(particles: Particles, anchor: Anchor, intent: Intent, seed: int, config: DropConfig) -> Settled | Infeasible:
-    """Settle the object and judge the outcome against what was asked."""
-    from solver.settle import settle  # loads Taichi, seconds for whoever does not simulate
+    """Settle the object and compare the outcome with the request."""
+    from solver.settle import settle  # loads Taichi, which costs seconds
 
     model = solver_model(particles, (0.0, 0.0, -GRAVITY))
     solver, told = able(model, config.solver.model_copy(update={"threads": config.threads, "seed": seed}))
@@ -83,14 +85,14 @@ def drop(particles: Particles, anchor: Anchor, intent: Intent, seed: int, config
     settled = with_checks(replace(settled, warnings=settled.warnings + told), particles, anchor, intent, config)
     moving = settled.verdict is Verdict.NO_EQUILIBRIUM
     if not moving and (toppled := toppling(settled, intent)) is not None:
-        return toppled  # also where it went on to leave the simulated region: falling over came first
+        return toppled  # also if it then left the simulated region: falling over came first
     if settled.verdict is not Verdict.AT_REST:
         return Infeasible(Reason(settled.verdict), _story(settled, particles), last_state(settled))
     return judge(settled, anchor)
 
 
 def able(model: Model, config: SolverConfig) -> tuple[SolverConfig, tuple[str, ...]]:
-    """The configuration, with tl where mls has no material to simulate, and what to tell of that."""
+    """The configuration, with tl if mls has no material to simulate, and a note on it."""
     if config.method != "mls" or model.soft_bodies:
         return config, ()
     instead = Caution(Cause.NOT_MET, "solver mls: everything is rigid, so that tl settled it")
@@ -103,7 +105,7 @@ def _progress(step: int, seconds: float, signals: Signals) -> None:
 
 
 def with_checks(settled: Settled, particles: Particles, anchor: Anchor, intent: Intent, config: DropConfig) -> Settled:
-    """With what was asked of the rest state."""
+    """Add the requirements on the rest state to its certificate."""
     turned, orientation = settled.bodies[0].quaternion, intent.orientation
     share = CertificateRow.at_least(carried_share(settled, particles, anchor.base_id), config.object_share)
     tilt = turn = None
@@ -133,22 +135,22 @@ def with_checks(settled: Settled, particles: Particles, anchor: Anchor, intent: 
         told.append(Caution(Cause.NOT_MET, f"it rests without leaning on {lean.on}"))
     if foreseen is not None and not foreseen.holds and len(settled.contact_points):
         told.append(
-            f"only {foreseen.value:.0%} of its contact lies where it was foreseen and cells were made for it: its dent "
-            "is coarser elsewhere"
+            f"only {foreseen.value:.0%} of the contact lies inside the predicted patch; outside it the grid is coarser "
+            "and the dent less accurate"
         )
     return replace(settled, checks=checks, warnings=(*settled.warnings, *told, *pose_warnings(poses)))
 
 
 def indentation(settled: Settled, particles: Particles, base_id: str) -> float:
-    """Largest way down of the surfaces of the base's bodies [m]."""
+    """Largest downward displacement of the surfaces of the base's bodies [m]."""
     mine = (end for end, start in zip(settled.bodies, particles.bodies, strict=True) if start.instance == base_id)
     return max((float(-end.displacement[:, 2].min(initial=0.0)) for end in mine), default=0.0)
 
 
 def points_on(settled: Settled, particles: Particles, soft: str) -> Array:
-    """Points (k, 3) at which the object lies on a soft body [m]; none where it lies on something else.
+    """Points (k, 3) at which the object lies on a soft body [m]; none if it lies on something else.
 
-    Of one that hops, and touches nothing just now, it is its point nearest to the others as they were before the drop.
+    For an object that hops, and touches nothing at this moment, its point nearest to the others before the drop.
     """
     nothing = np.zeros((0, 3))
     if len(settled.contact_points):
@@ -162,7 +164,7 @@ def points_on(settled: Settled, particles: Particles, soft: str) -> Array:
 
 
 def lies_on(settled: Settled, soft: str) -> bool:
-    """Whether most of what presses on the object is a soft body."""
+    """Whether most of the force on the object is by a soft body."""
     own = settled.bodies[0].name
     rows = [row for row in settled.contacts if own in (row.a, row.b)]
     force = sum(row.normal_force_n for row in rows)
@@ -170,8 +172,8 @@ def lies_on(settled: Settled, soft: str) -> bool:
 
 
 def unforeseen_end(outcome: Settled | Infeasible) -> EndPose | None:
-    """Return where the object came to rest, or moved on without end, if its contact there is not resolved as it should
-    be; None if it is, or if the object lay on nothing soft."""
+    """Return the pose in which the object came to rest, or moved on endlessly, if its contact there is not resolved
+    well enough; None if it is, or if the object lay on nothing soft."""
     own: SettledBody | LastState
     if isinstance(outcome, Settled):
         own, checks = outcome.bodies[0], outcome.checks
@@ -187,7 +189,7 @@ def unforeseen_end(outcome: Settled | Infeasible) -> EndPose | None:
 
 
 def lean_of(settled: Settled, particles: Particles, anchor: Anchor, config: DropConfig) -> LeanCheck | None:
-    """How it leans at rest beside how it was asked to; None where it was not, or stands by itself."""
+    """Leaning at rest compared with the request; None without a request, or if the object stands by itself."""
     if anchor.lean is None or anchor.lean.angle == 0.0:
         return None
     after = Rotation.from_quat(settled.bodies[0].quaternion, scalar_first=True).apply(anchor.lean.axis)
@@ -202,8 +204,8 @@ def lean_of(settled: Settled, particles: Particles, anchor: Anchor, config: Drop
 
 
 def held_share(settled: Settled, particles: Particles, anchor: Anchor) -> float:
-    """Normal force between the object and what it leans on over all normal force on it [-]; of a part of the base, with
-    which the contact is one, the share of the contact's points that are not at the foot."""
+    """Normal force between the object and the thing that it leans on over all normal force on it [-]; for a part of the
+    base, whose contact is one with the foot's, the share of the contact's points that are not at the foot."""
     assert anchor.lean is not None
     own, on = particles.bodies[0].name, anchor.lean.on
     if on.startswith(PART):
@@ -218,13 +220,13 @@ def held_share(settled: Settled, particles: Particles, anchor: Anchor) -> float:
 
 
 def checks_of(settled: Settled) -> PlacementChecks:
-    """What `with_checks` added."""
+    """Checks that `with_checks` added."""
     assert settled.checks is not None
     return settled.checks
 
 
 def judge(settled: Settled, anchor: Anchor) -> Settled | Infeasible:
-    """At rest, but is it on the base?"""
+    """Refuse a rest state in which the base does not carry the object."""
     carried = checks_of(settled).carried_share
     if not carried.holds:
         message = f"the object rests, but {anchor.base_id} carries only {carried.value:.0%} of its weight"
@@ -233,7 +235,7 @@ def judge(settled: Settled, anchor: Anchor) -> Settled | Infeasible:
 
 
 def toppling(settled: Settled, intent: Intent) -> Infeasible | None:
-    """The object has tilted away from a pose, or turned away from a facing, that was asked for."""
+    """Infeasible if the object has tilted away from a requested pose, or turned away from a requested facing."""
     checks = checks_of(settled)
     asked = intent.orientation.facing if intent.orientation.pose == "any" else intent.orientation.pose
     lean = None if checks.lean is None else checks.lean.change_rad
@@ -244,7 +246,7 @@ def toppling(settled: Settled, intent: Intent) -> Infeasible | None:
     ):
         if check is not None and not check.holds:
             angle, bound = np.degrees([check.value, check.threshold])
-            message = f"the object {what}: {angle:.0f} degrees from what was asked ({wanted}; bound {bound:.0f})"
+            message = f"the object {what}: {angle:.0f} degrees from the requested one ({wanted}; bound {bound:.0f})"
             return Infeasible(Reason.TOPPLED, message, last_state(settled))
     return None
 
@@ -280,7 +282,7 @@ def turn_of(quaternion_wxyz: Array) -> float:
 
 
 def left_by(settled: Settled, particles: Particles) -> str:
-    """Which free body touches nothing any more: the object, or else a thing that was placed before."""
+    """The free body that touches nothing any more: the object, or an earlier placed thing."""
     touching = {name for row in settled.contacts for name in (row.a, row.b)}
     loose = [body.name for body in particles.bodies if not body.fixed and body.name not in touching]
     own = particles.bodies[0].name
@@ -288,7 +290,7 @@ def left_by(settled: Settled, particles: Particles) -> str:
 
 
 def last_state(settled: Settled) -> LastState:
-    """What an infeasible outcome keeps of the last state."""
+    """Parts of the last state that an infeasible outcome keeps."""
     own = settled.bodies[0]
     assert settled.certificate is not None  # it was dropped
     return LastState(

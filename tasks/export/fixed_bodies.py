@@ -24,15 +24,15 @@ from tasks.export.free_body import constants, unique
 Array = NDArray[np.float64]
 
 MARGIN, LEAST_MARGIN, MOST_MARGIN = 0.3, 0.03, 0.1
-"""The box around the object: so much of its larger side, at least and at most so many metres on each side."""
+"""Margin of the box around the object on each side: over its larger side [-], and its least and largest value [m]."""
 ROOM = 0.01
-"""What was not simulated stays this far from the object's own box [m]: it may be in the drop's way, but was not."""
+"""Distance of things that were not simulated from the object's own box [m], as they were not in the drop's way."""
 REACH = 0.5
-"""What is nearer to the object than this [m] is decomposed."""
+"""Distance to the object within which things are decomposed [m]."""
 COARSE, COARSE_BUDGETS, COARSE_DEPTH = 0.01, (1000, 300, 100), 0.05
 """Walls and floors: tolerance [m], faces of each, depth of their prisms [m]."""
 SHELL, SHELL_BUDGETS = 0.005, (1000, 500, 250)
-"""Of open surfaces in reach, most of them scanned: the same."""
+"""Open surfaces in reach, most of them scanned: tolerance [m], faces of each, depth of their prisms [m]."""
 UNASSIGNED = "unassigned"
 
 
@@ -57,7 +57,7 @@ class NearBox:
         return np.flatnonzero(((corner.max(axis=1) >= self.low) & (corner.min(axis=1) <= self.high)).all(axis=1))
 
     def reaches(self, mesh: Mesh) -> bool:
-        """Whether some of a mesh is near enough to be decomposed."""
+        """Whether a part of a mesh is near enough to be decomposed."""
         corner = mesh.triangles
         low, high = self.object + np.array([[-REACH], [REACH]])
         return bool(((corner.max(axis=1) >= low) & (corner.min(axis=1) <= high)).all(axis=1).any())
@@ -66,7 +66,7 @@ class NearBox:
 def fixed_bodies(
     scene: Segmentation, settled: Settled, particles: Particles, materials: PartMaterials | None
 ) -> tuple[list[FixedBody], float]:
-    """Every thing of the settled scene, and how far the patches are from the settled surfaces at most [m]."""
+    """All things of the settled scene, and the largest distance of the patches from the settled surfaces [m]."""
     near = NearBox(settled)
     simulated: dict[str, list[tuple[SettledBody, SimulationBody]]] = {}
     for body, start in zip(settled.bodies[1:], particles.bodies[1:], strict=True):
@@ -99,7 +99,7 @@ def fixed_bodies(
 
 
 def seen_parts(scene: Segmentation, index: int, one: Instance, materials: PartMaterials | None) -> tuple[SeenPart, ...]:
-    """What is seen of a thing, part by part."""
+    """Visible meshes of a thing, part by part."""
     mine, known = scene.face_instance == index, constants(materials, one.id)
     names = unique([part.name for part in one.parts])
     found = []

@@ -1,4 +1,4 @@
-"""The object as an exported rigid body: its frame, what is seen of it, its convex pieces and its inertia at rest."""
+"""The object as an exported rigid body: its frame, its visible mesh, its convex pieces and its inertia at rest."""
 
 from dataclasses import dataclass
 
@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 OBJECT = "object"
 NEIGHBOURS = 8  # surface points whose displacements, weighted by inverse squared distance, move a point inside
-LEAST_DISTANCE = 1e-6  # of a point from its neighbours in such weights [m]
+LEAST_DISTANCE = 1e-6  # least distance of a point from its neighbours in such weights [m]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -49,7 +49,7 @@ def free_body(
     item: Segmentation, anchor: Anchor, materials: PartMaterials | None, body: SettledBody, start: SimulationBody,
     touched: Array,
 ) -> FreeBody:  # fmt: skip
-    """The object at rest; `start` is its body before the drop, `touched` points of what it may touch (n, 3) [m]."""
+    """The object at rest; `start` is its body before the drop, `touched` are points that it may touch (n, 3) [m]."""
     pose, parts = settled_pose(anchor, body), item.instances[0]
     thing = settled_item(item, anchor, body)
     faces_of = [np.flatnonzero(item.face_part == index) for index in range(len(parts.parts))]
@@ -74,7 +74,7 @@ def free_body(
 
 
 def settled_pose(anchor: Anchor, body: SettledBody) -> BodyFrame:
-    """That of the object's own origin and axes, as placement.json has it: without the scale."""
+    """Pose of the object's own origin and axes, as in placement.json: without the scale."""
     turn = Rotation.from_quat(body.quaternion, scalar_first=True).as_matrix()
     linear = anchor.world_from_object[:3, :3]
     return BodyFrame(
@@ -85,7 +85,7 @@ def settled_pose(anchor: Anchor, body: SettledBody) -> BodyFrame:
 def settled_inertial(body: SettledBody, start: SimulationBody, pose: BodyFrame) -> InertialProperties:
     """Mass, centre of mass and inertia at rest, in the body's frame.
 
-    Of a soft body those of its material points, each moved as the surface around it: their displacements beyond the
+    For a soft body those of its material points, each moved with the surface around it: their displacements beyond the
     rigid motion, weighted by inverse squared distance.
     """
     turn = Rotation.from_quat(body.quaternion, scalar_first=True).as_matrix()
@@ -109,7 +109,7 @@ def settled_inertial(body: SettledBody, start: SimulationBody, pose: BodyFrame) 
 
 
 def frictions_of(hulls: list[Mesh], surface: Mesh, start: SimulationBody) -> list[ContactFriction]:
-    """The friction of each piece: that of most of the surface in it, by area."""
+    """The friction of each piece: the one with the largest area on its surface."""
     if start.face_friction is None:
         return [start.friction] * len(hulls)
     middle, area = surface.triangles.mean(axis=1), surface.face_areas
@@ -128,7 +128,7 @@ def constants(materials: PartMaterials | None, body: str) -> dict[int, Material]
 
 
 def unique(names: list[str]) -> list[str]:
-    """The names, with numbers behind those that come again."""
+    """The names, with numbers after repeated ones."""
     used: dict[str, int] = {}
     result = []
     for name in names:

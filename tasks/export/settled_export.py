@@ -1,4 +1,4 @@
-"""From what the stages returned to what is exported.
+"""Turns the results of the stages into the exported scene.
 
 In: the segmented scene and object, the anchor, the materials, the simulated bodies and the settled state. Out: an
 `ExportScene`, the same for the same values.
@@ -11,7 +11,14 @@ from scipy.spatial.transform import Rotation
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.solid.surface_prisms import samples
 from dcap.scene.types.anchor import Anchor
-from dcap.scene.types.export_scene import ContactPatch, ExportScene, FixedBody, FreeBody, PieceFriction, instead
+from dcap.scene.types.export_scene import (
+    ContactPatch,
+    ExportScene,
+    FixedBody,
+    FreeBody,
+    PieceFriction,
+    replace_friction,
+)
 from dcap.scene.types.materials import ContactFriction, PartMaterials
 from dcap.scene.types.particles import Particles
 from dcap.scene.types.segmentation import Segmentation
@@ -21,7 +28,8 @@ from tasks.export.free_body import free_body
 from tasks.render.settled_meshes import settled_scene
 
 TOUCHING = 0.02
-"""Shapes whose boxes are this near at rest [m] have the friction of their pair, if the piece's is not the main one."""
+"""Distance between boxes at rest within which shapes have the friction of their pair, if the piece's is not the main
+one [m]."""
 
 
 def export_scene(
@@ -32,7 +40,7 @@ def export_scene(
     particles: Particles,
     settled: Settled,
 ) -> ExportScene:
-    """Everything that is exported of a placement at rest."""
+    """The exported scene of a placement at rest."""
     after = settled_scene(scene, settled, anchor.base_id).scene
     fixed, deviation = fixed_bodies(after, settled, particles, materials)
     near = NearBox(settled)
@@ -51,7 +59,7 @@ def export_scene(
 
 
 def resting_friction(fixed: list[FixedBody], contact: NDArray[np.float64], alone: ContactFriction) -> ContactFriction:
-    """The pair's friction on the patch that most points of the contact (k, 3) are nearest to; without one `alone`."""
+    """The pair's friction on the patch nearest to most points of the contact (k, 3); `alone` without a patch."""
     patches = [patch for one in fixed for patch in one.patches]
     if not patches or not len(contact):
         return patches[0].friction if patches else alone
@@ -61,7 +69,7 @@ def resting_friction(fixed: list[FixedBody], contact: NDArray[np.float64], alone
 
 
 def pairs_of(thing: FreeBody, fixed: list[FixedBody]) -> tuple[PieceFriction, ...]:
-    """The pairs of shapes near one another whose friction is not that of the fixed one: pieces of other parts."""
+    """Pairs of nearby shapes whose friction differs from the fixed shape's: pieces of other parts."""
     turn = Rotation.from_quat(thing.quaternion, scalar_first=True).as_matrix()
     found = []
     for piece in thing.pieces:
@@ -70,7 +78,7 @@ def pairs_of(thing: FreeBody, fixed: list[FixedBody]) -> tuple[PieceFriction, ..
         points = piece.mesh.vertices @ turn.T + thing.position
         low, high = points.min(axis=0) - TOUCHING, points.max(axis=0) + TOUCHING
         for patch in (patch for one in fixed for patch in one.patches):
-            friction = instead(patch.friction, thing.friction, piece.friction)
+            friction = replace_friction(patch.friction, thing.friction, piece.friction)
             bounds = np.array([prism.bounds for prism in patch.prisms]).reshape(-1, 2, 3)
             near = ((bounds[:, 0] <= high) & (bounds[:, 1] >= low)).all(axis=1)
             found += [PieceFriction(piece.name, patch.name, int(k), friction) for k in np.flatnonzero(near)]

@@ -1,8 +1,8 @@
-"""Which of the things that were placed before the object may touch or move: those take part in the drop.
+"""Finds the earlier placed things that the object may touch or move: those take part in the drop.
 
 Those whose box comes near the object's start; those that rest on, carry or touch one of them; those that lie in the
-same dent, and where the object's support is dented within reach, those that dented it. Of these only what the same
-instance carries in the end counts: a thing on the table beside the bed stays where it is.
+same dent, and where the object's support is dented within reach, those that dented it. Of these only things that
+the same instance carries count: a thing on the table next to the bed stays in place.
 """
 
 import numpy as np
@@ -16,20 +16,20 @@ from dcap.scene.types.segmentation import Segmentation
 Array = NDArray[np.float64]
 
 ASIDE, LEAST_ASIDE = 0.75, 0.15
-"""The object may touch what is within this times its larger horizontal side of its start, at least so far [-, m]: as
-far as its support takes part in the drop."""
+"""Horizontal reach of the object from its start, over its larger horizontal side, and at least [-, m]: as far as its
+support takes part in the drop."""
 BELOW = 0.12
-"""... and what is so far below or above it [m]: deeper than any dent."""
+"""Vertical reach of the object [m]: deeper than any dent."""
 TOUCHING = 5e-3
-"""Boxes that are this near may touch as things settle anew [m]."""
+"""Distance within which boxes may touch as things settle again [m]."""
 FELT = 1e-4
-"""A surface that has moved farther is dented [m]."""
+"""Displacement beyond which a surface counts as dented [m]."""
 
 
 def things_in_reach(
     scene: Segmentation, mesh: Mesh, anchor: Anchor, earlier: EarlierPlacements
 ) -> tuple[list[str], list[str]]:
-    """Ids of the placed things that take part, and of those that are near but rest on something else.
+    """Ids of the placed things that take part, and of nearby ones that rest on something else.
 
     `mesh` is the object at its start.
     """
@@ -52,7 +52,7 @@ def things_in_reach(
 
 
 def closed(found: set[str], earlier: EarlierPlacements, boxes: dict[str, Array]) -> set[str]:
-    """With all that touches one of them or lies in the same dent, and so on."""
+    """The things with all that touch one of them or lie in the same dent, and so on."""
     while True:
         more = set(found)
         for a, b in earlier.touching:
@@ -66,7 +66,7 @@ def closed(found: set[str], earlier: EarlierPlacements, boxes: dict[str, Array])
 
 
 def reached_box(mesh: Mesh) -> Array:
-    """Where the object may come [m], shape (2, 3)."""
+    """Box that the object may reach [m], shape (2, 3)."""
     low, high = mesh.bounds
     margin = max(ASIDE * float((high - low)[:2].max()), LEAST_ASIDE)
     away = np.array([margin, margin, BELOW])

@@ -1,9 +1,9 @@
-"""Stage freed: of a scene in which things were placed before, where the next drop starts.
+"""Stage freed: start of the next drop in a scene with earlier placed things.
 
-In: the scan with what is known of earlier placements, the scene, the object and its anchor. Out: `FreedThings`: the
+In: the scan with the record of earlier placements, the scene, the object and its anchor. Out: `FreedThings`: the
 things in reach, which take part as free bodies, lifted out of their dents; the scene with those dents undone; and the
-object's start above them. Things out of reach stay where they are, and so do their dents. `freed_scene` and
-`freed_anchor` hand on what later stages take instead of scene and anchor.
+object's start above them. Things out of reach keep their places and their dents. `freed_scene` and
+`freed_anchor` return scene and anchor for the later stages.
 """
 
 from dataclasses import replace
@@ -20,7 +20,7 @@ from tasks.freed.reach import things_in_reach
 from tasks.freed.unloaded import bottom_up, faces_around, height_over, lifted, unloaded
 
 DEEPEST = 0.08
-"""The surface is looked for from so far above where it is dented [m]."""
+"""Height above a dent from which the surface is searched [m]."""
 
 
 def freed(scan: Scan, scene: SegmentedScene, item: SegmentedObject, anchor: Anchor) -> FreedThings:
@@ -48,12 +48,12 @@ def freed(scan: Scan, scene: SegmentedScene, item: SegmentedObject, anchor: Anch
 
 
 def freed_scene(freed: FreedThings) -> SegmentedScene:
-    """The scene that the drop starts in."""
+    """The scene at the start of the drop."""
     return SegmentedScene(freed.scene)
 
 
 def freed_anchor(freed: FreedThings) -> Anchor:
-    """Where the object starts."""
+    """The anchor at the start of the drop."""
     return freed.anchor
 
 
@@ -63,7 +63,7 @@ freed_anchor_task = stage(freed_anchor)
 
 
 def above(anchor: Anchor, start: Segmentation, raised: float) -> Anchor:
-    """The anchor raised [m], its surface point on what is there now."""
+    """The anchor raised [m], with its surface point on the present surface."""
     pose = anchor.world_from_object.copy()
     pose[2, 3] += raised
     base = Raycaster(start.instance_mesh(start.index_of(anchor.base_id)))
@@ -73,7 +73,7 @@ def above(anchor: Anchor, start: Segmentation, raised: float) -> Anchor:
 
 
 def notes(scene: Segmentation, own: list[str], others: list[str], heights: dict[str, float]) -> list[str]:
-    """What is said of the things."""
+    """Notes on the things."""
     label = {one.id: one.label for one in scene.instances}
     found = [
         f"{one} ({label[one]}), placed before, is in reach: a free body, which starts {1e3 * heights[one]:.1f} mm "

@@ -1,7 +1,7 @@
-"""The scene without the dents of some things, and those things lifted out of them: where they would begin to sink in.
+"""The scene without the dents of some things, and those things lifted to where they would begin to sink in.
 
-A dent is elastic: lifted off, what lies in it would leave a surface that springs back. So a drop in which that thing
-takes part starts from the unloaded surface with the thing just above it, turned as it rests, and it sinks in again.
+A dent is elastic: the surface springs back once the thing in it is lifted off. So a drop in which that thing takes part
+starts from the unloaded surface with the thing just above it, in its rest orientation, and it sinks in again.
 """
 
 from collections.abc import Sequence
@@ -20,15 +20,15 @@ from dcap.scene.types.segmentation import Segmentation
 Array = NDArray[np.float64]
 
 GAP = 1e-3
-"""Height over what is below at which a lifted thing starts [m]: a tenth of the object's own."""
+"""Height over the surface below at which a lifted thing starts [m]: a tenth of the object's own."""
 HIGHER = 5e-3
-"""The height above all that it may meet from which its way down is measured [m]."""
+"""Height above all possible obstacles from which its way down is measured [m]."""
 AROUND = 0.05
-"""What is farther than this from a thing in plan is not in its way [m]."""
+"""Distance in plan beyond which nothing is in a thing's way [m]."""
 
 
 def unloaded(scene: Segmentation, deformations: Sequence[Deformation]) -> Segmentation:
-    """The scene with those surfaces in their unloaded shape."""
+    """The scene with the deformed surfaces in their unloaded shape."""
     vertices = scene.mesh.vertices.copy()
     for one in deformations:
         mine = np.unique(scene.mesh.faces[scene.face_instance == scene.index_of(one.instance)])
@@ -40,8 +40,8 @@ def unloaded(scene: Segmentation, deformations: Sequence[Deformation]) -> Segmen
 
 
 def lifted(scene: Segmentation, things: Sequence[str], most: float) -> tuple[Segmentation, dict[str, float]]:
-    """The scene with each of the things `GAP` above all that is below it, from the bottom up, and how far each went up
-    [m]; `most` is the largest depth [m] that one may be in what was dented."""
+    """The scene with each of the things `GAP` above everything below it, from the bottom up, and the lift of each [m];
+    `most` is the largest possible depth in a dent [m]."""
     for one in things:
         scene = replace(scene, mesh=with_own_vertices(scene.mesh, scene.face_instance == scene.index_of(one)))
     vertices = scene.mesh.vertices.copy()
@@ -59,7 +59,7 @@ def lifted(scene: Segmentation, things: Sequence[str], most: float) -> tuple[Seg
 
 
 def bottom_up(mesh_of: dict[str, Mesh]) -> list[str]:
-    """The things by the height of their middles: what lies on another one comes after it."""
+    """The things by the height of their middles: a thing on another one comes after it."""
     return sorted(mesh_of, key=lambda one: float(mesh_of[one].bounds[:, 2].mean()))
 
 
@@ -72,7 +72,7 @@ def faces_around(mesh: Mesh, thing: Mesh, allowed: NDArray[np.bool_]) -> Mesh:
 
 
 def height_over(thing: Mesh, around: Mesh, most: float, gap: float) -> float:
-    """How far a thing goes up to be a gap [m] above what is below it, at most about `most` [m] more than that; never
+    """Lift that brings a thing a gap [m] above everything below it, at most about `most` [m] more than that; never
     down."""
     if not len(around.faces):
         return 0.0

@@ -1,1 +1,1 @@
-"""Stage 3, intent: what the sentence asks for."""
+"""Stage 3, intent: reading of the sentence."""

@@ -1,4 +1,4 @@
-"""Where on the base the object goes: as the sentence says, or at the point that the user gave."""
+"""The object's place on the base: from the sentence, or the point that the user gave."""
 
 from dataclasses import dataclass
 
@@ -22,7 +22,7 @@ class WantedPlace:
 
 
 def place_of(reply: IntentReply, pointed: Pointed | None) -> WantedPlace:
-    """The sentence's region; a given point comes before it, which is told where the sentence has one."""
+    """The sentence's region; a given point overrides it, with a note if the sentence has one."""
     limits = region_constraints(reply.constraints)
     said = RegionRequest(reply.part, reply.regions, reply.references, reply.region_words, reply.which, limits)
     if pointed is None or not len(pointed.point):

@@ -1,4 +1,4 @@
-"""The question of the intent: the sentence, what there is, and where labels are unsure numbered pictures of it."""
+"""The intent's question: the sentence, the scene's things, and numbered pictures of them if labels are uncertain."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -13,13 +13,13 @@ from tasks.requests.marks import marked, numbers_of, plan_picture, room_pictures
 from tasks.requests.views import instance_views, object_view, room_center
 
 UNSURE = 0.9
-"""A scene with labels below this is shown as well as told [-]."""
+"""Confidence of a label below which the scene is also shown in pictures [-]."""
 VIEWS = 2
-"""Views over corners of the room, besides the plan [-]."""
+"""Number of views over corners of the room, besides the plan [-]."""
 
 
 def intent_request(scene: Segmentation, item: Segmentation, prompt: str, given_base: str) -> IntentRequest:
-    """What a client needs to choose; pictures are made only if it looks."""
+    """Information for the client's choice; pictures are made on demand."""
     views, pictures = instance_views(scene), tuple[Picture, ...]()
     if any(one.confidence < UNSURE and not one.structure for one in scene.instances):
         numbers = numbers_of(scene)
@@ -30,7 +30,7 @@ def intent_request(scene: Segmentation, item: Segmentation, prompt: str, given_b
 
 
 def set_of_marks(scene: Segmentation, numbers: Mapping[int, int]) -> tuple[Picture, ...]:
-    """The plan and the views, made together at the first look."""
+    """The plan and the views, made together on first use."""
 
     @cache
     def made() -> list[NDArray[np.uint8]]:

@@ -1,17 +1,17 @@
-"""How large a mesh is to be: as it is, by the unit it was written in, or as large as such things usually are.
+"""Decides a mesh's size: unchanged, by the unit it was written in, or the usual size of its kind.
 
-In: the shapes that such things have (folded, spread out ...), their spread, and the mesh's extents. Out: one isotropic
-factor, the shape that the mesh was compared with, and a sentence that says why. Every comparison is the median over the
-axes, sorted by length, of usual extent over the mesh's: one odd axis (a handle, a thickness that a mesh leaves out)
+In: the usual shapes of its kind (folded, spread out ...), their spread, and the mesh's extents. Out: one isotropic
+factor, the shape that the mesh was compared with, and a sentence with the reason. Every comparison is the median over
+the axes, sorted by length, of usual extent over the mesh's: one odd axis (a handle, a thickness that a mesh leaves out)
 decides nothing.
 
-A unit that the user gave is not doubted. Else a mesh whose median lies within the spread of one shape stays as it is.
-Else the unit is wrong, and what it should be is a guess that needs evidence. A file that states none may be in
-centimetres, inches or millimetres where the reader took metres: a unit counts if it brings the mesh within the spread,
-of several (centimetres and inches differ by 2.54 only) the one that comes nearest, and its exact factor keeps what is
-true of this very thing: a large mug stays a large mug. Where the file states its unit, or where the reader's
-centimetres would be guessed over by another guess, a unit must bring the mesh nearly to the usual size. Else the file
-has a unit of its own, nothing better is known than the usual size, and the mesh is scaled to that.
+A unit that the user gave is always used. Otherwise a mesh whose median lies within the spread of one shape is not
+changed. Otherwise the unit is wrong, and the right one is a guess that needs evidence. A file without a unit may be in
+centimetres, inches or millimetres though the reader assumed metres: a unit is accepted if it brings the mesh within the
+spread; of several (centimetres and inches only differ by 2.54) the nearest is taken. Its exact factor preserves the
+true size of the thing: a large mug stays a large mug. If the file states its unit, or if a guess would replace the
+reader's guess of centimetres, a unit must bring the mesh close to the usual size. Otherwise the file's unit is unknown,
+and the mesh is scaled to the usual size.
 """
 
 from dataclasses import dataclass
@@ -29,20 +29,20 @@ TAKEN_AS_CENTIMETRES = {
     "inches taken as centimetres": METRES["in"] / METRES["cm"],
     "millimetres taken as centimetres": METRES["mm"] / METRES["cm"],
 }
-"""Factor by what the file's unit really is, where the reader found none and took centimetres [-]."""
+"""Factor by the file's true unit, if the reader found none and assumed centimetres [-]."""
 OPTION = "--object-unit"
 OVERRIDE = f"{OPTION} m, cm, mm or in keeps another size"
 CONVINCING = 1.25
-"""A unit against what the file states, or against another guess, brings a mesh within this factor of the usual size."""
+"""Factor of the usual size within which a unit must bring a mesh to override the file's unit, or another guess."""
 SLACK = 1e-6
-"""Of the spread, for rounding."""
+"""Tolerance of the spread, for rounding."""
 THINNEST = 1e-3
-"""Of the longest extent: thinner is a plane whose thickness says nothing."""
+"""Thickness over the longest extent below which a mesh is a plane, whose thickness is ignored."""
 
 
 @dataclass(frozen=True, slots=True)
 class Rescale:
-    """An isotropic factor and what it rests on."""
+    """An isotropic factor and its reasons."""
 
     scale: float
     shape: Array
@@ -60,9 +60,10 @@ def rescale(
         extents: of the mesh [m], shape (3,).
         spread: real ones are between usual / spread and usual * spread.
         limits: smallest and largest factor.
-        unit_source: who said what the file's unit is: option, format or estimate.
+        unit_source: source of the file's unit: option, format or estimate.
 
-    Sorted by length inside. The shape is that in whose range the mesh lies, else that whose proportions it has.
+    Extents are sorted by length here. The shape is the one in whose range the mesh lies, else the one with its
+    proportions.
     """
     shapes, extents = np.sort(shapes, axis=1)[:, ::-1], np.sort(extents)[::-1]
     ratios = np.median(shapes / np.maximum(extents, 1e-9), axis=1)
@@ -94,7 +95,7 @@ def rescale(
 
 
 def possible_units(longest: float, unit_source: str) -> dict[str, float]:
-    """Factors that undo a unit that was read wrongly, for a mesh with this longest extent [m]."""
+    """Factors that correct a wrong unit, for a mesh with this longest extent [m]."""
     guessed = LIMITS[Role.OBJECT].metres_up_to, LIMITS[Role.OBJECT].centimetres_up_to
     read_as_centimetres = guessed[0] * METRES["cm"] < longest <= guessed[1] * METRES["cm"]
     if unit_source == "format" or not read_as_centimetres:
@@ -103,7 +104,7 @@ def possible_units(longest: float, unit_source: str) -> dict[str, float]:
 
 
 def needed(name: str, spread: float, unit_source: str) -> float:
-    """How near a unit must bring a mesh to the usual size, as a factor [-]."""
+    """Factor of the usual size within which a unit must bring a mesh [-]."""
     doubted = unit_source == "format" or name in TAKEN_AS_CENTIMETRES
     return min(spread, CONVINCING) if doubted else spread
 
@@ -114,11 +115,11 @@ def within(ratio: float, spread: float) -> bool:
 
 
 def misfit(shape: Array, extents: Array) -> float:
-    """How unlike the proportions are [-]: the range of the ratios' logarithms over the axes, both largest first."""
+    """Difference of the proportions [-]: the range of the ratios' logarithms over the axes, both largest first."""
     logs = [np.log(np.maximum(one, THINNEST * one[0]) if one[0] > 0.0 else np.ones(3)) for one in (shape, extents)]
     return float(np.ptp(logs[0] - logs[1]))
 
 
 def sizes(extents: Array) -> str:
-    """Extents for people."""
+    """Extents in words."""
     return " x ".join(f"{extent:.3g}" for extent in extents)

@@ -1,9 +1,9 @@
 """Stage 3, intent: one question about the sentence; its answer fixes base, size, mass, orientation and region.
 
-In: the segmented scene and object, the prompt, a mass where the user gives one. Out: `Intent`, or `target_not_found`
-with what there is; a choice that the prompt leaves open is asked back (see `which.py`). One isotropic factor makes the
-mesh as large as such things are (see `rescale.py`); a mesh of a plausible size stays as it is. The mass prior follows
-the size: with the volume, for hollow things with the surface, for sheets with the area.
+In: the segmented scene and object, the prompt, and the mass if the user gives one. Out: `Intent`, or `target_not_found`
+with a list of the scene's things; an ambiguous choice becomes a question to the user (see `which.py`). One isotropic
+factor gives the mesh the usual size of its kind (see `rescale.py`); a mesh of a plausible size is not changed. The mass
+prior follows the size: with the volume, for hollow things with the surface, for sheets with the area.
 """
 
 from typing import Literal
@@ -33,21 +33,21 @@ from tasks.intent.which import SURE_BY_SHAPE, doubted, settle_choice
 from tasks.requests.views import instance_of
 
 LONGEST_PROMPT = 1000
-"""Characters; more is no instruction to place one object."""
+"""Longest prompt [characters]; a longer one is not an instruction to place one object."""
 SHEET = 0.05
-"""Thickness over width below which a thing is a sheet: meshes of sheets have any thickness."""
+"""Thickness over width below which a thing is a sheet, whose mesh may have any thickness."""
 
 
 POINT_OR_NAME = "point at a place with --at X,Y,Z, or name things with dcap dataset label and --labels"
 
 
 class IntentConfig(BaseModel, frozen=True, extra="forbid"):
-    """Who is asked, and how far a mesh may be rescaled."""
+    """Language client, and limits of rescaling."""
 
     language: LanguageConfig = LanguageConfig()
     ambiguous: Literal["ask", "best"] = "ask"
-    """Where the sentence may mean another thing as well (with at least half of the best one's likelihood): ask which,
-    or take the likeliest and say so."""
+    """If the sentence may also mean another thing (with at least half of the best one's likelihood): ask which, or take
+    the likeliest with a note."""
     smallest_scale: PositiveFloat = 1e-3
     """Lower clamp of the isotropic factor [-]: millimetres read as metres."""
     largest_scale: PositiveFloat = 1e3
@@ -65,7 +65,7 @@ def intent(
     client: Client,
     pointed: Pointed | None = None,
 ) -> Intent | Infeasible:
-    """Ask once, then turn the priors into a scale and a mass; `pointed` decides the base, and perhaps the place."""
+    """Ask once, then turn the priors into a scale and a mass; `pointed` determines the base, and perhaps the place."""
     if len(prompt) > LONGEST_PROMPT:
         raise InputError(f"the prompt has {len(prompt)} characters > {LONGEST_PROMPT}")
     if mass is not None and not (np.isfinite(mass) and mass > 0):
@@ -106,7 +106,7 @@ intent_task = stage(intent)
 
 
 def candidates_of(reply: IntentReply, request: IntentRequest) -> tuple[SupportCandidate, ...]:
-    """The supports that may be meant, the one that is taken first."""
+    """The supports that may be meant, the chosen one first."""
     label = {one.id: one.label for one in request.instances}
     said = [SupportCandidate(one.id, label[one.id], one.likelihood) for one in reply.candidates]
     said.sort(key=lambda one: (one.id != reply.base_id, -one.score, one.id))
@@ -114,10 +114,10 @@ def candidates_of(reply: IntentReply, request: IntentRequest) -> tuple[SupportCa
 
 
 def not_found(reply: IntentReply, request: IntentRequest) -> Infeasible:
-    """The scene has no such thing; name what it has."""
+    """The refusal of a thing that the scene lacks, with a list of its things."""
     present = sorted({i.label for i in request.instances if not i.structure})
     structure = sorted({i.label for i in request.instances if i.structure})
-    there = ", ".join([*present, *structure]) or "nothing that has a name"
+    there = ", ".join([*present, *structure]) or "nothing with a name"
     meant = f" (did you mean the {reply.did_you_mean}?)" if reply.did_you_mean else ""
     missing = reply.missing.removeprefix("the ").removeprefix("a ")
     shapes = named_by_shape(reply, request)
@@ -131,14 +131,14 @@ def not_found(reply: IntentReply, request: IntentRequest) -> Infeasible:
 
 
 def not_sure(likeliest: Candidate, reply: IntentReply, request: IntentRequest) -> Infeasible:
-    """The refusal of a guess, which asks what is meant: a wrong guess would only show in the result."""
+    """The refusal of an uncertain guess, which asks the user: a wrong guess would only show in the result."""
     label = {one.id: one.label for one in request.instances}[likeliest.id]
     says = likeliest.id if label == NAMELESS else f"the {label} with id {likeliest.id}"
     present = tuple(sorted({one.label for one in request.instances if not one.structure}))
     return Infeasible(
         Reason.TARGET_NOT_FOUND,
-        f"which thing does {request.prompt!r} mean? Nobody named what is here: by its shape {likeliest.id} ({label}) "
-        f"is meant with likelihood {likeliest.likelihood:.2f}, and less than {SURE_BY_SHAPE:g} is not taken unasked. "
+        f"which thing does {request.prompt!r} mean? The scene has no labels: by its shape {likeliest.id} ({label}) "
+        f"is meant with likelihood {likeliest.likelihood:.2f}, below the limit of {SURE_BY_SHAPE:g}. "
         f"candidates.png shows everything with its id: say which in the sentence ({says!r}), point with "
         "--at X,Y,Z, name things with dcap dataset label and --labels, or take the likeliest with --ambiguous best",
         NotInScene(asked=request.prompt, present=present, object=reply.object_name),
@@ -146,7 +146,7 @@ def not_sure(likeliest: Candidate, reply: IntentReply, request: IntentRequest) -
 
 
 def named_by_shape(reply: IntentReply, request: IntentRequest) -> str:
-    """Where nobody named the things: what comes nearest to what is missing, and what settles it; else nothing."""
+    """For a scene without labels: the things nearest to the missing one, and a way to name it; else empty."""
     if not any(one.guesses for one in request.instances):
         return ""
     nearest = ", ".join(f"{one.id} ({one.likelihood:.2f})" for one in reply.candidates)
@@ -157,8 +157,8 @@ def named_by_shape(reply: IntentReply, request: IntentRequest) -> str:
 def scale_of(
     reply: IntentReply, extents: NDArray[np.float64], config: IntentConfig, unit_source: str = "estimate"
 ) -> Rescale:
-    """Isotropic factor for a mesh of these extents [m], the shape it was compared with, and why. `unit_source` says who
-    said what the file's unit is."""
+    """Isotropic factor for a mesh of these extents [m], the shape it was compared with, and the reason. `unit_source`
+    is the source of the file's unit."""
     shapes = np.array([reply.size, *reply.alternative_sizes])
     return rescale(shapes, extents, reply.spread, (config.smallest_scale, config.largest_scale), unit_source)
 
@@ -170,7 +170,7 @@ def mass_of(
     mass: float | None,
     config: IntentConfig,
 ) -> tuple[float, str]:
-    """Mass [kg] for the scaled extents where the usual ones are `shape` [m], both largest first, and why."""
+    """Mass [kg] for the scaled extents given the usual ones, `shape` [m], both largest first, and the reason."""
     if mass is not None:
         return float(mass), f"mass {mass:.3g} kg was given"
     ratio = size / shape

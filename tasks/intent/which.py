@@ -1,8 +1,8 @@
-"""A choice that a sentence leaves open: a question back that lists what may be meant, the same for all clients.
+"""Ambiguous choices of a sentence: a question to the user that lists the candidates, the same for all clients.
 
-In: a reply with how likely each thing is meant. Out: nothing where one thing is meant; else a LanguageError whose one
-line tells the candidates apart so that a person can answer, or, where no one is to be asked, a note that says which
-was taken. A thing that only its shape names must be likely by itself, too.
+In: a reply with the likelihood of each thing. Out: nothing if one thing is meant; else a LanguageError whose one line
+distinguishes the candidates so that a person can answer, or, if the user is not to be asked, a note on the chosen one.
+A thing known by its shape alone must also be likely by itself.
 """
 
 from collections.abc import Sequence
@@ -14,16 +14,16 @@ from dcap.scene.errors import LanguageError
 from dcap.scene.types.caution import Cause, Caution
 
 AS_LIKELY = 0.5
-"""Share of the best one's likelihood from which another may be meant as well [-]."""
+"""Least share of the best one's likelihood for another to be a candidate [-]."""
 SURE_BY_SHAPE = 0.6
-"""Likelihood from which a thing that only its shape names is taken without a question: of those below it fewer than
-nine in ten are right (decision 052) [-]."""
+"""Least likelihood of a thing known by its shape alone to be taken without a question: below it fewer than nine in ten
+are right (decision 052) [-]."""
 MOST = 8
-"""So many are listed [-]."""
+"""Most candidates that are listed [-]."""
 
 
 def settle_choice(reply: IntentReply, request: IntentRequest, *, ask: bool) -> tuple[str, ...]:
-    """Notes on choices that were taken for the user; LanguageError where he is to be asked."""
+    """Notes on choices made for the user; LanguageError if the user is to be asked."""
     notes = []
     for candidates in (reply.candidates, reply.reference_candidates):
         likely = as_likely(candidates)
@@ -40,8 +40,8 @@ def settle_choice(reply: IntentReply, request: IntentRequest, *, ask: bool) -> t
 
 
 def doubted(reply: IntentReply, request: IntentRequest) -> Candidate | None:
-    """The support, or else the reference, that only its shape names and that is not likely enough to be meant; None
-    where there is none. A support that was pointed at is not doubted."""
+    """The support, or else the reference, that is known by its shape alone and not likely enough to be meant; None
+    without one. A support that the user pointed at is certain."""
     by_shape = {one.id for one in request.instances if one.guesses}
     for candidates in (() if request.given_base else reply.candidates, reply.reference_candidates):
         best = max(candidates, key=lambda one: one.likelihood, default=None)

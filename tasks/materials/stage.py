@@ -1,8 +1,8 @@
 """Stage 6, materials: one row of the library for each part, rigid above 1 GPa, everything else soft.
 
 In: scene, object, intent, anchor and prompt. Out: `PartMaterials`: the object's parts, the base's, then the neighbours'
-within reach (those only as obstacles). Rows are picked, never mixed. The density of a hollow thing is made to fit the
-mass prior where its particles are filled; the reason says so.
+within reach (those only as obstacles). Rows are picked, never mixed. The density of a hollow thing is fitted to the
+mass prior when its particles are filled; the reason says so.
 """
 
 from collections.abc import Iterable, Sequence
@@ -35,14 +35,14 @@ from tasks.requests.views import part_views, sums_of
 
 OBJECT = "object"
 MOST_ROWS = 20
-"""Rows of the library that are offered, more only where more parts are asked about [-]."""
+"""Number of offered rows of the library, more only for questions with more parts [-]."""
 PICTURE, DISTANCE = 512, 1.3
-"""Width and height of the picture [pixels], and how far its camera is over what is seen [-]."""
+"""Width and height of the picture [pixels], and distance of its camera over the visible extent [-]."""
 LIMITED = "materials are clamped to the paper's limits (E 5e4 to 5e9 Pa, density 30 to 8000 kg/m3, friction 0.05 to 1)"
 
 
 class MaterialsConfig(BaseModel, frozen=True, extra="forbid"):
-    """Who is asked, and where soft ends."""
+    """Language client, and the limit of soft materials."""
 
     language: LanguageConfig = LanguageConfig()
     rigid_above: PositiveFloat = 1.0e9
@@ -53,12 +53,12 @@ class MaterialsConfig(BaseModel, frozen=True, extra="forbid"):
     """Whether constants are blended with the mean of all rows of the same kind instead of taken from one row: an
     ablation."""
     load_aware: bool = False
-    """Parts of object and base that nobody would see give under the object's weight are rigid too."""
+    """Whether parts of object and base with an invisible deflection under the object's weight are rigid too."""
     invisible: PositiveFloat = 5e-5
-    """Predicted deflection [m] below which that is so: what the solver's contacts give anyway (its
-    penetration_target), whatever the cells."""
+    """Invisible deflection [m]: the penetration of the solver's contacts (its penetration_target), which does not
+    depend on the cells."""
     neighbour_distance: NonNegativeFloat = 0.3
-    """Instances whose boxes come this near to the object's start are neighbours [m]."""
+    """Distance between the boxes of a neighbour and of the object's start [m]."""
 
 
 def materials(
@@ -71,7 +71,7 @@ def materials(
     client: Client,
     freed: FreedThings | None = None,
 ) -> PartMaterials | Infeasible:
-    """Ask once for all parts, but for those that an earlier placement has asked about (`freed`)."""
+    """Ask once for all parts, except for those known from an earlier placement (`freed`)."""
     library = load_materials()
     known = {(row.body, row.part_index): row for row in freed.materials} if freed is not None else {}
     taking_part = () if freed is None else (freed.ground, *(one.id for one in freed.things))
@@ -79,7 +79,7 @@ def materials(
     before = [known[one.body, one.part.index] for one in around if (one.body, one.part.index) in known]
     asked = [one for one in around if (one.body, one.part.index) not in known]
     questions = [*object_questions(item, intent), *asked]
-    rows_alone = tuple(replace(row, source="") for row in library.values())  # where they come from helps nobody choose
+    rows_alone = tuple(replace(row, source="") for row in library.values())  # their source does not help the choice
     seen = Picture("the object over its support", partial(over_its_base, scene, item, anchor))
     whole = MaterialsRequest(prompt, tuple(questions), rows_alone, anchor.base_id, (seen,))
     request = replace(whole, library=shortlist(whole, MOST_ROWS))
@@ -98,7 +98,7 @@ materials_task = stage(materials)
 
 
 def over_its_base(scene: Segmentation, item: Segmentation, anchor: Anchor) -> NDArray[np.uint8]:
-    """The object where its drop begins and its base, from the side of its viewer, RGB, shape (h, w, 3)."""
+    """The object at its drop's start and its base, from the side of its viewer, RGB, shape (h, w, 3)."""
     index = scene.index_of(anchor.base_id)
     base = scene.instance_mesh(index)
     frame = part_frame(scene, scene.instances[index], scene.instances[index].box)
@@ -118,7 +118,7 @@ def object_questions(item: Segmentation, intent: Intent) -> list[MaterialQuestio
 def base_and_neighbours(
     scene: Segmentation, item: Segmentation, anchor: Anchor, config: MaterialsConfig, taking_part: Sequence[str] = ()
 ) -> list[MaterialQuestion]:
-    """Parts of the base, then of what is within reach of the object's start or takes part for another reason."""
+    """Parts of the base, then of things within reach of the object's start or taking part for another reason."""
     start = item.mesh.transformed(anchor.world_from_object).bounds
     near = [i for i in scene.instances if i.id == anchor.base_id]
     for instance in scene.instances:
@@ -142,7 +142,7 @@ def part_material(
     intent: Intent,
     config: MaterialsConfig,
 ) -> PartMaterial:
-    """The row as it is simulated, and why."""
+    """The simulated row, and the reason."""
     material = library[choice.material]
     reason = choice.reason
     if config.blended:

@@ -1,7 +1,7 @@
-"""`dcap place --load-aware`: parts that nobody would see give under the object's weight become rigid.
+"""`dcap place --load-aware`: parts with an invisible deflection under the object's weight become rigid.
 
-In: the chosen materials of the object's, the base's and the neighbours' parts. Out: the same with `rigid` where the
-deflection predicted for a part of object or base is below a bound, its reason saying so, and a note for each.
+In: the chosen materials of the object's, the base's and the neighbours' parts. Out: the same with `rigid` if the
+predicted deflection of a part of object or base is below a bound, with the reason, and a note for each.
 """
 
 from dataclasses import replace
@@ -23,7 +23,7 @@ OBJECT = "object"
 def stiffened(
     rows: list[PartMaterial], scene: Segmentation, item: Segmentation, intent: Intent, anchor: Anchor, invisible: float
 ) -> tuple[list[PartMaterial], tuple[str, ...]]:
-    """Make rigid what gives less than `invisible` [m] under the object's weight.
+    """Make parts rigid that give less than `invisible` [m] under the object's weight.
 
     Hertz's indentation with the curvature of the object's underside, all of it in that one part; bending of a part of
     the object as a bar clamped at one end, of a part of the base as one as high as it is, since its bottom is held.

@@ -1,4 +1,4 @@
-"""How far the object goes when the final state is simulated on.
+"""Drift of the object when the simulation of the final state is continued.
 
 In: the bodies of the simulation and the final state. Out: `Drift`.
 """
@@ -16,28 +16,28 @@ from tasks.bodies.solver_model import solver_model
 from tasks.cache import stage
 
 DEFORMED = 1e-4
-"""A surface that is farther from where a rigid motion puts it has given way [m]."""
+"""Largest distance of a surface from its rigid motion at which it counts as undeformed [m]."""
 
 
 class DriftConfig(BaseModel, frozen=True, extra="forbid"):
-    """How long is looked."""
+    """Length and cost of the continued simulation."""
 
     solver: SolverConfig = SolverConfig(longest_step=0.6, newton_tolerance=3e-3)
-    """Twice as long steps as a drop's, which look at a loss of balance closely enough to see it, and balance to what a
-    certificate allows: what is to be seen is millimetres."""
+    """Steps twice as long as a drop's, short enough to detect a loss of balance, and the tolerance of a certificate:
+    the drift in question is millimetres."""
     seconds: PositiveFloat = 1.0
-    """True time that is simulated [s]."""
+    """Simulated time [s]."""
     most_steps: PositiveInt = 60
-    """Steps at most: a rest state takes about 25 for a second, what falls more."""
+    """Most steps: a rest state takes about 25 for a second, a fall more."""
     most_work: PositiveFloat = 3e6
-    """Material points times Newton iterations at most: four to six seconds of one core."""
+    """Most material points times Newton iterations: four to six seconds of one core."""
     threads: NonNegativeInt = 0
     """Worker threads, 0: all cores; never changes a result."""
 
 
 def drift(particles: Particles, settled: Settled, config: DriftConfig) -> Drift:
-    """Simulate a final state on, with the material, friction and neighbours of the drop."""
-    from solver.onward import PlacedBodies, onward  # loads Taichi, seconds for whoever does not simulate
+    """Continue the simulation of a final state, with the material, friction and neighbours of the drop."""
+    from solver.onward import PlacedBodies, onward  # loads Taichi, which costs seconds
 
     if not settled.nodes and (shapes := [one.name for one in settled.bodies if gave_way(one)]):
         return unknown(f"the method keeps no displacements inside of {', '.join(shapes)}, so no dent to go on from")
@@ -58,12 +58,12 @@ def drift(particles: Particles, settled: Settled, config: DriftConfig) -> Drift:
 
 
 def unknown(why: str, *, broken: bool = False) -> Drift:
-    """Of a state that cannot be simulated on."""
+    """Drift of a state that cannot be simulated."""
     return Drift(0.0, 0, np.inf, np.inf, np.inf, why, broken=broken)
 
 
 def gave_way(body: SettledBody) -> bool:
-    """Whether a body has another shape than it began with."""
+    """Whether a body has deformed since the start."""
     pose, start = body.world_from_start, body.surface.vertices - body.displacement
     moved = start @ pose[:3, :3].T + pose[:3, 3]
     return bool(np.abs(moved - body.surface.vertices).max(initial=0.0) > DEFORMED)

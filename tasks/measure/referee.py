@@ -1,4 +1,4 @@
-"""What the independent referee says of a final state: MuJoCo and Open3D on the final meshes of whoever made it.
+"""The independent referee's verdict on a final state of any method: MuJoCo and Open3D on the final meshes.
 
 In: scene and object as segmented, the pose before any drop, materials, the simulated bodies (for mass and friction
 alone) and the final state. Out: `RefereeMeasures`.
@@ -19,8 +19,8 @@ from tasks.cache import stage
 from tasks.render.settled_meshes import settled_item, settled_scene
 
 STILL = 0.1
-"""Least share of the weight on the thing over which the object was placed, if that shall still carry it [-]: of what
-has fallen over beside it, it carries nothing, and what leans there on other things as well stays on it."""
+"""Least share of the weight on the thing over which the object was placed, for it still to carry the object [-]: it
+carries nothing of an object that fell off, while one that also leans on other things stays on it."""
 
 
 def referee(
@@ -32,7 +32,7 @@ def referee(
     settled: Settled,
     measures: Measures,
 ) -> RefereeMeasures:
-    """Judge a final state, all of it rigid and as it was left."""
+    """Judge a final state, with everything rigid."""
     after = settled_scene(scene, settled, anchor.base_id).scene
     owner = np.where(after.face_instance < 0, len(after.instances), after.face_instance).astype(np.int64)
     friction = frictions(after, materials, particles)
@@ -58,7 +58,7 @@ def referee(
 
 
 def inertial_at_rest(start: InertialProperties, body: SettledBody) -> InertialProperties:
-    """Mass, centre of mass and inertia where a body went as a whole."""
+    """Mass, centre of mass and inertia after the rigid motion of a body."""
     pose = body.world_from_start
     turn = pose[:3, :3]
     inertia = turn @ start.inertia @ turn.T
@@ -66,8 +66,8 @@ def inertial_at_rest(start: InertialProperties, body: SettledBody) -> InertialPr
 
 
 def frictions(scene: Segmentation, materials: PartMaterials, particles: Particles) -> NDArray[np.float64]:
-    """Static friction [-] and rolling resistance [m] of the object on each thing, and on what belongs to none, shape
-    (k + 1, 2): as the drop has them, on things that it leaves out as by their materials, else as on the base."""
+    """Static friction [-] and rolling resistance [m] of the object on each thing, and on faces of none, shape (k + 1,
+    2): those of the drop, for things it left out by their materials, else as on the base."""
     own = particles.bodies[0]
     others = {body.instance: body for body in reversed(particles.bodies[1:])}
     given = {frozenset(row[:2]): row[2] for row in particles.friction_pairs}

@@ -1,11 +1,11 @@
-"""How deep the object is in a soft support against how deep its weight ought to press it there.
+"""Compares the object's depth in a soft support with the depth to which its weight should press it.
 
 In: scene and object, masses and materials, the simulated bodies (for the layers beneath) and the final state. Out:
-`Indentation`, without numbers on a rigid support and for an object that gives way as much as the support.
+`Indentation`, without numbers for a rigid support or an object as soft as the support.
 
 The reference is no drop: the contact of elastic layered half-spaces under the true gap of both surfaces, frictionless
-and quasi-static (docs/metrics.md says how far it is off). The object is lifted over the support as it was given, so the
-reference does not depend on how deep a method left it.
+and quasi-static (docs/metrics.md states its error). The object is lifted over the undeformed support, so the reference
+does not depend on the method's depth.
 """
 
 import numpy as np
@@ -26,9 +26,10 @@ from tasks.cache import stage
 from tasks.particles.contact_layers import RIGID, compliance_of, layers_of
 
 LIFTED = 0.01
-"""How far over the support the object is lifted before it is pressed onto it [m]; no result depends on it."""
+"""Height to which the object is lifted over the support before it is pressed onto it [m]; results do not depend on
+it."""
 STIFF = 0.1
-"""An object whose material has at most this share of the support's compliance sinks in as a whole [-]."""
+"""Largest compliance of an object over the support's for it to sink in undeformed [-]."""
 
 
 def indentation(
@@ -40,8 +41,7 @@ def indentation(
     particles: Particles,
     settled: Settled,
 ) -> Indentation:
-    """Compare depths on the base that the layers beneath were found for; the object is taken as it was before it gave
-    way, moved as a whole."""
+    """Compare depths on the base whose layers are known; the object has its undeformed shape, moved rigidly."""
     index = scene.index_of(anchor.base_id)
     rows = materials.of_parts(anchor.base_id, len(scene.instances[index].parts))
     layers = layers_of(particles.column, rows)

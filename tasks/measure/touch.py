@@ -1,4 +1,4 @@
-"""How the object touches what it is on, as it was left and as it was given.
+"""Contact of the object with its surroundings, both deformed and undeformed.
 
 In: scene and object as segmented, the pose before any drop and the final state. Out: `Measures`.
 """
@@ -17,7 +17,7 @@ from tasks.cache import stage
 from tasks.render.settled_meshes import settled_item, settled_scene
 
 NEAR = 2e-3
-"""Lines this much farther from the support than the nearest one still tell which part carries [m]."""
+"""Extra distance from the support, over the nearest line's, within which lines determine the carrying part [m]."""
 
 
 def measure(scene: SegmentedScene, item: SegmentedObject, anchor: Anchor, settled: Settled) -> Measures:
@@ -42,13 +42,13 @@ def measure(scene: SegmentedScene, item: SegmentedObject, anchor: Anchor, settle
 
 
 def turned_by(anchor: Anchor) -> NDArray[np.float64]:
-    """Rotation from the object's own frame to where the drop began, without its scale, shape (3, 3)."""
+    """Rotation from the object's own frame to its start, without its scale, shape (3, 3)."""
     turned = anchor.world_from_object[:3, :3]
     return np.asarray(turned / np.cbrt(np.linalg.det(turned)))
 
 
 def carrier(scene: Segmentation, found: Touching) -> tuple[str, str, str]:
-    """Id and label of the instance that is nearest beneath, and the part of it that most near lines meet."""
+    """Id and label of the nearest instance beneath, and its part that most near lines hit."""
     lines = found.columns
     if lines.nearest < 0:
         return "", "", ""
@@ -66,7 +66,7 @@ def carrier(scene: Segmentation, found: Touching) -> tuple[str, str, str]:
 
 
 def lowest(thing: Mesh) -> NDArray[np.float64]:
-    """Below the object's middle at its lowest height [m], shape (3,)."""
+    """Point below the object's middle at its lowest height [m], shape (3,)."""
     low, high = thing.bounds
     return np.array([0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), low[2]])
 

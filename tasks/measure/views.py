@@ -1,8 +1,8 @@
-"""The pictures of a final state that judges and raters see, taken when somebody judges or a study is served.
+"""Pictures of a final state for judges and raters, taken when somebody judges or a study is served.
 
-In: scene and object as segmented, what was asked, the pose before any drop, the final state and the textures of both
+In: scene and object as segmented, the request, the pose before any drop, the final state and the textures of both
 sources. Out: `Sights`, from which the cameras of a sample are chosen, and from these cameras `JudgedViews` of each
-placement and `SceneBefore` of the sample. Where cameras stand says dcap/evaluation/judging/cameras.py.
+placement and `SceneBefore` of the sample. dcap/evaluation/judging/cameras.py chooses the cameras.
 """
 
 import numpy as np
@@ -23,7 +23,7 @@ from tasks.render.settled_meshes import painted_item, painted_scene, settled_ite
 
 
 def sights(scene: SegmentedScene, item: SegmentedObject, intent: Intent, anchor: Anchor, settled: Settled) -> Sights:
-    """Look at the final state from every direction that its cameras may have."""
+    """Measure the visibility of the final state from every possible direction of its cameras."""
     around = settled_scene(scene, settled, anchor.base_id).scene
     thing = settled_item(item, anchor, settled.bodies[0])
     support = scene.instances[scene.index_of(intent.base_id)].box
@@ -45,7 +45,7 @@ def judged_views(
     around = settled_scene(scene, settled, anchor.base_id)
     thing = painted_item(item, anchor, settled.bodies[0], object_surface)
     views = SceneViews(around.scene, painted_scene(around, scene_surface), [thing])
-    return JudgedViews(overview=taken(views, overview), closeup=taken(views, closeup))
+    return JudgedViews(overview=camera_view(views, overview), closeup=camera_view(views, closeup))
 
 
 def scene_before(
@@ -55,16 +55,16 @@ def scene_before(
     object_surface: SourceSurface,
     overview: Viewpoint,
 ) -> SceneBefore:
-    """Take the pictures that all methods of a sample share."""
+    """Take the pictures shared by all methods of a sample."""
     alone = camera_of(asset_view(item.mesh))
     return SceneBefore(
-        clean=taken(SceneViews(scene, painted(scene.mesh, scene_surface)), overview),
+        clean=camera_view(SceneViews(scene, painted(scene.mesh, scene_surface)), overview),
         asset=picture([painted(item.mesh, object_surface)], alone, samples=SAMPLES).rgb,
     )
 
 
-def taken(views: SceneViews, view: Viewpoint) -> NDArray[np.uint8]:
-    """What a camera sees, sRGB."""
+def camera_view(views: SceneViews, view: Viewpoint) -> NDArray[np.uint8]:
+    """Camera view, sRGB."""
     camera = camera_of(view)
     return picture(views.seen_by(camera), camera, samples=SAMPLES).rgb
 

@@ -1,8 +1,8 @@
 """Stage mesh: a foreign file or folder in, one clean coloured mesh in metres and z up out.
 
-A folder or file that has only Gaussian splats or points gets a surface from them, in a process of its own (Taichi).
-Cleaning is light, so that a scan's surface stays what it is: faces without area and repeated faces go, equal vertices
-of equal colour become one. What was done is said in the notes.
+A folder or file that only has Gaussian splats or points gets a surface from them, in a process of its own (Taichi).
+Cleaning is light, to preserve a scan's surface: faces without area and repeated faces are removed, equal vertices of
+equal colour are merged. The notes list the changes.
 """
 
 import logging
@@ -32,14 +32,14 @@ LOG = logging.getLogger(__name__)
 
 
 class MeshConfig(BaseModel, frozen=True, extra="forbid"):
-    """How a mesh is cleaned."""
+    """Settings of cleaning a mesh."""
 
     weld_fraction: PositiveFloat = 1e-7
-    """Vertices closer than this share of the largest extent are one [-]; float32 files cannot tell them apart."""
+    """Distance over the largest extent within which vertices are merged [-]; float32 files cannot distinguish them."""
     color_levels: PositiveInt = 16
-    """Vertices whose colours fall into the same of this many levels per channel may be welded [-]."""
+    """Colour levels per channel; vertices within the same level may be merged [-]."""
     surface: SurfaceConfig = SurfaceConfig()
-    """How a surface is found where there are only splats or points."""
+    """Settings of the surface from splats or points."""
     threads: NonNegativeInt = 0
     """Worker threads for that, 0: all cores; never changes a result."""
 
@@ -66,7 +66,7 @@ def mesh_object(source: Source, options: SourceOptions, config: MeshConfig) -> S
 def mesh(
     source: Source, options: SourceOptions, role: Role, config: MeshConfig, labels: VertexLabels | None = None
 ) -> Scan:  # fmt: skip
-    """Read the source and clean it; the role decides which sizes are plausible and which option a message names."""
+    """Read the source and clean it; the role determines plausible sizes and the option named in messages."""
     try:
         mesher = partial(surface, role=role, config=config)
         ask = role is Role.SCENE and options.unit == "auto"
@@ -79,7 +79,7 @@ def mesh(
 
 
 def surface(bare: Gaussians | PointCloud, role: Role, config: MeshConfig) -> tuple[Mesh, tuple[str, ...]]:
-    """The surface of Gaussians or points in metres and what was assumed of it; starts Taichi."""
+    """The surface of Gaussians or points in metres, and the assumptions; starts Taichi."""
     from dcap.geometry.splatting.cloud import mesh_of_points  # loads Taichi and Open3D, which a mesh does not need
     from dcap.geometry.splatting.surface import mesh_of_splats
     from solver.runtime import available_cores, start
@@ -122,13 +122,13 @@ def cleaned(scan: Scan, config: MeshConfig) -> Scan:
 
 
 def _place_index(mesh: Mesh, fraction: float) -> NDArray[np.int64]:
-    """Vertices at the same place get the same number, shape (n,)."""
+    """Numbers of vertices, equal at the same place, shape (n,)."""
     step = fraction * max(float(np.ptp(mesh.bounds, axis=0).max()), 1e-12)
     return np.unique(np.rint(mesh.vertices / step), axis=0, return_inverse=True)[1].reshape(-1)
 
 
 def _has_area(mesh: Mesh, faces: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Faces with three different corners and an area above rounding, shape (m,)."""
+    """Whether faces have three different corners and an area above rounding, shape (m,)."""
     a, b, c = faces.T
     extent = float(np.ptp(mesh.bounds, axis=0).max())
     # float64 products of coordinates of size `extent` round at 1e-16 extent^2; 1e-14 is safely above.

@@ -1,4 +1,4 @@
-"""Pictures of Gaussians along a path of cameras, and the COLMAP model that says where they were taken."""
+"""Pictures of Gaussians along a path of cameras, and the COLMAP model of these cameras."""
 
 from collections.abc import Iterator, Sequence
 
@@ -10,9 +10,9 @@ from dcap.scene.types.colmap import ColmapModel, Pinhole, posed
 from dcap.scene.types.gaussians import Gaussians
 
 MOST_POINTS = 100_000
-"""Centres of Gaussians that the model's points are taken from [-]."""
+"""Number of Gaussian centres from which the model's points are taken [-]."""
 OPAQUE = 0.5
-"""Fainter ones are no points of a surface [-]."""
+"""Least opacity of a point on a surface [-]."""
 
 
 def pictures(splats: Gaussians, cameras: Sequence[Camera], threads: int) -> Iterator[NDArray[np.uint8]]:
@@ -27,7 +27,7 @@ def pictures(splats: Gaussians, cameras: Sequence[Camera], threads: int) -> Iter
 
 
 def names(count: int) -> list[str]:
-    """Files of the pictures, in the order of their names."""
+    """File names of the pictures, in order."""
     return [f"view_{k:05d}.png" for k in range(count)]
 
 

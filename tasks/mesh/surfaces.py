@@ -1,7 +1,6 @@
-"""The textured surface of a scene's or an object's source, beside the coloured mesh that the stages compute on.
+"""The textured surface of a scene's or an object's source, in addition to the coloured mesh of the stages.
 
-In: the source and the scan that was made of it. Out: its faces, corners and textures as the file has them, in metres
-and z up; nothing where the file has no textures.
+In: the source and its scan. Out: faces, corners and textures of the file, in metres and z up; None without textures.
 """
 
 from dataclasses import replace
@@ -30,7 +29,7 @@ def surface_object(source: Source, scan: Scan) -> SourceSurface:
 
 
 def surface_start(surface: SourceSurface, given: SegmentedScene, start: SegmentedScene) -> SourceSurface:
-    """The textured surface of a scene that was given, where the drop starts: dents undone, things lifted out of them.
+    """The textured surface of an input scene at the start of the drop: dents undone, things lifted out of them.
 
     `given` and `start` have the same faces in the same order. What moved takes its part of the surface along.
     """

@@ -1,1 +1,1 @@
-"""What a person points at, a point or a box of the scene file's own frame, becomes the thing that carries."""
+"""Turns a point or a box in the scene file's own frame into the thing that carries."""

@@ -1,4 +1,4 @@
-"""What the thing that was pointed at is called: as the scene says where that is sure, else as the sentence does."""
+"""Name of the indicated thing: the scene's label if it is certain, else the sentence's noun."""
 
 from dataclasses import dataclass
 
@@ -11,14 +11,14 @@ from dcap.scene.types.caution import Cause, Caution
 from dcap.scene.types.segmentation import Instance
 
 SURE = 0.9
-"""Labels below this are guesses, over which the sentence has its say [-]."""
+"""Confidence below which a label is a guess that the sentence overrides [-]."""
 PLAIN_PART = "top"
-"""The part of a thing of which nobody knows what it is."""
+"""The part of an unknown thing."""
 
 
 @dataclass(frozen=True, slots=True)
 class Name:
-    """A label and how it came about."""
+    """A label with notes on its origin."""
 
     label: str
     renamed: bool
@@ -26,7 +26,7 @@ class Name:
 
 
 def asked_thing(prompt: str) -> Noun | None:
-    """The thing that the sentence wants to be put on; None if it names none that words are known for."""
+    """The support that the sentence names; None if it names none with known words."""
     try:
         place = placing_of(read(prompt)).place
     except LanguageError:
@@ -36,7 +36,7 @@ def asked_thing(prompt: str) -> Noun | None:
 
 
 def name_of(owner: Instance, asked: Noun | None, option: str) -> Name:
-    """What an instance is called once a sentence and a person have pointed at it."""
+    """Name of an instance that a sentence and a person have pointed at."""
     if asked is None or fits(asked, owner.label):
         return Name(owner.label, renamed=False)
     if owner.structure or owner.confidence >= SURE:
@@ -49,7 +49,7 @@ def name_of(owner: Instance, asked: Noun | None, option: str) -> Name:
 
 
 def fits(noun: Noun, label: str) -> bool:
-    """Whether a label is what a noun says, a kind of it or the kind that it is."""
+    """Whether a label matches a noun, is a kind of it, or the noun is a kind of the label."""
     if tuple(label_words(noun.name)) == tuple(label_words(label)):
         return True
     thing = thing_of(label)
@@ -57,6 +57,6 @@ def fits(noun: Noun, label: str) -> bool:
 
 
 def carrying_part(label: str) -> str:
-    """The part on which a thing of this label usually carries."""
+    """The part with which a thing of this label usually carries."""
     thing = thing_of(label)
     return first_part(thing.id if thing else "") or PLAIN_PART

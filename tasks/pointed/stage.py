@@ -1,8 +1,8 @@
-"""Stages point and point_out: a point or a box of the scene file's own frame decides what carries the object.
+"""Stages point and point_out: a point or a box in the scene file's own frame determines the object's support.
 
-In: the scan (for the file's frame), the scene, the sentence and what was given. Out: `Pointed`; then the scene in which
-the thing pointed at is one of its own where the scene did not tell it apart: the faces in the box, or the surface
-around the point with what is below it. The sentence names it where the scene is not sure; a mismatch is told.
+In: the scan (for the file's frame), the scene, the sentence and the point or box. Out: `Pointed`; then the scene in
+which the indicated thing is a separate instance, if it was not one before: the faces in the box, or the surface around
+the point with the faces below it. The sentence names it if the scene's label is uncertain; a mismatch is reported.
 """
 
 from dataclasses import replace
@@ -29,28 +29,28 @@ Index = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 WHOLE = 0.9
-"""A box that holds this share of a thing's surface means the thing, and so does a surface that wide [-]."""
+"""Share of a thing's surface in a box, or in a surface, from which the whole thing is meant [-]."""
 MOSTLY = 0.8
-"""... if this share of what looks up in the box is the thing's [-]."""
+"""Least share of the upward surface in the box that belongs to that thing [-]."""
 FUSED = 3.0
-"""A thing whose plan is this many times as large as the surface pointed at is more than what carries [-]."""
+"""Area in plan over that of the indicated surface above which a thing is more than the support [-]."""
 TALL = 1.3
-"""A thing that rises this far over the surface pointed at has a wall in it [m]."""
+"""Height over the indicated surface above which a thing contains a wall [m]."""
 BAND = 0.15
-"""A surface that is pointed at stays within this of the point [m]: cushions, dents, noise."""
+"""Largest height difference of the indicated surface from the point [m]: cushions, dents, noise."""
 RIM = 0.06
-"""What is below the surface belongs to it out to this beyond its outline [m]: fronts, edges."""
+"""Distance beyond the surface's outline within which faces below belong to it [m]: fronts, edges."""
 LEAST_AREA = 1e-4
-"""Upward surface that carries anything [m^2]."""
+"""Least upward surface that carries anything [m^2]."""
 
 
 def point(scan: Scan, scene: SegmentedScene, place: GivenPlace, prompt: str) -> Pointed:
-    """What the person means; InputError with the value and the scene's bounds where nothing carries there."""
+    """The indicated thing; InputError with the value and the scene's bounds if nothing carries there."""
     return at_point(scan, scene, place.at, prompt) if place.at else in_box(scan, scene, place.support, prompt)
 
 
 def point_out(scene: SegmentedScene, pointed: Pointed) -> SegmentedScene:
-    """The scene in which the thing pointed at is one instance with its name."""
+    """The scene in which the indicated thing is one instance with its name."""
     if len(pointed.cut):
         return SegmentedScene(with_new_thing(scene, pointed))
     return SegmentedScene(with_new_name(scene, pointed)) if pointed.renamed else scene
@@ -98,7 +98,7 @@ def at_point(scan: Scan, scene: Segmentation, at: tuple[float, ...], prompt: str
 
 
 def patch_at(scene: Segmentation, face: int, position: Array) -> Index:
-    """The connected faces around one that look up and are about as high, within the same instance."""
+    """The connected upward faces of similar height around a face, within the same instance."""
     center, normal = scene.mesh.triangles.mean(axis=1), scene.mesh.face_normals
     up = normal[:, 2] > LEVEL * np.linalg.norm(normal, axis=1)
     near = up & (np.abs(center[:, 2] - position[2]) < BAND) & (scene.face_instance == scene.face_instance[face])
@@ -109,7 +109,7 @@ def patch_at(scene: Segmentation, face: int, position: Array) -> Index:
 
 
 def under(scene: Segmentation, patch: Index, mine: Mask) -> Index:
-    """A surface with what of its thing lies below it: fronts and sides that hold it up."""
+    """A surface with the faces of its thing below it: fronts and sides that hold it up."""
     center = scene.mesh.triangles.mean(axis=1)
     top = float(scene.mesh.corners(patch)[..., 2].max())
     faces = np.flatnonzero(mine & (center[:, 2] < top + 1e-3))
@@ -128,7 +128,7 @@ def under(scene: Segmentation, patch: Index, mine: Mask) -> Index:
 
 
 def in_box(scan: Scan, scene: Segmentation, support: tuple[float, ...], prompt: str) -> Pointed:
-    """The faces in the box, or the thing that it holds."""
+    """The faces in the box, or the thing inside it."""
     text = f"--support {','.join(f'{one:g}' for one in support)}"
     center, ends = in_file(scan, scene.mesh.triangles.mean(axis=1)), np.array(support).reshape(2, 3)
     inside = ((center >= ends[0]) & (center <= ends[1])).all(axis=1)
@@ -174,7 +174,7 @@ def cut_out(
 
 
 def with_new_thing(scene: Segmentation, pointed: Pointed) -> Segmentation:
-    """The faces that were cut out as one more instance of one part."""
+    """The scene with the cut-out faces as a further instance of one part."""
     faces = faces_of(pointed.cut)
     box = min_area_box(scene.mesh.corners(faces).reshape(-1, 3))
     box = replace(box, half_extents=np.maximum(box.half_extents, 5e-4))
@@ -195,7 +195,7 @@ def with_new_thing(scene: Segmentation, pointed: Pointed) -> Segmentation:
 
 
 def with_new_name(scene: Segmentation, pointed: Pointed) -> Segmentation:
-    """An instance under another label, its parts found anew."""
+    """The scene with an instance under another label, its parts segmented again."""
     index = scene.index_of(pointed.base_id)
     faces = np.flatnonzero(scene.face_instance == index).astype(np.int64)
     instance, part = make_instance(pointed.base_id, pointed.label, FaceTable.of(scene.mesh), faces, None, [])

@@ -1,4 +1,4 @@
-"""The surface at a point of a scene: what looks up there, or one line that says why nothing does."""
+"""The upward surface at a point of a scene, or one line with the reason why there is none."""
 
 from dataclasses import dataclass
 
@@ -13,21 +13,21 @@ from dcap.scene.types.segmentation import Segmentation
 Array = NDArray[np.float64]
 
 LEVEL = 0.5
-"""Cosine to the vertical from which a face carries: within 60 degrees [-]."""
+"""Least cosine to the vertical of a carrying face: within 60 degrees [-]."""
 SUNK = 0.05
-"""A point may lie this far under the surface that is meant: scans and fingers are uncertain [m]."""
+"""Largest depth of a point below the intended surface: scans and fingers are uncertain [m]."""
 STEP = 1e-4
-"""Beyond a face that does not count the search goes on after this [m]."""
+"""Distance behind an ignored face at which the search continues [m]."""
 MOST_FACES = 200
-"""Faces above each other that are looked at [-]."""
+"""Most faces above each other that are examined [-]."""
 ABOVE = 0.1
-"""A point higher than this over what is below it is told [m]."""
+"""Height of a point over the surface below above which it is reported [m]."""
 DOWN = np.array([0.0, 0.0, -1.0])
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Meeting:
-    """Where the vertical through a point meets the scene."""
+    """Intersection of the vertical through a point with the scene."""
 
     face: int
     position: Array
@@ -63,7 +63,7 @@ def level_axes(scan: Scan) -> tuple[int, int]:
 
 
 def meeting(scan: Scan, scene: Segmentation, at: tuple[float, ...]) -> Meeting:
-    """The surface that is meant: nearest below the point, or the highest there; InputError where there is none."""
+    """The intended surface: nearest below the point, or the highest there; InputError if there is none."""
     text = f"--at {','.join(f'{one:g}' for one in at)}"
     own = np.zeros(3)
     own[list(level_axes(scan)) if len(at) == 2 else [0, 1, 2]] = at
@@ -90,7 +90,7 @@ def meeting(scan: Scan, scene: Segmentation, at: tuple[float, ...]) -> Meeting:
     normal = float(hit.normal[0, 2])
     if normal < -STEP:
         raise InputError(
-            f"{text} is inside of {owner_name(scene, face)}: what is below it looks down; {in_words(scan)}; "
+            f"{text} is inside of {owner_name(scene, face)}: the surface below it faces down; {in_words(scan)};  "
             "give a point on its surface, or two numbers: the highest surface there"
         )
     if normal < LEVEL:
@@ -103,7 +103,7 @@ def meeting(scan: Scan, scene: Segmentation, at: tuple[float, ...]) -> Meeting:
 
 
 def highest(scan: Scan, scene: Segmentation, caster: Raycaster, point: Array, text: str) -> Meeting:
-    """The highest surface that looks up and is no wall's or ceiling's."""
+    """The highest upward surface that belongs to no wall or ceiling."""
     start = np.array([*point[:2], float(scene.mesh.bounds[1, 2]) + 1.0])
     for _ in range(MOST_FACES):
         hit = caster.cast(start[None], DOWN[None])
@@ -117,12 +117,12 @@ def highest(scan: Scan, scene: Segmentation, caster: Raycaster, point: Array, te
 
 
 def carries(scene: Segmentation, face: int) -> bool:
-    """Whether a face is a thing's or the floor's."""
+    """Whether a face belongs to a thing or the floor."""
     owner = int(scene.face_instance[face])
     return owner >= 0 and (not scene.instances[owner].structure or scene.instances[owner].label == "floor")
 
 
 def owner_name(scene: Segmentation, face: int) -> str:
-    """What a face belongs to, in words."""
+    """Owner of a face, in words."""
     owner = int(scene.face_instance[face])
     return scene.instances[owner].id if owner >= 0 else "the scene"

@@ -1,4 +1,4 @@
-"""A proposed pose as a final state: the object where the method put it, the scene as it was given.
+"""A proposed pose as a final state: the object in the method's pose, the scene unchanged.
 
 In: the object and the proposed pose. Out: `Settled` with verdict `as_posed`, without contacts and certificate.
 """
@@ -15,7 +15,7 @@ OBJECT = "object"
 
 
 def posed(item: SegmentedObject, anchor: Anchor) -> Settled:
-    """Take a pose as it stands."""
+    """Use a pose unchanged."""
     surface = item.mesh.transformed(anchor.world_from_object)
     still = SettledBody(
         OBJECT, surface, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.zeros_like(surface.vertices)

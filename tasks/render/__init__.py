@@ -1,1 +1,1 @@
-"""Stage 9, render: pictures of what came out."""
+"""Stage 9, render: pictures of the result."""

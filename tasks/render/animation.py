@@ -22,7 +22,7 @@ from tasks.render.settled_meshes import shown
 from tasks.render.stage import photograph
 
 MOST_PICTURES = 60
-"""Pictures of a drop [-]: with the last one held, three seconds of film."""
+"""Number of pictures of a drop [-]: three seconds of film, including the held last picture."""
 
 
 def drop_pictures(

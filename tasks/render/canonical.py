@@ -1,7 +1,7 @@
-"""How much of the object at rest is seen from a fixed set of views around it, and from where people stand in the room.
+"""Visibility of the object at rest from a fixed set of views around it, and from standing height in the room.
 
 In: the scene and the object at rest. Out: per view the visible share of the object's silhouette and of its outline. A
-thing is recognised by its outline [B87], so the share of it that nothing covers is what is said of recognisability.
+thing is recognised by its outline [B87], so recognisability is the uncovered share of the outline.
 
 [B87] Biederman: Recognition-by-components: a theory of human image understanding. Psychological Review 94, 1987.
 """
@@ -23,9 +23,9 @@ Array = NDArray[np.float64]
 AZIMUTHS = np.arange(0.0, 360.0, 45.0)
 ELEVATIONS = (15.0, 45.0)
 TOP = 89.0
-"""Views around the object: off the base's front and over the horizon [degrees], and one from above."""
+"""Views around the object: angles off the base's front and over the horizon [degrees], and one from above."""
 EYE_HEIGHT, RINGS, ON_A_RING = 1.6, (1.5, 2.5), 12
-"""Where people stand: height of their eyes over the lowest point of the scene, distances from the object [m]."""
+"""Standing people: height of their eyes over the lowest point of the scene, distances from the object [m]."""
 
 
 def canonical_views(scene: Mesh, thing: Mesh, target: Array, toward: Array, config: RenderConfig) -> Visibility:
@@ -60,13 +60,13 @@ def canonical_views(scene: Mesh, thing: Mesh, target: Array, toward: Array, conf
 
 
 def share_of(seen: NDArray[np.bool_], asked: NDArray[np.bool_]) -> float:
-    """How much of a mask is seen [-]."""
+    """Visible share of a mask [-]."""
     count = int(asked.sum())
     return float((seen & asked).sum()) / count if count else 0.0
 
 
 def from_the_room(scene: Mesh, around: Raycaster, thing: Mesh, target: Array) -> float:
-    """Mean visible share of the object from standing height around it, inside of the scene's bounds; 0 where nobody can
+    """Mean visible share of the object from standing height around it, inside the scene's bounds; 0 without a place to
     stand."""
     points, normals = spread_points(thing, SEEN_POINTS)
     low, high = scene.bounds

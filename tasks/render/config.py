@@ -1,10 +1,10 @@
-"""How pictures are taken."""
+"""Settings of pictures."""
 
 from pydantic import BaseModel, NonNegativeFloat, PositiveFloat, PositiveInt
 
 
 class RenderConfig(BaseModel, frozen=True, extra="forbid"):
-    """How the pictures are taken."""
+    """Settings of the pictures."""
 
     size: PositiveInt = 1024
     """Side of each picture [pixels]."""
@@ -19,14 +19,14 @@ class RenderConfig(BaseModel, frozen=True, extra="forbid"):
     closeup_factor: PositiveFloat = 1.35
     """Camera distance of the close-up over the object's diagonal [-]."""
     elevations_deg: tuple[float, ...] = (27.0, 14.0, 45.0)
-    """Heights of the camera over the horizon that are tried [degrees], the preferred one first."""
+    """Elevations of the camera that are tried [degrees], the preferred one first."""
     from_above_deg: tuple[float, ...] = (65.0, 85.0)
-    """Heights that are tried where these show little of the object, as in a deep vessel [degrees]."""
+    """Elevations that are tried if those show little of the object, as in a deep vessel [degrees]."""
     azimuths_deg: tuple[float, ...] = (20.0, -20.0, 45.0, -45.0, 70.0, -70.0, 100.0, -100.0, 180.0)
-    """Directions off the base's front that are tried [degrees]."""
+    """Azimuths off the base's front that are tried [degrees]."""
     samples: PositiveInt = 2
     """Rays across a pixel at edges."""
     least_visible: NonNegativeFloat = 0.02
     """Share of the object's pixels below which it is buried [-]."""
     canonical_size: PositiveInt = 192
-    """Side of the views by which visibility and recognisability are measured [pixels]."""
+    """Side of the views that measure visibility and recognisability [pixels]."""

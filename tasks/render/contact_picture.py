@@ -22,7 +22,7 @@ Bytes = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
 
 SHALLOWEST = 2e-4
-"""A dent less deep than this is not coloured [m]."""
+"""Depth below which a dent is not coloured [m]."""
 FADING = 0.2
 """Share of the deepest dent below which the colours fade out: the wide, shallow rim hides nothing [-]."""
 COLORS = "viridis_r"
@@ -31,9 +31,9 @@ PATCH, OUTLINE = np.array([255.0, 122.0, 26.0]), np.array([30.0, 30.0, 30.0])
 DENT_SHARE, PATCH_SHARE, LINE_SHARE = 0.7, 0.15, 0.9
 """Opacities [-]."""
 GREYED = 0.6
-"""How far the scene's own colours are drawn to grey, so that the map's stand out [-]."""
+"""Share of grey in the scene's own colours, so that the map's colours stand out [-]."""
 LEAST_GREY = 120.0
-"""The scene's middle grey is at least so light [0..255]."""
+"""Least median grey of the scene [0..255]."""
 DPI = 100
 
 
@@ -44,13 +44,13 @@ def contact_picture(
     """The scene without the object, coloured by the depth of its dent, with the patch on it and a legend.
 
     Args:
-        exposure: what the camera sees in low light; the first mesh is the scene itself.
-        shift: how far each vertex of the first has moved [m], shape (n, 3).
+        exposure: the camera's view in low light; the first mesh is the scene itself.
+        shift: displacement of each vertex of the first [m], shape (n, 3).
         thing: the object, of which only the outline is drawn.
         contact: points that carry it [m], shape (k, 3).
         rows: contacts of the drop.
         own: the object's name in them.
-        labels: what the scene's things are called, by their ids.
+        labels: names of the scene's things, by their ids.
     """
     import matplotlib
 
@@ -81,8 +81,8 @@ def contact_picture(
 
 
 def lightened(rgb: Array, scene: Mask) -> Array:
-    """A picture (h, w, 3) whose middle grey over the scene's pixels (h, w) is LEAST_GREY or lighter: on a black sofa
-    neither the map's colours nor the outline would be seen."""
+    """A picture (h, w, 3) whose median grey over the scene's pixels (h, w) is LEAST_GREY or lighter: on a black sofa
+    neither the map's colours nor the outline would be visible."""
     level = float(np.median(rgb[scene].mean(axis=1))) if scene.any() else 255.0
     if level >= LEAST_GREY:
         return rgb
@@ -121,7 +121,7 @@ def drawn(rgb: Array, mask: Mask, width: int) -> None:
 
 
 def legend(rows: Sequence[ContactRow], own: str, labels: Mapping[str, str], deepest: float, width: int) -> Bytes:
-    """What the colours mean and how the object is carried, as a strip of a picture (h, width, 3)."""
+    """Meaning of the colours, and forces on the object, as a strip of a picture (h, width, 3)."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -130,7 +130,7 @@ def legend(rows: Sequence[ContactRow], own: str, labels: Mapping[str, str], deep
     if len(touching) > 3:
         lines.append(f"and {len(touching) - 3} more contacts")
     scale = width / 1024
-    first = 4 if deepest > SHALLOWEST else 2  # below the colours, as what carries it may have a long name
+    first = 4 if deepest > SHALLOWEST else 2  # below the colours, as the support may have a long name
     height = (0.95 + 0.24 * (max(len(lines), 1) + first - 2)) * scale
     figure = Figure(figsize=(width / DPI, height * 100 / DPI), dpi=DPI, facecolor="white")
     canvas = FigureCanvasAgg(figure)

@@ -1,7 +1,7 @@
 """Contact patches as surfaces with their loads, one for each pair that touches.
 
-In: the settled state. Out: nodes of a file: of the object's surface, cut finely there, what is nearest to the contact
-points and makes up the area that the drop found, with that area, force and mean pressure.
+In: the settled state. Out: nodes of a file: the parts of the object's finely cut surface nearest to the contact points,
+as large as the area in the drop, with that area, force and mean pressure.
 """
 
 from collections.abc import Sequence
@@ -22,13 +22,13 @@ Array = NDArray[np.float64]
 
 COLOR = (255, 122, 26)
 REACH = 4.0
-"""How far from a contact point its patch may reach, over the radius of the disc that it stands for [-]."""
+"""Reach of a patch from its contact point, over the radius of the disc that the point represents [-]."""
 SAME = 1e-6
-"""A contact point this near to a corner of the surface is that corner [m]."""
+"""Distance within which a contact point is a corner of the surface [m]."""
 
 
 def contact_nodes(settled: Settled) -> list[Node]:
-    """A node for each pair of which the object is one; empty where nothing touches it."""
+    """A node for each pair with the object; empty if nothing touches it."""
     own, points = settled.bodies[0], settled.contact_points
     rows = [row for row in settled.contacts if own.name in (row.a, row.b)]
     if not len(points) or not rows:
@@ -54,8 +54,8 @@ def nearest_body(settled: Settled, names: Sequence[str], surface: Mesh) -> NDArr
 
 
 def near_points(surface: Mesh, points: Array) -> tuple[Mesh, Array]:
-    """A surface cut finely near contact points (k, 3), and how far each of its faces is from one [m], shape (m,): none
-    where every corner is one."""
+    """A surface cut finely near contact points (k, 3), and the distance of each of its faces from one [m], shape (m,);
+    not cut if every contact point is a corner."""
     tree, radius = cKDTree(points), patch_radius(points)
     box = np.stack([points.min(axis=0) - REACH * radius, points.max(axis=0) + REACH * radius])
     carried = (tree.query(surface.vertices, distance_upper_bound=SAME)[0] <= SAME)[surface.faces].all(axis=1)
@@ -75,7 +75,7 @@ def patch_faces(surface: Mesh, away: Array, area: float) -> NDArray[np.int64]:
 
 
 def loads(row: ContactRow) -> dict[str, object]:
-    """What a contact carries: SI units."""
+    """Loads of a contact, in SI units."""
     pressure = row.normal_force_n / row.area_m2 if row.area_m2 > 0.0 else 0.0
     return {
         "area_m2": row.area_m2,

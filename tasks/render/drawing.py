@@ -10,6 +10,6 @@ if TYPE_CHECKING:
 
 
 def drawing(canvas: "FigureCanvasAgg") -> NDArray[np.uint8]:
-    """What is on a canvas, shape (h, w, 3)."""
+    """Content of a canvas as a picture, shape (h, w, 3)."""
     canvas.draw()  # type: ignore[no-untyped-call]
     return np.asarray(canvas.buffer_rgba())[..., :3].copy()  # type: ignore[no-untyped-call]

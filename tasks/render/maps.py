@@ -1,9 +1,9 @@
 """Conditioning maps of a placement: all passes of one view, for inserting the object into photographs.
 
-In: the scene and the object as they settled, with their parts and materials, and a camera. Out: `ConditioningMaps`.
-Every pass is made from the same rays, so that pixels agree; masks and the object's own colours are smoothed over
-pixels at its rim, numbers and ids are those of the pixel's middle. What is not in the scene is in no pass: a scene
-without a floor gets none, unlike in pictures for people.
+In: the settled scene and object, with their parts and materials, and a camera. Out: `ConditioningMaps`.
+Every pass is made from the same rays, so that pixels agree; masks and the object's own colours are antialiased at its
+rim, numbers and ids are those of the pixel's middle. Nothing is added to the scene: a scene without a floor gets none,
+unlike in pictures for people.
 """
 
 from dataclasses import dataclass
@@ -41,16 +41,16 @@ from tasks.render.settled_meshes import (
 Array = NDArray[np.float64]
 F32 = NDArray[np.float32]
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)
-"""Of linear sRGB [Rec. ITU-R BT.709]."""
+"""Luminance weights of linear sRGB [Rec. ITU-R BT.709]."""
 DARK = 1e-3
-"""Light of a place that is dark without the object, too [-]: in a seam nothing is left to be shadowed."""
+"""Light below which a place is dark even without the object [-]: in a seam there is nothing to shadow."""
 AXES = np.concatenate([np.eye(3), -np.eye(3)])
 OBJECT = "object"
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SettledView:
-    """What is in the view."""
+    """Content of the view."""
 
     around: SettledScene
     item: Segmentation
@@ -67,7 +67,7 @@ def placed(
     scene: Segmentation, item: Segmentation, anchor: Anchor, materials: PartMaterials | None, settled: Settled,
     scene_surface: SourceSurface | None = None, object_surface: SourceSurface | None = None,
 ) -> SettledView:  # fmt: skip
-    """The placement as it settled."""
+    """View of the settled placement."""
     thing = painted_item(item, anchor, settled.bodies[0], object_surface)
     around = settled_scene(scene, settled, anchor.base_id)
     return SettledView(around, item, thing, settled.contact_points, materials, painted_scene(around, scene_surface))
@@ -78,9 +78,9 @@ def conditioning_maps(what: SettledView, camera: Camera, config: RenderConfig, *
 
     Args:
         what: the placement.
-        camera: where it is seen from.
+        camera: the camera.
         config: how many rays a pixel has at edges.
-        cutaway: leave out walls and ceiling between the camera and what it looks at, as in pictures of rooms.
+        cutaway: leave out walls and ceiling between the camera and its target, as in pictures of rooms.
 
     Raises InputError where the camera is inside the object.
     """
@@ -115,7 +115,7 @@ def conditioning_maps(what: SettledView, camera: Camera, config: RenderConfig, *
 
 
 def check_outside(thing: Mesh, camera: Camera) -> None:
-    """InputError where the camera is inside the object: rays along most axes leave it through a back."""
+    """Raise InputError if the camera is inside the object: rays along most axes leave it through a back face."""
     hits = Raycaster(thing).cast(np.broadcast_to(camera.position, AXES.shape), AXES)
     backs = (np.einsum("ij,ij->i", hits.normal, AXES) > 0.0) & (hits.face >= 0)
     if backs.sum() >= len(AXES) - 1:
@@ -125,7 +125,7 @@ def check_outside(thing: Mesh, camera: Camera) -> None:
 
 def shadow_of(exposure: Exposure, bare: Raycaster, thing: int) -> F32:
     """Light on the scene with the object over that without it, as luminance, shape (h, w); on the object that of the
-    nearest pixel beside it, as pixels at its rim show both."""
+    nearest pixel outside it, as pixels at its rim show both."""
     surface, scene = exposure.surface, exposure.scene
     before = gathered_light(bare, surface, scene.light, scene.reach, exposure.shape)
     lit, unlit = (LUMINANCE @ shade(surface, light, scene.light) for light in (exposure.light, before))
@@ -139,7 +139,7 @@ def shadow_of(exposure: Exposure, bare: Raycaster, thing: int) -> F32:
 
 
 def contact_map(contact: Array, exposure: Exposure, bare: Raycaster, thing: int) -> NDArray[np.uint8]:
-    """Where the contact patch is seen, and where the object hides it, shape (h, w)."""
+    """Pixels of the contact patch, both visible and hidden by the object, shape (h, w)."""
     result = np.zeros(exposure.shape[0] * exposure.shape[1], dtype=np.uint8)
     if not len(contact):
         return result.reshape(exposure.shape)

@@ -1,8 +1,8 @@
-"""A drop frame by frame: what of object and scene moves, and where it is.
+"""A drop frame by frame: the moving parts of object and scene, and their positions.
 
-In: the settled state with its frames, the scene as segmented, and meshes that go with a body. Out: vertices at any
-frame. What points follow is found once, and the scene is cut once, as finely as the largest displacement of all frames
-asks; a frame then costs one weighted sum.
+In: the settled state with its frames, the scene as segmented, and meshes that move with a body. Out: vertices at any
+frame. The attachment of points is found once, and the scene is cut once, as finely as the largest displacement of all
+frames needs; a frame then costs one weighted sum.
 """
 
 from dataclasses import dataclass, replace
@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False, slots=True)
 class DropMotion:
-    """Frames of a drop, or its start and its end where no frames were kept."""
+    """Frames of a drop, or its start and its end if no frames were kept."""
 
     settled: Settled
 
@@ -37,7 +37,7 @@ class DropMotion:
         return np.array([0.0, self.settled.simulated_seconds]) if frames is None else frames.time
 
     def chosen(self, most: int) -> NDArray[np.int64]:
-        """Numbers of at most so many frames (2 at least), evenly spread; the last one is the rest state."""
+        """Numbers of at most `most` frames (at least 2), evenly spread; the last one is the rest state."""
         count = len(self.time)
         return np.unique(np.round(np.linspace(0, count - 1, min(count, max(most, 2)))).astype(np.int64))
 
@@ -72,7 +72,7 @@ class DropMotion:
         return matrix
 
     def deforms(self, body: int) -> bool:
-        """Whether the body's shape changes, by more than a picture shows."""
+        """Whether the body's shape changes by more than is visible in a picture."""
         start = self.start(body)
         return any(
             np.abs(start.vertices + self.displacement(body, frame) - start.transformed(self.pose(body, frame)).vertices)
@@ -83,16 +83,16 @@ class DropMotion:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class MovingPoints:
-    """Points that go with a body: with it as a whole, or with the nearest points of its surface."""
+    """Points that move with a body: rigidly, or with the nearest points of its surface."""
 
     motion: DropMotion
     body: int
     start: Array
     """Before the drop [m], shape (k, 3)."""
     corner: NDArray[np.int64] | None = None
-    """Three points of the body's surface that each follows, shape (k, 3); None: they move as a whole."""
+    """Three points of the body's surface that each point follows, shape (k, 3); None: they move rigidly."""
     weight: Array | None = None
-    """How much each of the three counts, shape (k, 3)."""
+    """Weights of the three, shape (k, 3)."""
 
     @classmethod
     def of_body(cls, motion: DropMotion, body: int, points: Array) -> "MovingPoints":
@@ -109,11 +109,11 @@ class MovingPoints:
 
     @property
     def bends(self) -> bool:
-        """Whether they move apart from each other."""
+        """Whether they move other than rigidly."""
         return self.corner is not None
 
     def at(self, frame: int) -> Array:
-        """Where they are at a frame [m], shape (k, 3)."""
+        """Positions at a frame [m], shape (k, 3)."""
         if self.bends:
             return self.start + self.carried(self.motion.displacement(self.body, frame))
         pose = self.motion.pose(self.body, frame)
@@ -124,7 +124,7 @@ class MovingPoints:
         return np.stack([self.motion.pose(self.body, frame) for frame in range(len(self.motion.time))])
 
     def carried(self, displacement: Array) -> Array:
-        """How far they are moved by a displacement of the surface (n, 3) [m], shape (k, 3)."""
+        """Their displacement for a displacement of the surface (n, 3) [m], shape (k, 3)."""
         assert self.corner is not None
         assert self.weight is not None
         return np.asarray(np.einsum("nk,nki->ni", self.weight, displacement[self.corner]))
@@ -137,14 +137,14 @@ class MovingThing:
     instance: int
     """Its index."""
     placed: bool
-    """Whether it was placed before and moves by itself; otherwise it stays, and is dented."""
+    """Whether it is an earlier placed thing that moves by itself; otherwise it stays, and is dented."""
     index: NDArray[np.int64]
     """Vertices of the scene that move with it, shape (k,)."""
     points: MovingPoints
 
 
 class MovingScene:
-    """The scene at any frame: dents, and things that were placed before and move."""
+    """The scene at any frame: dents, and moving things that were placed earlier."""
 
     def __init__(self, scene: Segmentation, motion: DropMotion, base_id: str) -> None:
         placed = {one.id: one.placed for one in scene.instances}
@@ -154,7 +154,7 @@ class MovingScene:
         )
         around = settled_scene(scene, replace(motion.settled, bodies=bodies), base_id)
         self.scene = replace(around.scene, mesh=around.start)
-        """Before the drop, as fine as it has to be."""
+        """The scene before the drop, cut as finely as necessary."""
         self.origin = around.origin
         """The face of the scene as segmented that each face came from, shape (m,)."""
         self.things = [
@@ -164,7 +164,7 @@ class MovingScene:
         ]
 
     def _thing(self, motion: DropMotion, number: int, body: SettledBody, *, placed: bool) -> MovingThing:
-        """A thing that moves by itself, or of a support what lies around its dent."""
+        """A thing that moves by itself, or the part of a support around its dent."""
         instance, mesh = self.scene.index_of(body.name), self.scene.mesh
         mine = np.unique(mesh.faces[self.scene.face_instance == instance]).astype(np.int64)
         if placed:
@@ -186,7 +186,7 @@ class MovingScene:
         return replace(self.scene.mesh, vertices=vertices)
 
     def unbent(self, frame: int) -> Array:
-        """The vertices at a frame if nothing had changed its shape since the start [m], shape (n, 3)."""
+        """The vertices at a frame without any change of shape since the start [m], shape (n, 3)."""
         vertices = self.scene.mesh.vertices.copy()
         for one in self.things:
             if one.placed:
@@ -205,6 +205,6 @@ class MovingScene:
 
 
 def moved_by(body: SettledBody, displacement: Array) -> SettledBody:
-    """A body whose surface has moved by a displacement (n, 3) [m] instead."""
+    """A body whose surface has the displacement (n, 3) [m] instead."""
     start = body.surface.vertices - body.displacement
     return replace(body, surface=replace(body.surface, vertices=start + displacement), displacement=displacement)

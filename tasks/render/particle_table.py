@@ -1,6 +1,6 @@
-"""The material of soft bodies at rest as a table and as an iso-surface, and how both agree with the settled surfaces.
+"""The material of soft bodies at rest as a table and as an iso-surface, and their agreement with the settled surfaces.
 
-In: the settled state and the particles it was made of. Out: columns of a table, meshes, and figures.
+In: the settled state and its particles. Out: columns of a table, meshes, and figures.
 """
 
 from collections.abc import Mapping
@@ -19,9 +19,9 @@ from solver.motion import MaterialState
 Array = NDArray[np.float64]
 
 MOST_CELLS = 1_500_000
-"""Cells of the grid of an iso-surface [-]."""
+"""Number of cells in the grid of an iso-surface [-]."""
 NEIGHBOURS = 4
-"""Material points by which a place is followed back [-]."""
+"""Number of material points for tracing a position back [-]."""
 COMPONENTS = ("xx", "yy", "zz", "yz", "xz", "xy")
 
 
@@ -31,7 +31,7 @@ def soft_bodies(settled: Settled) -> list[tuple[int, MaterialState]]:
 
 
 def settled_materials(settled: Settled) -> list[SettledMaterial]:
-    """The soft bodies at rest in figures."""
+    """Numbers on the soft bodies at rest."""
     rows = []
     for number, one in soft_bodies(settled):
         body = settled.bodies[number]
@@ -80,11 +80,11 @@ def particle_columns(settled: Settled, particles: Particles) -> Mapping[str, NDA
 
 
 def iso_surface(one: MaterialState, start: Distance) -> Mesh:
-    """The surface around the material of a body at rest: where its distance from the material's surface is nought.
+    """The surface around the material of a body at rest: the zero level of the distance from the material's surface.
 
-    A place at rest is followed back to where the material around it began, by the displacements of the nearest material
-    points, and `start` is asked there: the signed distance of the body's surface before the drop. So the surface does
-    not depend on how far apart the points are. Where a body was cut off, it ends with its points.
+    A position at rest is traced back to the start by the displacements of the nearest material points, and `start`, the
+    signed distance of the body's surface before the drop, is evaluated there. So the surface does not depend on the
+    spacing of the points. If a body was cut off, the surface ends with its points.
     """
     place = one.start + one.displacement
     size = np.cbrt(one.volume)
@@ -106,6 +106,6 @@ def iso_surface(one: MaterialState, start: Distance) -> Mesh:
 
 
 def distances(surface: Mesh, one: MaterialState) -> dict[str, float]:
-    """How far a surface's vertices are from the nearest material point at rest [m]."""
+    """Distances of a surface's vertices from the nearest material point at rest [m]."""
     away = cKDTree(one.start + one.displacement).query(surface.vertices, workers=-1)[0]
     return {"to_points_mean_m": float(away.mean()), "to_points_max_m": float(away.max())}

@@ -1,4 +1,4 @@
-"""The contact patch as pictures show it: which points of the scene belong to it."""
+"""The contact patch in pictures: the points of the scene that belong to it."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,13 +9,13 @@ from dcap.geometry.camera import Camera
 Array = NDArray[np.float64]
 
 NEXT_PIXEL = 1.0
-"""A pixel this near to the contact patch is beside it [pixel]."""
+"""Distance within which a pixel is next to the contact patch [pixel]."""
 LEAST_PATCH = 1.5e-3
-"""A contact point stands for a disc of at least this radius [m]."""
+"""Least radius of the disc that a contact point represents [m]."""
 
 
 def patch_radius(contact: Array) -> float:
-    """Radius [m] of the disc that one contact point stands for: so that neighbours' discs overlap."""
+    """Radius [m] of the disc that one contact point represents, so that neighbouring discs overlap."""
     if len(contact) < 2:
         return 4.0 * LEAST_PATCH
     spacing = np.median(cKDTree(contact).query(contact, k=2)[0][:, 1])
@@ -24,7 +24,7 @@ def patch_radius(contact: Array) -> float:
 
 
 def near_patch(points: Array, contact: Array, camera: Camera) -> NDArray[np.bool_]:
-    """Which points (n, 3) lie in the contact patch, or less than a pixel beside it, shape (n,)."""
+    """Whether points (n, 3) lie in the contact patch, or less than a pixel next to it, shape (n,)."""
     result = np.zeros(len(points), dtype=bool)
     if not len(contact):
         return result

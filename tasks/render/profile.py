@@ -1,4 +1,4 @@
-"""A cut through the contact: the support as it was and as it is, and what lies in it.
+"""A cut through the contact: the support before and after, and the object in it.
 
 In: scene before and after, the object at rest, a point and a direction. Out: a drawing of the vertical plane there.
 """
@@ -64,14 +64,15 @@ def profile_picture(before: Mesh, after: Mesh, thing: Mesh, middle: Array, along
 
 
 def section(mesh: Mesh, middle: Array, level: Array, normal: Array, reach: float) -> Array:
-    """Where a vertical plane cuts a mesh near a point: lines (k, 2, 2), along the plane and upwards from there [m]."""
-    # a bit of each vertex for each side of the box that it is beyond: a face whose corners share one is outside
+    """Cut of a vertical plane through a mesh near a point: lines (k, 2, 2), along the plane and upwards from there
+    [m]."""
+    # one bit per vertex for each side of the box that it is beyond: a face whose corners share one is outside
     beyond = np.concatenate([mesh.vertices < middle - 2.0 * reach, mesh.vertices > middle + 2.0 * reach], axis=1)
     sides = beyond @ (1 << np.arange(6)).astype(np.uint8)
     near = np.flatnonzero(np.bitwise_and.reduce(sides[mesh.faces], axis=1) == 0)
     if not len(near):
         return np.zeros((0, 2, 2))
-    import trimesh  # a quarter of a second, for which nobody waits whose results are cached
+    import trimesh  # takes a quarter of a second, which cached results need not wait for
 
     part = trimesh.Trimesh(mesh.corners(near).reshape(-1, 3), np.arange(3 * len(near)).reshape(-1, 3), process=False)
     found = trimesh.intersections.mesh_plane(part, normal, middle)  # type: ignore[no-untyped-call]

@@ -1,6 +1,6 @@
-"""A scene and what stands in it before several cameras.
+"""A scene and the things in it, in front of several cameras.
 
-In: the scene, its look and other meshes. Out: what each camera may see of them, prepared once for all.
+In: the scene, its look and other meshes. Out: the meshes visible to each camera, prepared once for all.
 """
 
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ from tasks.render.settled_meshes import Cutaway, floor_of
 
 
 class SceneViews:
-    """What cameras see of a scene."""
+    """Views of a scene by several cameras."""
 
     def __init__(
         self, scene: Segmentation, look: PaintedMesh | None = None, things: Sequence[PaintedMesh] = ()
@@ -28,17 +28,17 @@ class SceneViews:
         self._things = self._meshes.mesh_of_face >= len(around)
 
     def seen_by(self, camera: Camera) -> PreparedMeshes:
-        """What a camera may see: the scene, which is the first mesh, without what is cut away, and the others."""
+        """Meshes visible to a camera: first the scene without cut-away faces, then the others."""
         cut = self._cutaway.faces(camera)
         shown = np.ones(len(self._things), dtype=bool)
         shown[: len(cut)] = ~cut
         return self._meshes.showing(shown)
 
     def exposed(self, camera: Camera, *, low_light: bool = False) -> Exposure:
-        """What a camera sees of the scene alone, in the making."""
+        """A camera's view of the scene alone, still to be developed."""
         seen = self.seen_by(camera)
         return exposed(seen.showing(seen.shown & ~self._things), camera, low_light=low_light)
 
     def with_things(self, alone: Exposure) -> Exposure:
-        """The same view as one of the scene alone with the other meshes."""
+        """A view of the scene alone, with the other meshes added."""
         return alone.adding(self._things)

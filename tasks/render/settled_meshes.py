@@ -1,4 +1,4 @@
-"""What is in a picture of the rest state: the object and the scene as they settled, and what a camera may see of them.
+"""Content of a picture of the rest state: the settled object and scene, and their parts visible to a camera.
 
 In: scene and object as segmented, and the settled state. Out: meshes.
 """
@@ -22,26 +22,25 @@ from dcap.scene.types.settled import Settled, SettledBody
 Array = NDArray[np.float64]
 
 RIGID_TOLERANCE = 1e-6
-"""A surface that is this close to a turned and moved copy of its start did not deform [m]."""
+"""Largest distance of a surface from a rigidly moved copy of its start at which it counts as undeformed [m]."""
 HANGING = 0.15
-"""A thing is flat, and hangs on a wall, if it is no thicker, and no point of it farther away from the wall [m]."""
+"""Largest thickness, and largest distance of a point from the wall, of a flat thing that hangs on a wall [m]."""
 STUDIO_COLOR = (214, 212, 209)
 """A floor for scenes that have none; close to the backdrop."""
 
 
 def settled_item(item: Segmentation, anchor: Anchor, body: SettledBody) -> Mesh:
-    """The object at rest: its own mesh, moved as a whole or following the deformed surface."""
+    """The object at rest: its own mesh, moved rigidly or following the deformed surface."""
     return settled_mesh(item.mesh, anchor, body)
 
 
 def settled_mesh(own: Mesh, anchor: Anchor, body: SettledBody) -> Mesh:
-    """A mesh of the object, in the object's own frame, as it is at rest."""
+    """A mesh in the object's own frame, moved to the rest state."""
     return at_rest(own.transformed(anchor.world_from_object), body)
 
 
 def at_rest(whole: Mesh, body: SettledBody) -> Mesh:
-    """A mesh that is where a body was at the start, as the body is at rest: moved as a whole, or following its
-    surface."""
+    """A mesh at a body's start, moved to the body's rest state: rigidly, or following its surface."""
     return (
         whole.transformed(body.world_from_start)
         if is_rigid(body)
@@ -54,18 +53,18 @@ class SettledScene:
     """The scene at rest."""
 
     scene: Segmentation
-    """With the dents that the drop left in the base, and with things moved that were placed before."""
+    """The scene with the drop's dents in the base, and earlier placed things at their new places."""
     shift: Array
-    """How far each vertex has moved from where it would be unloaded [m], shape (n, 3)."""
+    """Displacement of each vertex from its unloaded position [m], shape (n, 3)."""
     start: Mesh
-    """The same faces where the drop began."""
+    """The same faces at the start of the drop."""
     origin: NDArray[np.int64]
     """The face of the scene as segmented that each face came from, shape (m,)."""
 
 
 def settled_scene(scene: Segmentation, settled: Settled, base_id: str) -> SettledScene:
-    """The scene with the dents that the drop left in the base and in what carries that, and with the things that were
-    placed before where they came to rest."""
+    """The scene with the drop's dents in the base and its supports, and with earlier placed things at their rest
+    positions."""
     mesh = scene.mesh
     after = SettledScene(scene, np.zeros_like(mesh.vertices), mesh, np.arange(len(mesh.faces)))
     placed = {one.id: one.placed for one in scene.instances}
@@ -99,7 +98,7 @@ def with_dent(around: SettledScene, body: SettledBody) -> SettledScene:
 
 
 def with_thing_moved(around: SettledScene, body: SettledBody) -> SettledScene:
-    """The scene with a thing that was placed before at its new place; what moved as a whole is not dented."""
+    """The scene with an earlier placed thing at its new place; a rigidly moved thing is not dented."""
     scene = around.scene
     mine = scene.face_instance == scene.index_of(body.name)
     mesh, start = with_own_vertices(scene.mesh, mine), with_own_vertices(around.start, mine)
@@ -123,7 +122,7 @@ def is_rigid(body: SettledBody) -> bool:
 
 
 def structure_faces(scene: Segmentation) -> NDArray[np.bool_]:
-    """Faces of walls, ceiling and floor, and those that belong to nothing, shape (m,)."""
+    """Whether faces belong to walls, ceiling, floor, or nothing, shape (m,)."""
     flag = np.array([one.structure for one in scene.instances] + [True])
     return np.asarray(flag[scene.face_instance])
 
@@ -139,13 +138,13 @@ def painted_scene(around: SettledScene, surface: SourceSurface | None) -> Painte
 
 
 def shown(scene: Segmentation, camera: Camera, look: PaintedMesh | None = None) -> list[PaintedMesh]:
-    """The scene as the camera may see it, with the look of its mesh if it has textures: without what is cut away, on a
-    studio floor if it has none."""
+    """The scene for a camera, with the look of its mesh if it has textures: without cut-away faces, on a studio floor
+    if it has none."""
     return shown_meshes(scene, shown_faces(scene, camera), look)
 
 
 def shown_meshes(scene: Segmentation, faces: NDArray[np.integer], look: PaintedMesh | None = None) -> list[PaintedMesh]:
-    """Some faces (k,) of the scene, and the studio floor if it has none."""
+    """Meshes of some faces (k,) of the scene, and of the studio floor if it has no floor."""
     meshes = [(look or PaintedMesh(scene.mesh)).submesh(faces), *floor_of(scene)]
     return [one for one in meshes if len(one.mesh.faces)]
 
@@ -156,12 +155,12 @@ def floor_of(scene: Segmentation) -> list[PaintedMesh]:
 
 
 def shown_faces(scene: Segmentation, camera: Camera) -> NDArray[np.int64]:
-    """Faces that are not cut away before the camera, shape (k,)."""
+    """Faces that are not cut away in front of the camera, shape (k,)."""
     return np.flatnonzero(~Cutaway(scene).faces(camera))
 
 
 class Cutaway:
-    """What of a scene is cut away before cameras."""
+    """Faces of a scene that are cut away in front of cameras."""
 
     def __init__(self, scene: Segmentation) -> None:
         self._scene = scene
@@ -172,13 +171,13 @@ class Cutaway:
         ]  # fmt: skip
 
     def faces(self, camera: Camera) -> NDArray[np.bool_]:
-        """Faces that are cut away before a camera, shape (m,)."""
+        """Whether faces are cut away in front of a camera, shape (m,)."""
         cut = self._planes.between(camera.position, camera.target)
         return cut | self._hanging(cut, camera.target)
 
     def _hanging(self, cut: NDArray[np.bool_], target: Array) -> NDArray[np.bool_]:
-        """Faces of things that hang on walls that are cut away, (m,): flat ones all of which is near such a wall,
-        unless the camera looks at them. They would float before the room, seen from behind."""
+        """Faces of flat things that hang on cut-away walls, (m,), unless the camera looks at them: they would float in
+        front of the room, seen from behind."""
         result, mesh = np.zeros(len(cut), dtype=bool), self._scene.mesh
         if not cut.any():
             return result

@@ -1,4 +1,4 @@
-"""The Gaussians of a scene that was given as such, at rest: carried along by the dent, with the object added to them.
+"""The Gaussians of a splat scene at rest: they follow the dent, and the object is added.
 
 In: Gaussians in their file's frame and unit, the scene as segmented, and the settled state. Out: Gaussians in the same
 frame and unit, in the same order; the object's come last.
@@ -25,13 +25,13 @@ from tasks.render.settled_meshes import settled_item, settled_scene
 Array = NDArray[np.float64]
 
 ASKED, OPAQUE = 5000, 0.5
-"""How many Gaussians of at least that opacity tell whether they lie on the scene's mesh."""
+"""Number of Gaussians, and their least opacity, for checking that they lie on the scene's mesh."""
 OFF = 0.02
-"""Gaussians that lie farther than this from the mesh in the median, over its diagonal, have another frame [-]."""
+"""Largest median distance of the Gaussians from the mesh, over its diagonal; beyond it they have another frame [-]."""
 AT_ONCE = 100_000
-"""Gaussians that are looked at together [-]."""
+"""Gaussians per batch [-]."""
 DEVIATIONS = 2.0
-"""How far a Gaussian reaches, in its largest standard deviation [-]."""
+"""Extent of a Gaussian over its largest standard deviation [-]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -39,13 +39,13 @@ class SettledSplats:
     """A scene of Gaussians with the object at rest, in the scene file's frame and unit."""
 
     given: Gaussians
-    """The scene as it was."""
+    """The input scene."""
     carried: CarriedSplats
-    """What of it follows the dent."""
+    """Its Gaussians that follow the dent."""
     floating: NDArray[np.bool_]
-    """What of it is in the air where the object is now, and goes, shape (n,)."""
+    """Whether its Gaussians float where the object is now, and are dropped, shape (n,)."""
     item: Gaussians
-    """The object's."""
+    """The object's Gaussians."""
 
     def __len__(self) -> int:
         return len(self.given) - int(self.floating.sum()) + len(self.carried.more) + len(self.item)
@@ -61,7 +61,7 @@ class SettledSplats:
 
     @property
     def comments(self) -> tuple[str, ...]:
-        """What the file says of itself."""
+        """Comments in the file's header."""
         dropped, moved = int(self.floating.sum()), int((~self.floating[self.carried.index]).sum())
         return (
             "frame and unit of the scene file",
@@ -81,7 +81,7 @@ def settled_splats(
     *,
     colors: FaceColors | None = None,
 ) -> SettledSplats:
-    """The Gaussians of a file with the settled placement in them. InputError where they do not lie on the scene's mesh.
+    """The Gaussians of a file with the settled placement in them. InputError if they do not lie on the scene's mesh.
 
     `colors` are those of the settled object's mesh, by default its vertices'.
     """
@@ -97,7 +97,7 @@ def settled_splats(
 
 
 def check_on_mesh(splats: Gaussians, world_from_file: Array, mesh: Mesh) -> None:
-    """Refuse Gaussians that lie elsewhere than the scene's mesh: two files of a folder may have two frames."""
+    """Refuse Gaussians away from the scene's mesh: two files of a folder may have two frames."""
     opaque = np.flatnonzero(splats.opacity > OPAQUE)
     some = opaque[:: -(-len(opaque) // ASKED)] if len(opaque) else opaque
     size = float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
@@ -114,7 +114,8 @@ def check_on_mesh(splats: Gaussians, world_from_file: Array, mesh: Mesh) -> None
 
 
 def floating_in(splats: Gaussians, world_from_file: Array, thing: Mesh, surface: Mesh) -> NDArray[np.bool_]:
-    """Gaussians that lie in the object by more than their own size, and near no surface of the scene, shape (n,)."""
+    """Whether Gaussians lie inside the object by more than their own size, and near no surface of the scene, shape
+    (n,)."""
     out = np.zeros(len(splats), dtype=bool)
     unit, (low, high) = float(np.cbrt(np.linalg.det(world_from_file[:3, :3]))), thing.bounds
     inside, on_surface = MeshDistance(thing), Raycaster(surface)

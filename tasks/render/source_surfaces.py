@@ -1,7 +1,7 @@
-"""What files of the rest state hold: object and scene with the faces and textures of their sources.
+"""Object and scene for files of the rest state, with the faces and textures of their sources.
 
-In: what the stages returned. Out: painted meshes. A source without textures is given as the mesh that the stages
-computed on. Faces of a support are cut only where it bends.
+In: results of the stages. Out: painted meshes. For a source without textures it is the stages' mesh. Faces of a support
+are only cut where it bends.
 """
 
 from dataclasses import replace
@@ -26,7 +26,7 @@ def object_at_rest(item: Segmentation, surface: SourceSurface, anchor: Anchor, b
 def scene_at_rest(
     scene: Segmentation, surface: SourceSurface, settled: Settled | None, base_id: str
 ) -> tuple[SettledScene, PaintedMesh]:
-    """The scene with its dents, and its look; as it was where nothing has settled in it."""
+    """The scene with its dents, and its look; unchanged if nothing has settled in it."""
     own = of_source(scene, surface)
     around = untouched(own) if settled is None else settled_scene(own, settled, base_id)
     paint = paint_from(surface, around.start, around.origin) if surface.kept else None

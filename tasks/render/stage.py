@@ -1,7 +1,7 @@
 """Stage 9, render: the scene before, the object at rest in it, and its contact from nearby.
 
-In: scene, object, anchor, the settled state and the textures of both sources. Out: pictures, and how much of the object
-is seen; or `buried` where the scene hides it. The camera looks at the contact from the front of the base and above, at
+In: scene, object, anchor, the settled state and the textures of both sources. Out: pictures, and the visible share of
+the object; or `buried` if the scene hides it. The camera looks at the contact from the front of the base and above, at
 1.5 times the base part's box diagonal (the paper's section 4.3), from where it sees most of the object; walls and
 ceiling in its way are cut away.
 """
@@ -42,8 +42,7 @@ def render(
     before: SegmentedScene | None = None,
     before_surface: SourceSurface | None = None,
 ) -> Renders | Infeasible:
-    """Take the pictures; `before` is the scene that was given, with its textures, where the drop started from another
-    state."""
+    """Take the pictures; `before` is the input scene, with its textures, if the drop started from another state."""
     thing = painted_item(item, anchor, settled.bodies[0], object_surface)
     around = settled_scene(scene, settled, anchor.base_id)
     still = before is None and is_as_given(around, scene)
@@ -79,7 +78,7 @@ def render(
         visible_fraction=fraction,
         camera_position=view.camera.position,
         camera_target=target,
-        before_after=beside(empty.rgb, closeup.rgb),
+        before_after=side_by_side(empty.rgb, closeup.rgb),
         contact=contact,
         profile=profile_picture(
             first.mesh, around.scene.mesh, thing.mesh, touched(settled, target), near.world_from_camera[:, 0]
@@ -95,12 +94,12 @@ def touched(settled: Settled, middle: NDArray[np.float64]) -> NDArray[np.float64
 
 
 def photograph(meshes: PreparedMeshes, camera: Camera, config: RenderConfig, *, low_light: bool = False) -> Picture:
-    """What the camera sees."""
+    """Camera view."""
     return picture(meshes, camera, samples=config.samples, low_light=low_light)
 
 
 def nearby(things: Raycaster, thing: Mesh, first: Camera, config: RenderConfig) -> Camera:
-    """The camera of the close-up: on the side of the first one, its contact a little below the middle."""
+    """The camera of the close-up: on the side of the first camera, with the contact a little below the middle."""
     size = np.ptp(thing.vertices, axis=0)
     target = first.target + np.array([0.0, 0.0, 0.22 * size[2]])
     way = first.position - first.target
@@ -110,7 +109,7 @@ def nearby(things: Raycaster, thing: Mesh, first: Camera, config: RenderConfig) 
     return best_view(things, thing, target, distance, flat, config).camera
 
 
-def beside(left: NDArray[np.uint8], right: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def side_by_side(left: NDArray[np.uint8], right: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Two pictures of one size with a white line between them."""
     gap = np.full((len(left), max(2, left.shape[1] // 128), 3), 255, dtype=np.uint8)
     return np.concatenate([left, gap, right], axis=1)

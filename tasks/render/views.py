@@ -1,4 +1,4 @@
-"""Where the camera stands, and how much of the object is seen from there."""
+"""Chooses the camera, and measures the visibility of the object from it."""
 
 from dataclasses import dataclass
 
@@ -18,21 +18,21 @@ from tasks.render.config import RenderConfig
 
 Array = NDArray[np.float64]
 
-SEEN_POINTS = 400  # surface points of the object whose visibility ranks the views
+SEEN_POINTS = 400  # number of surface points of the object whose visibility ranks the views
 POORLY_SEEN = 0.2  # visible share below which an object is looked at from above, too
 FRONT_BONUS = 0.25  # preference for the front over the side, in units of visible share
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ChosenView:
-    """A camera and how much of the object it sees."""
+    """A camera and the visible share of the object."""
 
     camera: Camera
     visible: float
 
 
 def contact_middle(settled: Settled, anchor: Anchor) -> Array:
-    """What the camera looks at [m]: the middle of the contact, or where it was predicted."""
+    """Target of the camera [m]: the middle of the contact, or its predicted place."""
     if len(settled.contact_points):
         return np.asarray(settled.contact_points.mean(axis=0))
     return anchor.surface_point
@@ -61,9 +61,9 @@ def front(scene: Segmentation, anchor: Anchor) -> Array:
 def best_view(
     things: Raycaster, thing: Mesh, target: Array, distance: float, toward: Array, config: RenderConfig
 ) -> ChosenView:
-    """The candidate from which most of the object is seen, the front and the first elevation being preferred.
+    """The candidate that sees most of the object, preferring the front and the first elevation.
 
-    What is poorly seen from all of these, as in a deep vessel, is looked at from above if that shows more.
+    An object that all of these show poorly, as in a deep vessel, is seen from above if that shows more.
     """
     chosen = best_of(things, thing, target, distance, toward, config.elevations_deg, config)
     if chosen.visible >= POORLY_SEEN:
@@ -113,7 +113,7 @@ def visible_share(caster: Raycaster, points: Array, normals: Array, camera: Arra
 
 
 def visible_fraction(seen: NDArray[np.bool_], thing: PaintedMesh, camera: Camera) -> float:
-    """Pixels of the object that are seen in the scene, a mask, over its pixels alone."""
+    """Visible pixels of the object in the scene, a mask, over its pixels alone."""
     around = camera.project(thing.mesh.vertices)[:, :2]
     rays = rays_between(camera, around.min(axis=0) - 1.0, around.max(axis=0) + 1.0)[1]
     alone = int((caster_of([thing]).first_hits(rays).face >= 0).sum())

@@ -1,1 +1,1 @@
-"""What stages show to whoever answers their questions: views, surroundings, pictures."""
+"""Content of stages' questions for a client: views, surroundings, pictures."""

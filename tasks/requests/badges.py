@@ -1,6 +1,6 @@
-"""Numbers on a picture: each on its own thing where that is widest, none on another, a line where there is no room.
+"""Draws numbers on a picture: each on the widest place of its thing, without overlap, with a line if there is no room.
 
-In: a picture and which thing is seen in each pixel. Out: the picture with things tinted, outlined and numbered.
+In: a picture and the thing in each pixel. Out: the picture with things tinted, outlined and numbered.
 """
 
 import colorsys
@@ -15,17 +15,17 @@ Array = NDArray[np.float64]
 Place = tuple[float, float]
 
 HUE_STEP = 0.381966
-"""Turn of the colour wheel from number to number [-]: by the golden section, hues next to each other come late."""
+"""Turn of the colour wheel from number to number [-]: by the golden section, similar hues are far apart."""
 TINT, LINE = 0.22, 0.85
-"""Share of a thing's paint on it and on its outline [-]."""
+"""Opacity of a thing's paint on it and on its outline [-]."""
 LETTERS = 0.026
 """Height of the numbers over the picture's width [-]: 20 pixels at 768."""
 LEAST_LETTERS = 13
 """[pixels]."""
 LEAST_SEEN = 12
-"""Pixels of a thing below which it is not numbered: nobody could tell what is meant."""
+"""Least number of pixels of a numbered thing: a smaller one could not be identified."""
 STEPS, TURNS = 14, 16
-"""Distances and directions that are tried for a badge beside its thing."""
+"""Distances and directions that are tried for a badge next to its thing."""
 INK, PAPER = (255, 255, 255), (20, 20, 24)
 
 
@@ -37,7 +37,7 @@ def paint(number: int) -> NDArray[np.float64]:
 def numbered(rgb: NDArray[np.uint8], seen: NDArray[np.integer], numbers: Mapping[int, int]) -> NDArray[np.uint8]:
     """The picture (h, w, 3) with badges; `seen` (h, w) names the thing of each pixel, `numbers` gives its number.
 
-    Things that are not in `numbers`, or of which next to nothing is seen, get none.
+    Things that are not in `numbers`, or hardly visible, get none.
     """
     shown = rgb.astype(np.float64)
     image_width = rgb.shape[1]
@@ -53,13 +53,13 @@ def numbered(rgb: NDArray[np.uint8], seen: NDArray[np.integer], numbers: Mapping
         row, column = np.unravel_index(int(np.argmax(depth)), depth.shape)
         aims.append((float(depth.max()), number, (float(column), float(row))))
     image = Image.fromarray(np.rint(shown).astype(np.uint8))
-    # what has the least room chooses first: a large thing has other places
+    # the thing with the least room chooses first: a large one has other places
     draw_badges(image, [(number, place) for _, number, place in sorted(aims)])
     return np.asarray(image, dtype=np.uint8).copy()
 
 
 def draw_badges(image: Image.Image, aims: Sequence[tuple[int, Place]]) -> None:
-    """A badge for each number at its place, moved aside with a line to it where another badge is there already."""
+    """Draw a badge for each number at its place, moved aside with a line to it if another badge is already there."""
     draw = ImageDraw.Draw(image)
     font = ImageFont.load_default(size=max(LEAST_LETTERS, round(LETTERS * image.width)))
     taken: list[tuple[float, float, float, float]] = []
@@ -94,7 +94,7 @@ def badge_size(
 def free_box(
     aim: Place, size: tuple[float, float], limits: tuple[int, int], taken: Sequence[tuple[float, float, float, float]]
 ) -> tuple[float, float, float, float]:
-    """The rectangle of a badge nearest to where it should be that meets none that is there; inside the picture."""
+    """The free rectangle of a badge nearest to its place; inside the picture."""
     boxes = [box_at(aim, size, limits)]
     for ring in range(1, STEPS + 1):
         for angle in np.linspace(0.0, 2.0 * np.pi, TURNS, endpoint=False):

@@ -1,7 +1,7 @@
-"""One picture of everything that the object could have gone on: numbered on a plan and a view, and listed beside.
+"""One picture of all possible supports of the object: numbered on a plan and a view, with a list.
 
-In: a scene. Out: an sRGB picture with a number, name, certainty, id and size for each thing, so that a person can say
-which was meant.
+In: a scene. Out: an sRGB picture with a number, name, certainty, id and size for each thing, so that a person can
+choose one.
 """
 
 from collections.abc import Sequence
@@ -15,10 +15,10 @@ from tasks.requests.badges import INK, PAPER, badge_size, paint
 from tasks.requests.marks import marked, numbers_of, plan_picture, room_pictures
 
 Line = tuple[int, str, str]
-"""Number, what it is, and its size."""
+"""Number, name and size."""
 
 LETTERS, ROW, GAP = 17, 27, 14
-"""Height of the letters, of a row of the list, and of what separates pictures [pixels]."""
+"""Height of the letters, of a row of the list, and of the gap between pictures [pixels]."""
 COLUMN = 400
 """Width of a column of the list [pixels]."""
 BACKGROUND, TEXT, FAINT = (250, 250, 248), (24, 24, 28), (110, 110, 116)
@@ -70,7 +70,7 @@ def composed(shots: Sequence[Image.Image], lines: Sequence[Line]) -> Image.Image
 def shortened(
     draw: ImageDraw.ImageDraw, text: str, font: ImageFont.ImageFont | ImageFont.FreeTypeFont, width: float
 ) -> str:
-    """As much of a text as fits."""
+    """A text cut to fit the width."""
     while text and draw.textlength(text, font) > width:
         text = text[:-2].rstrip(" .") + "." if len(text) > 2 else ""
     return text

@@ -1,8 +1,8 @@
-"""Numbered pictures of things in a scene ("set of marks"): from above its corners, as a plan, and each thing alone.
+"""Numbered pictures of things in a scene ("set of marks"): over its corners, as a plan, and each thing alone.
 
-In: a scene and the things that are to be told apart. Out: sRGB pictures in which each thing has its number. What is in
-the way (ceiling, walls before the camera) is left out. The pages that people correct, the picture of a refusal and
-what a model is asked with show the same numbers.
+In: a scene and its things. Out: sRGB pictures in which each thing has its number. Obstacles (ceiling, walls in front of
+the camera) are left out. The page that people correct, the picture of a refusal and the questions to a model show the
+same numbers.
 """
 
 from collections.abc import Mapping, Sequence
@@ -32,27 +32,27 @@ VIEW_SHAPE = 0.75
 ELEVATION_DEG = 42.0
 """Height of the camera over the horizon: into a room over its walls [degrees]."""
 PLAN_FOV_DEG = 12.0
-"""Narrow, so that high things hardly lean outward [degrees]."""
+"""Narrow field of view, so that high things hardly lean outward [degrees]."""
 HEAD = 1.9
-"""Level faces of the building this high above the floor are its ceiling, whatever they were taken for [m]."""
+"""Height above the floor from which level faces of the building are its ceiling, whatever their label [m]."""
 WIDE = 0.5
-"""A thing that covers this share of the plan is the room's rather than furniture: its ceiling is left out too [-]."""
+"""Share of the plan from which a thing is part of the room rather than furniture: its ceiling is left out too [-]."""
 LEVEL = 0.7
-"""Cosine to the vertical from which a face is level [-]."""
+"""Least cosine to the vertical of a level face [-]."""
 ON_THE_FLOOR = 0.15
-"""Faces up to this height tell whether floors look up [m]."""
+"""Height up to which faces decide whether floors face up [m]."""
 ONE_SIDED = 0.9
-"""Share of those that look up where the sides of all faces can be trusted [-]."""
+"""Least share of these that face up for the sides of all faces to be reliable [-]."""
 RIM = 1.04
-"""The room fills the picture but for a rim [-]."""
+"""Share of the picture that the room fills [-]."""
 CENTERED, HALVINGS = 3, 30
-"""How often the box is moved into the middle, and the interval of distances halved [-]."""
+"""Number of times that the box is centred, and the interval of distances halved [-]."""
 THUMBNAIL = 224
 """Width and height of the picture of one thing [pixels]."""
 THING_DISTANCE = 1.35
 """Distance of its camera over the diagonal of its box [-]."""
 NEAREST = 0.4
-"""The camera does not come nearer [m]."""
+"""Least distance of the camera [m]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -67,11 +67,11 @@ class Mark:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class MarkedScene:
-    """A mesh with things to be told apart."""
+    """A mesh with numbered things."""
 
     mesh: Mesh
     structure: Mask
-    """Faces of walls, floor and ceiling and those of nothing, shape (m,)."""
+    """Whether faces belong to walls, floor, ceiling, or nothing, shape (m,)."""
     marks: tuple[Mark, ...]
 
     @property
@@ -91,7 +91,7 @@ def numbers_of(scene: Segmentation) -> Mapping[int, int]:
 
 
 def marked(scene: Segmentation, numbers: Mapping[int, int] | None = None) -> MarkedScene:
-    """A scene with numbers on its instances, `numbers_of` them unless others are given."""
+    """A scene with numbers on its instances, by default from `numbers_of`."""
     numbers = numbers_of(scene) if numbers is None else numbers
     structure = np.array([one.structure for one in scene.instances] + [True])[scene.face_instance]
     order = np.argsort(scene.face_instance, kind="stable")
@@ -126,7 +126,7 @@ def plan_picture(
 
 
 def plan_camera(scene: MarkedScene, size: int) -> Camera:
-    """Straight down on all of the room, from so far that high things hardly lean outward."""
+    """Camera straight down on all of the room, from a distance at which high things hardly lean outward."""
     low, high = framed(scene)
     extent = np.maximum(high[:2] - low[:2], 1e-6)
     width, height = (max(64, round(size * float(side / extent.max()))) for side in extent)
@@ -139,7 +139,7 @@ def plan_camera(scene: MarkedScene, size: int) -> Camera:
 
 
 def thumbnail(scene: MarkedScene, mark: Mark, size: int = THUMBNAIL) -> NDArray[np.uint8]:
-    """One thing from where most of it is seen, what stands around it in place, shape (size, size, 3)."""
+    """One thing in its surroundings, from where most of it is visible, shape (size, size, 3)."""
     others = np.ones(len(scene.mesh.faces), dtype=bool)
     others[mark.faces] = False
     thing = scene.mesh.submesh(mark.faces)
@@ -155,7 +155,7 @@ def thumbnail(scene: MarkedScene, mark: Mark, size: int = THUMBNAIL) -> NDArray[
 
 
 def photograph(scene: MarkedScene, camera: Camera) -> NDArray[np.uint8]:
-    """What a camera sees, numbered."""
+    """A camera's view with numbers."""
     owner, kept = scene.owner, ~hidden(scene, camera)
     rest = scene.mesh.submesh(np.flatnonzero(kept & (owner < 0)))
     meshes, place = ([rest], {}) if len(rest.faces) else ([], {})
@@ -171,8 +171,8 @@ def photograph(scene: MarkedScene, camera: Camera) -> NDArray[np.uint8]:
 
 
 def hidden(scene: MarkedScene, camera: Camera) -> Mask:
-    """Faces that are left out: walls before the camera, ceilings, level faces of the room over everybody's head, and,
-    where the mesh tells its sides, all that is seen from behind: a scan shows its walls from the room only."""
+    """Faces that are left out: walls in front of the camera, ceilings, level faces of the room overhead, and, if the
+    sides of the mesh are reliable, all faces seen from behind: a scan has its walls from the room's side only."""
     cut = cut_faces(scene.mesh, scene.structure, camera.position, camera.target)
     normal, floor = scene.mesh.face_normals, framed(scene)[0][2]
     height, length = scene.mesh.triangles[:, :, 2], np.linalg.norm(normal, axis=1)
@@ -187,7 +187,7 @@ def hidden(scene: MarkedScene, camera: Camera) -> Mask:
 
 
 def of_the_room(scene: MarkedScene) -> Mask:
-    """Faces of the building and of things so wide that they must be more than furniture, shape (m,)."""
+    """Whether faces belong to the building, or to things too wide for furniture, shape (m,)."""
     plan = float(np.prod(np.ptp(scene.mesh.bounds[:, :2], axis=0)))
     rooms = scene.structure.copy()
     for mark in scene.marks:
@@ -197,21 +197,21 @@ def of_the_room(scene: MarkedScene) -> Mask:
 
 
 def framed(scene: MarkedScene) -> tuple[Array, Array]:
-    """Lowest and highest corner of what has to be in the picture [m], each of shape (3,): almost all of the surface."""
+    """Lowest and highest corner of the pictured box [m], each of shape (3,): almost all of the surface."""
     center, area = scene.mesh.triangles.mean(axis=1), scene.mesh.face_areas
     low, high = (np.array([share_of(center[:, axis], area, share) for axis in range(3)]) for share in (0.002, 0.998))
     return low, high
 
 
 def share_of(values: Array, weight: Array, share: float) -> float:
-    """The value below which a share of the weight lies; the extreme where it is lumped there."""
+    """The value below which a share of the weight lies; the extreme if weight is concentrated there."""
     order = np.argsort(values)
     total = np.cumsum(weight[order])
     return float(values[order[min(int(np.searchsorted(total, share * total[-1])), len(values) - 1)]])
 
 
 def corner_camera(middle: Array, half: Array, corner: Sequence[float], size: int) -> Camera:
-    """A camera beyond a corner of a box, as near as it sees all of it, the box in the middle of the picture."""
+    """The nearest camera beyond a corner of a box that sees all of it, the box in the middle of the picture."""
     lift = np.radians(ELEVATION_DEG)
     flat = np.array(corner) / np.linalg.norm(corner)
     way = np.array([*(np.cos(lift) * flat), np.sin(lift)])
@@ -234,7 +234,7 @@ def fitting(points: Array, target: Array, way: Array, half: Array, size: int) ->
     frame = np.array([size, round(VIEW_SHAPE * size)])
     unit = max(float(np.linalg.norm(half)), 1e-6)
     near, far = 0.5, 40.0
-    for _ in range(HALVINGS):  # what the points take of the picture falls with the distance
+    for _ in range(HALVINGS):  # the points' extent in the picture falls with the distance
         distance = float(np.sqrt(near * far))
         image = looking_at(target + distance * unit * way, target, *frame.tolist()).project(points)
         fits = (image[:, 2] > 0).all() and (2.0 * RIM * np.abs(image[:, :2] - frame / 2) < frame).all()

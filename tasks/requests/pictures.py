@@ -1,4 +1,4 @@
-"""Pictures of a thing that nobody named: in its room in a loud colour, and from near; made only if a client looks."""
+"""Pictures of an unlabelled thing: in its room in a bright colour, and from near; made on demand."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,28 +19,28 @@ SIZE = 512
 LOUD = np.array([255.0, 0.0, 200.0])
 """A colour that hardly anything in a room has [sRGB]."""
 TINT = 0.75
-"""Share of the loud colour; the rest lets the thing's own shading and pattern through [-]."""
+"""Opacity of the bright colour, which lets the thing's own shading and pattern through [-]."""
 ROOM_DISTANCE = 3.5
-"""Least distance of the camera that shows the room [m]..."""
+"""Least distance of the camera that shows the room [m]."""
 ROOM_AROUND = 2.6
-"""... and over the diagonal of the thing's box [-]."""
+"""Distance of that camera over the diagonal of the thing's box [-]."""
 THING_DISTANCE = 1.2
-"""Distance of the camera from which a thing fills the picture, over the diagonal of its box [-]: the
-arcsin(0.5 / 1.2) = 25 degrees to each side that it takes at most fit into a field of view of 55 degrees."""
+"""Distance of the camera at which a thing fills the picture, over the diagonal of its box [-]: it takes at most
+arcsin(0.5 / 1.2) = 25 degrees to each side, which fit into a field of view of 55 degrees."""
 NEAREST = 0.5
-"""The camera does not come nearer [m]."""
+"""Least distance of the camera [m]."""
 ELEVATIONS = (25.0, 50.0)
-"""Heights over the horizon from which a thing is looked at [degrees]; things on the ceiling from below."""
+"""Elevations from which a thing is seen [degrees]; things on the ceiling from below."""
 DIRECTIONS = 12
-"""Directions all around that are tried."""
+"""Number of directions around that are tried."""
 OUTSIDE = 0.1
-"""Share of the thing that may be hidden before the camera goes round by a quarter turn [-]."""
+"""Largest hidden share of the thing before the camera moves around it, up to a quarter turn [-]."""
 SEEN_POINTS = 200
-"""Points of the thing that are looked for."""
+"""Number of points of the thing whose visibility is tested."""
 
 
 def in_the_room(mesh: Mesh, room: DecomposedRoom, box: OrientedBox, faces: Index) -> NDArray[np.uint8]:
-    """The room around a thing that is painted in a loud colour, shape (SIZE, SIZE, 3)."""
+    """The room around a thing painted in a bright colour, shape (SIZE, SIZE, 3)."""
     rest, thing = _apart(mesh, faces)
     loud = np.rint((1.0 - TINT) * thing.colors + TINT * LOUD).astype(np.uint8)
     painted = Mesh(thing.vertices, thing.faces, loud)
@@ -61,14 +61,14 @@ def _apart(mesh: Mesh, faces: Index) -> tuple[Mesh, Mesh]:
 
 
 def _others(room: DecomposedRoom, faces: Index) -> NDArray[np.bool_]:
-    """Which of the faces that are not the thing's are the shell's."""
+    """Whether the faces other than the thing's belong to the shell."""
     return np.delete(room.shell.any, faces)
 
 
 def _seen(
     rest: Mesh, thing: Mesh, structure: NDArray[np.bool_], box: OrientedBox, distance: float
 ) -> NDArray[np.uint8]:  # fmt: skip
-    """The picture from the side from which most of the thing is seen, walls in front of it cut away."""
+    """The picture from the side that shows most of the thing, with walls in front of it cut away."""
     loose = rest.submesh(np.flatnonzero(~structure))
     position = best_place(loose, thing, box, distance, *from_inside(rest.bounds, box))
     shown = rest.submesh(np.flatnonzero(~cut_faces(rest, structure, position, box.center)))
@@ -76,7 +76,8 @@ def _seen(
 
 
 def from_inside(bounds: Array, box: OrientedBox) -> tuple[Array, bool]:
-    """The way from a thing to the middle of bounds (2, 3), and whether it hangs so high that it is seen from below."""
+    """Direction from a thing to the middle of bounds (2, 3), and whether it hangs so high that it is seen from
+    below."""
     middle = bounds.mean(axis=0) - box.center
     return middle, bool(middle[2] < -0.3 * float(np.ptp(bounds[:, 2])))
 
@@ -84,7 +85,8 @@ def from_inside(bounds: Array, box: OrientedBox) -> tuple[Array, bool]:
 def best_place(
     others: Mesh, thing: Mesh, box: OrientedBox, distance: float, way: Array, from_below: bool
 ) -> Array:  # fmt: skip
-    """Where a camera sees most of a thing between others, shape (3,); of equal places the nearest to `way`."""
+    """Position from which a camera sees most of a thing between others, shape (3,); of equal ones the nearest to
+    `way`."""
     solid = Raycaster(Mesh.concatenate([others, thing]))
     seen = [
         (_visible_share(solid, thing, place) - cost, -k, place)
@@ -94,7 +96,7 @@ def best_place(
 
 
 def _places(box: OrientedBox, distance: float, way: Array, *, from_below: bool) -> list[tuple[Array, float]]:
-    """Places of the camera around a thing, and what is held against each: best is along `way`."""
+    """Positions of the camera around a thing, and the penalty of each: best is along `way`."""
     start = float(np.arctan2(way[1], way[0]))
     sign = -1.0 if from_below else 1.0
     found = []

@@ -1,6 +1,6 @@
-"""Rulers beside a plan: where a point of it is in the file's own coordinates, to be typed elsewhere.
+"""Rulers next to a plan: coordinates of its points in the file's own frame, for typing them elsewhere.
 
-In: a picture straight down, its camera and what it shows. Out: the picture with a ruler below and one at its left.
+In: a picture straight down, its camera and its extent. Out: the picture with a ruler below and one at its left.
 """
 
 import numpy as np
@@ -16,14 +16,14 @@ MARGIN = 46
 LETTERS = 15
 """[pixels]."""
 MOST_TICKS = 10
-"""Numbers on a ruler at most; their distance is 1, 2 or 5 times a power of ten [-]."""
+"""Most numbers on a ruler; their distance is 1, 2 or 5 times a power of ten [-]."""
 INK, PAPER = (40, 40, 44), (244, 244, 242)
 
 
 def with_rulers(
     rgb: NDArray[np.uint8], camera: Camera, frame: tuple[Array, Array], file_from_world: Array
 ) -> NDArray[np.uint8]:  # fmt: skip
-    """The picture with rulers; `frame` are the lowest and highest corner of what it shows [m], each of shape (3,)."""
+    """The picture with rulers; `frame` are the lowest and highest corner of its content [m], each of shape (3,)."""
     height, width, _ = rgb.shape
     image = Image.new("RGB", (width + MARGIN, height + MARGIN), PAPER)
     image.paste(Image.fromarray(rgb), (MARGIN, 0))

@@ -1,6 +1,6 @@
-"""Where the base's parts lie and what the words of the intent mean there: shared by the stages that orient and aim.
+"""The base's parts and the meaning of the intent's words there; shared by the stages that orient and aim.
 
-In: scene and intent. Out: the viewer's frame of a part, boxes of references, directions to what shall be faced.
+In: scene and intent. Out: the viewer's frame of a part, boxes of references, directions to faced things.
 """
 
 from collections.abc import Sequence
@@ -19,15 +19,15 @@ Array = NDArray[np.float64]
 PART = "part:"
 UP = np.array([0.0, 0.0, 1.0])
 WIDE = 1.2
-"""Things longer than this are faced at their nearest point, smaller ones at their middle [m]: walls, sofas."""
+"""Length above which a thing is faced at its nearest point rather than its middle [m]: walls, sofas."""
 FLAT = 0.05
-"""What is no higher than this is walked on: things on it are seen as on the floor [m]."""
+"""Largest height of a thing that people walk on: things on it count as on the floor [m]."""
 LARGE = 0.2
-"""Pieces of a part with this share of its largest piece's faces count as things of their own [-]: a sofa's arms."""
+"""Share of the largest piece's faces from which a piece of a part counts as a thing of its own [-]: a sofa's arms."""
 
 
 def part_frame(scene: Segmentation, base: Instance, box: OrientedBox) -> ViewerFrame:
-    """A part's rectangle seen by who looks at the base's front."""
+    """A part's rectangle as seen by a viewer of the base's front."""
     return viewer_frame(box, base.front, room_center(scene))
 
 
@@ -42,7 +42,7 @@ def boxes_of(scene: Segmentation, base: Instance, reference: str) -> list[Orient
 
 
 def parts_meant(scene: Segmentation, base: Instance, reference: str) -> list[int]:
-    """Indices of the base's parts that a reference `part:NAME` or `part:NAME/SIDE` means."""
+    """Indices of the base's parts of a reference `part:NAME` or `part:NAME/SIDE`."""
     name, _, side = reference.removeprefix(PART).partition("/")
     named = [number for number, part in enumerate(base.parts) if part.name == name]
     if not side or not named:
@@ -72,7 +72,7 @@ def piece_boxes(scene: Segmentation, base: Instance, index: int) -> list[Oriente
 
 
 def box_about(like: OrientedBox, points: Array) -> OrientedBox:
-    """The box about points (n, 3) that is turned like another one."""
+    """The box around points (n, 3) that is turned like another one."""
     local = like.to_local(points)
     low, high = local.min(axis=0), local.max(axis=0)
     return OrientedBox(like.to_world(0.5 * (low + high)[None])[0], like.axes, 0.5 * (high - low))
@@ -81,27 +81,29 @@ def box_about(like: OrientedBox, points: Array) -> OrientedBox:
 def reference_frame(
     scene: Segmentation, base: Instance, names: tuple[str, ...], regions: Sequence[str] = ()
 ) -> ViewerFrame | None:
-    """Whose left and front are meant: on the floor those of a single thing; else None, the part's.
+    """Frame of left and front: on the floor that of a single thing; else None, the part's.
 
     Doors and walls are seen from the room, as are things without a front. On a table "in front of the chair" that
-    stands beside it is the table's side at the chair: there the chair's front is towards the table.
+    stands next to it is the table's side at the chair: there the chair's front is towards the table.
     """
     if len(names) != 1 or names[0].startswith(PART):
         return None
     one = scene.instances[scene.index_of(names[0])]
     if not is_floor(base):
-        beside = "front" in regions and apart(base.box, one.box) > 0.0
-        return viewer_frame(one.box, base.box.center - one.box.center, room_center(scene)) if beside else None
+        stands_next_to_it = "front" in regions and horizontal_gap(base.box, one.box) > 0.0
+        return (
+            viewer_frame(one.box, base.box.center - one.box.center, room_center(scene)) if stands_next_to_it else None
+        )
     return viewer_frame(one.box, None if one.structure else one.front, room_center(scene))
 
 
 def is_floor(base: Instance) -> bool:
-    """Whether one walks on it: a floor or a rug."""
+    """Whether people walk on it: a floor or a rug."""
     return base.structure or 2.0 * float(base.box.half_extents[2]) < FLAT
 
 
-def apart(a: OrientedBox, b: OrientedBox) -> float:
-    """Horizontal distance of the axis-aligned boxes about two boxes [m]."""
+def horizontal_gap(a: OrientedBox, b: OrientedBox) -> float:
+    """Horizontal distance of the axis-aligned boxes around two boxes [m]."""
     low, high = (np.stack([one.corners[:, :2].min(axis=0) for one in (a, b)]),
                  np.stack([one.corners[:, :2].max(axis=0) for one in (a, b)]))  # fmt: skip
     gap = np.maximum(low.max(axis=0) - high.min(axis=0), 0.0)
@@ -118,7 +120,8 @@ def reference_boxes(scene: Segmentation, base: Instance, names: tuple[str, ...],
 
 
 def wished_place(scene: Segmentation, base: Instance, intent: Intent, radius: float) -> Array:
-    """Roughly where the object will go: the aim of the asked region on the asked or widest part [m], shape (3,)."""
+    """Approximate place of the object: the aim of the requested region on the requested or widest part [m], shape
+    (3,)."""
     views = part_views(scene, scene.index_of(base.id))
     widest = max(views, key=lambda view: (view.support_area, -view.index)).index
     box = next((part.box for part in base.parts if part.name == intent.region.part), base.parts[widest].box)
@@ -130,7 +133,7 @@ def wished_place(scene: Segmentation, base: Instance, intent: Intent, radius: fl
 
 
 def direction_to(scene: Segmentation, base: Instance, place: Array, facing: str) -> Array | None:
-    """Horizontal unit vector from the place to what shall be faced; None if that is not there, shape (3,)."""
+    """Horizontal unit vector from the place to the faced thing; None if that does not exist, shape (3,)."""
     if facing.startswith("away:"):
         opposite = direction_to(scene, base, place, facing.removeprefix("away:"))
         return None if opposite is None else -opposite

@@ -1,4 +1,4 @@
-"""A segmentation as the clients of `language` see it: names, boxes, sizes, colours.
+"""A segmentation for the clients of `language`: names, boxes, sizes, colours.
 
 In: a scene or object. Out: plain views of its instances and parts; nothing is chosen here.
 """
@@ -12,7 +12,7 @@ from dcap.language.protocol.requests import InstanceView, ObjectView, PartView, 
 from dcap.scene.types.segmentation import Instance, Segmentation
 
 LEVEL = 0.5
-"""A face looks up if its unit normal's vertical component exceeds this: within 60 degrees, as sloped shades count."""
+"""Vertical part of a unit normal above which a face faces up: within 60 degrees, as sloped shades count."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -24,7 +24,7 @@ class Sums:
     area: NDArray[np.float64]
     """[m^2], shape (parts,)."""
     support: NDArray[np.float64]
-    """Area that looks up [m^2], shape (parts,)."""
+    """Upward area [m^2], shape (parts,)."""
     color: NDArray[np.float64]
     """Area times sRGB colour 0..1, shape (parts, 3)."""
 
@@ -48,7 +48,7 @@ def sums_of(scene: Segmentation) -> Sums:
 
 
 def mean_color(color: NDArray[np.float64], area: float) -> Vector:
-    """Mean sRGB colour of an area, 0..1; grey where there is none."""
+    """Mean sRGB colour of an area, 0..1; grey without area."""
     return vector(color / area) if area > 0 else (0.5, 0.5, 0.5)
 
 
@@ -105,7 +105,7 @@ def object_view(item: Segmentation) -> ObjectView:
 
 
 def room_center(scene: Segmentation) -> NDArray[np.float64]:
-    """Middle of the floor's box, or of everything where no floor is named [m], shape (3,)."""
+    """Middle of the floor's box, or of everything without a labelled floor [m], shape (3,)."""
     floor = next((i for i in scene.instances if i.structure and "floor" in i.label), None)
     return np.asarray(floor.box.center if floor else scene.mesh.bounds.mean(axis=0))
 

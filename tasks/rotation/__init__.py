@@ -1,1 +1,1 @@
-"""Stage 4, rotation: how the object is turned."""
+"""Stage 4, rotation: orientation of the object."""

@@ -1,4 +1,4 @@
-"""Where an object looks: along its front, or by a side where it has none."""
+"""Viewing direction of an object: along its front, or by a side without one."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,11 +11,11 @@ from tasks.requests.surroundings import horizontal
 Array = NDArray[np.float64]
 
 LEVEL = 0.3
-"""Horizontal part of a unit vector below which it looks up or down [-]."""
+"""Horizontal part of a unit vector below which it points up or down [-]."""
 
 
 def looking(front: Array, up: Array) -> Array:
-    """Where the object looks, horizontally: along its front, or, where that is vertical, along its own up."""
+    """Horizontal viewing direction of the object: along its front, or, if that is vertical, along its own up."""
     for axis in (front, up):
         flat = horizontal(axis)
         if flat is not None and np.linalg.norm(axis[:2]) > LEVEL:
@@ -24,7 +24,7 @@ def looking(front: Array, up: Array) -> Array:
 
 
 def nearest_side(mesh: Mesh, matrix: Array, ahead: Array) -> Array:
-    """The outward side of the plan's smallest rectangle that is nearest to a direction: what has no front has sides."""
+    """The outward side of the plan's smallest rectangle that is nearest to a direction, for objects without a front."""
     along, _ = smallest_rectangle((outermost(mesh.vertices) @ matrix.T)[:, :2])
     sides = [np.array([x, y, 0.0]) for x, y in (along, -along, (-along[1], along[0]), (along[1], -along[0]))]
     return max(sides, key=lambda side: float(side @ ahead))

@@ -21,7 +21,7 @@ from tasks.requests.surroundings import part_frame
 Array = NDArray[np.float64]
 AXIS_COLORS = {"x": (214, 40, 40), "y": (30, 140, 50), "z": (40, 70, 210)}
 SAME_SIDE = 1e-6
-"""1 - cosine between the directions that two poses have up, below which they differ by a turn about the vertical."""
+"""1 - cosine between the upward directions of two poses, below which they differ by a turn about the vertical."""
 TILES_IN_A_ROW = 5
 NEAR = 1.4
 """Distance of the camera over the diagonal of the object [-]: half of it takes 0.5 / tan(27.5 degrees) = 0.96."""
@@ -31,7 +31,7 @@ PAPER, INK = (255, 255, 255), (20, 20, 24)
 def three_flips(
     scene: Segmentation, base: Instance, mesh: Mesh, place: Array, size: int, around: float = 0.0
 ) -> tuple[NDArray[np.uint8], ...]:
-    """The object over the base, flipped about x, y and z; same camera, which stands `around` [rad] from the front."""
+    """The object over the base, flipped about x, y and z; by one camera, at the angle `around` [rad] from the front."""
     hover, extent = hovering(mesh, place)
     camera = wide_camera(scene, base, hover, extent, size, around)
     turns = [np.diag(diagonal) for diagonal in FLIPS.values()]
@@ -55,7 +55,7 @@ def pose_strip(
 
 
 def by_side(poses: Sequence[PoseView]) -> list[list[PoseView]]:
-    """Poses that have the same direction of the mesh up, together; in the order of the first of each."""
+    """Poses grouped by the upward direction of the mesh, in the order of the first of each."""
     groups: list[list[PoseView]] = []
     for pose in poses:
         up = np.array(pose.rotation[2])
@@ -89,7 +89,7 @@ def contact_sheet(tiles: Sequence[NDArray[np.uint8]], captions: Sequence[Sequenc
 
 
 def hovering(mesh: Mesh, place: Array) -> tuple[Array, float]:
-    """Where the middle of the object is shown above its place [m], shape (3,), and the diagonal of its box [m]."""
+    """Displayed middle of the object above its place [m], shape (3,), and the diagonal of its box [m]."""
     extent = float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
     return place + np.array([0.0, 0.0, 0.65 * extent]), extent
 
@@ -148,7 +148,7 @@ def annotated(rgb: NDArray[np.uint8], axis: str, camera: Camera, center: Array, 
 
 
 def inside(ends: Array, image: Image.Image, margin: int) -> Array:
-    """A line from both ends (2, 2) drawn in to its middle as far as it takes to lie in the picture [pixels]."""
+    """A line with both ends (2, 2) moved towards its middle until it lies in the picture [pixels]."""
     middle, half = ends.mean(axis=0), 0.5 * (ends[1] - ends[0])
     room = np.minimum(middle, np.array(image.size) - middle) - margin
     share = min(1.0, float((np.maximum(room, 1.0) / np.maximum(np.abs(half), 1e-6)).min()))

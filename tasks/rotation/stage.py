@@ -4,8 +4,8 @@ In: scene, object, intent and prompt. Out: `Rotation`: R*, orthonormal, and exac
 by 180 degrees about x, y and z with the base fixed. Listed to choose from: the pose of the file, its flips and quarter
 turns, the same of the pose in which the shape stands where that is another (a file that is lying or overturned), and
 the stable poses of the convex hull, each before a turn about the vertical; and directions for the front. The front of
-an object is looked for in the frame in which it stands: what `dcap.geometry.placement.poses.front_of` says there, where
-its lower half reaches out, else -y.
+an object is found in its standing frame: by `dcap.geometry.placement.poses.front_of`, by the side on which its lower
+half reaches out, else -y.
 """
 
 from collections.abc import Sequence
@@ -39,21 +39,21 @@ from dcap.scene.types.segmentation import Instance, Segmentation, SegmentedObjec
 from tasks.cache import stage
 from tasks.requests.surroundings import direction_to, part_frame, wished_place
 from tasks.requests.views import instance_of
-from tasks.rotation.asked_pose import asked_pose
 from tasks.rotation.looking import looking, nearest_side
 from tasks.rotation.pose_pictures import pose_strip, three_flips
+from tasks.rotation.requested_pose import requested_pose
 
 Array = NDArray[np.float64]
 ELONGATED = 1.15
-"""A thing longer than this times its width is laid along its support [-]."""
+"""Length over width from which a thing is laid along its support [-]."""
 
 SIDES = ("the viewer's side", "the right", "behind", "the left")
-"""From where pictures are seen, as who looks at the support's front says it; all but the first in an ablation only."""
+"""Viewpoints of pictures, in the words of a viewer of the support's front; all but the first in an ablation only."""
 STRIP = "all other listed poses, each with its id below it, seen from the viewer's side"
 
 
 class RotationConfig(BaseModel, frozen=True, extra="forbid"):
-    """Who is asked, and how large the pictures are."""
+    """Language client, and size of the pictures."""
 
     language: LanguageConfig = LanguageConfig()
     picture_size: PositiveInt = 512
@@ -98,7 +98,7 @@ def rotation(
     has_front = front_of(rotated(mesh, believed), side)[1]
     facing = wished_facing(intent, has_front=has_front)
     request = RotationRequest(
-        prompt=refined(prompt, intent),
+        prompt=refined_prompt(prompt, intent),
         object_name=intent.object_name,
         pose=intent.orientation.pose,
         facing=facing,
@@ -119,13 +119,13 @@ def rotation(
     )
     reply = client.ask(ROTATION, request)
     matrix = matrix_of(reply, request, scene, base, mesh)
-    # asked so that a matrix of nan is refused too
+    # phrased so that a matrix of nan is refused too
     if not (np.abs(matrix @ matrix.T - np.eye(3)).max() < 1e-9 and np.linalg.det(matrix) > 0):
         raise GeometryError(f"the chosen rotation is not orthonormal: {matrix.tolist()}")
     said = "" if not intent.orientation.words else f"; the prompt says {intent.orientation.words!r}"
     candidate, facing = (reply.pose_id, reply.facing_id) if reply.quaternion is None else ("quaternion", "as given")
-    pose = asked_pose(request, reply, matrix, mesh, lead)
-    pictures = flips(0) if flips.cache_info().currsize else ()  # made only where a model looks
+    pose = requested_pose(request, reply, matrix, mesh, lead)
+    pictures = flips(0) if flips.cache_info().currsize else ()  # made only on demand
     return Rotation(matrix, pictures, request.prompt, candidate, f"{reply.reason}, {facing}{said}", pose)
 
 
@@ -133,19 +133,19 @@ rotation_task = stage(rotation)
 
 
 def others(poses: Sequence[PoseView]) -> tuple[PoseView, ...]:
-    """Poses of which there is no picture: all but the flips of the file's pose."""
+    """Poses without a picture: all but the flips of the file's pose."""
     flips = {f"flip_{axis}" for axis in FLIPS}
     return tuple(one for one in poses if one.id not in flips)
 
 
 def wished_facing(intent: Intent, *, has_front: bool) -> str:
-    """What the front shall look at: what was said; of what leans, away from what it leans on."""
+    """Target of the front: the requested one; for a leaning object, away from the thing that it leans on."""
     said, lean = intent.orientation.facing, intent.orientation.lean
     return f"away:{lean}" if lean and has_front and not said else said
 
 
-def refined(prompt: str, intent: Intent) -> str:
-    """The prompt with what was understood of it spelled out."""
+def refined_prompt(prompt: str, intent: Intent) -> str:
+    """The prompt with its reading spelled out."""
     words = intent.orientation.words or "nothing about orientation"
     where = intent.region.words or "no particular place"
     return f"{prompt} [object: {intent.object_name}; on: {intent.base_label}; where: {where}; orientation: {words}]"
@@ -190,7 +190,7 @@ def matrix_of(reply: RotationReply, request: RotationRequest, scene: Segmentatio
 
 
 def matrix_of_quaternion(quaternion: Array) -> Array:
-    """The rotation of (w, x, y, z), made unit where rounding left it nearly so, shape (3, 3)."""
+    """The rotation of (w, x, y, z), normalised if rounding left it nearly unit, shape (3, 3)."""
     length = float(np.linalg.norm(quaternion))
     if not abs(length - 1.0) < ROUNDED:
         raise LanguageError(f"the chosen quaternion {quaternion.tolist()} has length {length:.3g}, not 1")

@@ -1,7 +1,7 @@
 """Runs have tags to look for."""
 
 from dcap.scene.types.sample import Sample
-from flows.run_names import LONGEST, benchmark_tags, sample_tags, shown
+from flows.run_names import LONGEST, benchmark_tags, sample_tags, shorten
 
 BALL = Sample("one", "/data/rooms/bedroom_01", "/data/objects/ball.glb", "put it on the bed")
 TABLE = Sample("holodeck/three", "/data/table.v2.glb", "mug.obj", "put it there", method="holodeck")
@@ -16,5 +16,5 @@ def test_tags_name_run_method_and_scene() -> None:
 
 def test_a_hostile_name_stays_one_short_line() -> None:
     """Line breaks and control characters become spaces, long names end in an ellipsis."""
-    assert shown("a\nb\x1b[2Jc\u202ed") == "a b [2Jc d"
-    assert len(shown("x" * 1000)) == LONGEST
+    assert shorten("a\nb\x1b[2Jc\u202ed") == "a b [2Jc d"
+    assert len(shorten("x" * 1000)) == LONGEST

@@ -44,7 +44,7 @@ COMPLIANCE = (1.0 - 0.3**2) / 4e4
 """Compliance of the mattress's foam, (1 - nu^2) / E [1/Pa]."""
 DENT = float((9.0 * (MASS * GRAVITY * COMPLIANCE) ** 2 / (16.0 * RADIUS)) ** (1.0 / 3.0))
 """Indentation by the settled ball [m]: a rigid sphere on an elastic half-space [J85, eq. 4.23]."""
-BESIDE = 0.25
+BALL_TO_BED = 0.25
 """Distance of the ball on the floor from the bed [m]."""
 FINE = 0.006
 """Edges of the bed's faces around the dent [m]: chords of the ball sag by FINE^2 / (8 RADIUS), 0.04 mm."""
@@ -140,7 +140,7 @@ class RoomWithBall:
     def asked(self) -> dict[str, Array]:
         """The middle of the bed's top, and a point of the floor next to it that the ball fits on [m], each (3,)."""
         low, high = self.bed_mesh.bounds[:, :2]
-        middle, reach = 0.5 * (low + high), 0.5 * (high - low) + BESIDE + RADIUS
+        middle, reach = 0.5 * (low + high), 0.5 * (high - low) + BALL_TO_BED + RADIUS
         for step in ((0, 1), (1, 0), (-1, 0), (0, -1)):
             point, label = self.below(middle + reach * np.array(step))
             room_for_it = float(self.caster.distance_to(raised(point, 2 * RADIUS)[None])[0]) >= RADIUS

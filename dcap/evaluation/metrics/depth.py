@@ -16,7 +16,7 @@ from dcap.geometry.raycast import Raycaster
 
 Array = NDArray[np.float64]
 
-BESIDE = np.ones((3, 3), dtype=int)
+NEIGHBOURS = np.ones((3, 3), dtype=int)
 """Lines that touch at a corner are neighbours."""
 
 
@@ -28,7 +28,7 @@ def sunk_depth(solid: MeshDistance, lines: Columns) -> float:
         return 0.0
     place = np.zeros((LINES, LINES), dtype=bool)
     place[tuple(lines.index[sunk].T)] = True
-    group = label(place, BESIDE)[0][tuple(lines.index[sunk].T)]
+    group = label(place, NEIGHBOURS)[0][tuple(lines.index[sunk].T)]
     deepest = np.zeros(group.max() + 1)
     np.maximum.at(deepest, group, ways[sunk])
     found = 0.0

@@ -172,8 +172,8 @@ def between(thing: OrientedBox, a: OrientedBox, b: OrientedBox) -> bool:
     corners = np.concatenate([a.corners, b.corners])
     whole = upright_box(np.stack([corners.min(axis=0), corners.max(axis=0)]))
     inside = plan_iom(thing, whole) >= IOM - ROUNDING and interval_iom(heights(thing), heights(whole)) >= IOM - ROUNDING
-    beside = max(plan_iom(thing, a), plan_iom(thing, b)) <= OVER_ANCHOR + ROUNDING
-    return inside and beside and within(a, b, ANCHORS_APART_M)
+    clear_of_anchors = max(plan_iom(thing, a), plan_iom(thing, b)) <= OVER_ANCHOR + ROUNDING
+    return inside and clear_of_anchors and within(a, b, ANCHORS_APART_M)
 
 
 def facing(thing: OrientedBox, front: Array, target: OrientedBox) -> bool:

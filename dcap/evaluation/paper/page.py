@@ -18,7 +18,7 @@ from dcap.evaluation.judging.rubric import RUBRIC
 from dcap.evaluation.outcome_table import SampleOutcome
 from dcap.evaluation.paper.scene_facts import SceneFacts, write_scene_facts
 from dcap.evaluation.paper.sentences import paper_sentences
-from dcap.evaluation.report import TEMPLATES, asked_of, card_of, names_of, shown_tables, strips_of, tiles_of
+from dcap.evaluation.report import TEMPLATES, card_of, model_use, names_of, shown_tables, strips_of, tiles_of
 from dcap.evaluation.run_page.costs import costs_table
 from dcap.evaluation.run_page.csv_tables import YES_OR_NO
 from dcap.evaluation.run_page.failures import KINDS, failures_of
@@ -64,7 +64,7 @@ def write_paper_page(
         "figures": figures, "facts": facts, "strips": strips[:MOST_STRIPS], "all_strips": len(strips),
         "failures": {kind: sum(one.kinds[0] == kind for one in failures) for kind in KINDS}, "all": len(rows),
         "failed_by_method": Counter(names[one.row.method] for one in failures), "names": names,
-        "costs": costs_table(times, names), "asked": asked_of(summary), "settings": settings_of(run, names),
+        "costs": costs_table(times, names), "asked": model_use(summary), "settings": settings_of(run, names),
         "config": json.dumps(read_run(run).get("config", {}), indent=2, ensure_ascii=False),
         "sentences": paper_sentences(run),
     }  # fmt: skip
@@ -88,16 +88,16 @@ def settings_of(run: Path, names: Mapping[str, str]) -> list[tuple[str, str]]:
     tree = read_run(run)
     record = read_record(run)
     versions = tree.get("versions")
-    asked = [told_at(tree, f"config.intent.language.{one}") for one in ("client", "model")]
+    asked = [value_at(tree, f"config.intent.language.{one}") for one in ("client", "model")]
     told = [
-        ("dataset", told_at(tree, "dataset")),
+        ("dataset", value_at(tree, "dataset")),
         ("methods", ", ".join(names.values())),
         ("language", asked[0] if asked[0] == ClientName.OFFLINE else " ".join(asked)),
         ("judge", record.judge if record else ""),
-        ("solver", told_at(tree, "config.drop.solver.method")),
-        ("clearance at the start [m]", told_at(tree, "config.anchor.clearance")),
-        ("rigid above [Pa]", told_at(tree, "config.materials.rigid_above")),
-        ("limits of the paper", told_at(tree, "config.materials.paper_limits")),
+        ("solver", value_at(tree, "config.drop.solver.method")),
+        ("clearance at the start [m]", value_at(tree, "config.anchor.clearance")),
+        ("rigid above [Pa]", value_at(tree, "config.materials.rigid_above")),
+        ("limits of the paper", value_at(tree, "config.materials.paper_limits")),
         (
             "versions",
             ", ".join(f"{name} {one}" for name, one in versions.items()) if isinstance(versions, dict) else "",
@@ -106,7 +106,7 @@ def settings_of(run: Path, names: Mapping[str, str]) -> list[tuple[str, str]]:
     return [(name, value) for name, value in told if value.strip()]
 
 
-def told_at(tree: Mapping[str, object], key: str) -> str:
+def value_at(tree: Mapping[str, object], key: str) -> str:
     """The value under a dotted key; empty without one."""
     value: object = tree
     for word in key.split("."):

@@ -84,11 +84,11 @@ def scene_prisms(scene: Mesh, owner: NDArray[np.int64], thing: Mesh) -> Prisms:
 def object_prisms(thing: Mesh, scene: Mesh) -> Prisms:
     """Prisms of an object; its sides may be as thin as sheets, because the scene they touch is not."""
     whole = wound(thing)
-    beside = around(scene, thing.bounds, NEAR)
-    near, sheet = close_to(whole, beside), doubled(whole)
+    surroundings = around(scene, thing.bounds, NEAR)
+    near, sheet = close_to(whole, surroundings), doubled(whole)
     found, deviation = [], 0.0
     for flat in (False, True):
-        for few in (kept(whole, near & (sheet == flat)), coarse(whole, ~near & (sheet == flat), beside)):
+        for few in (kept(whole, near & (sheet == flat)), coarse(whole, ~near & (sheet == flat), surroundings)):
             unit, broad, thickness = under(few.mesh, whole)
             solid = np.clip(THROUGH * thickness, LEAST, DEEPEST)
             depth = np.where(np.isfinite(thickness), LEAST if flat else solid, SHEET)

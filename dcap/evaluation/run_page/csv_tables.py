@@ -37,9 +37,9 @@ def table_from_csv(run: Path, name: str, title: str) -> ShownTable | None:
         return None
     if len(rows) < 2 or any(len(row) != len(rows[0]) for row in rows):
         return None
-    head, shown = joined(rows[0], rows[1:], eyed)
+    head, shown = joined(rows[0], rows[1:], readable_cell)
     same = same_columns(joined(rows[0], rows[1:], str)[1])
-    head, shown, same_words = said_once(head, shown, same)
+    head, shown, same_words = constant_columns(head, shown, same)
     cut = f"{len(shown)} rows, the first {MOST_ROWS} shown" if len(shown) > MOST_ROWS else ""
     files = tuple(f"{TABLES}/{name}{end}" for end in ENDS if (run / TABLES / f"{name}{end}").is_file())
     return ShownTable(title, tuple(head[:MOST_COLUMNS]), tuple(tuple(row[:MOST_COLUMNS]) for row in shown[:MOST_ROWS]),
@@ -80,7 +80,7 @@ def joined_cell(row: Mapping[str, str], column: str, marks: Mapping[str, str], s
             f"{f' [{low}, {high}]' if low and high else ''}")  # fmt: skip
 
 
-def eyed(text: str) -> str:
+def readable_cell(text: str) -> str:
     """A cell of the file rounded for reading, with words instead of Python's truth values."""
     if text in YES_OR_NO or "." not in text:
         return YES_OR_NO.get(text, text)
@@ -98,7 +98,7 @@ def same_columns(rows: Sequence[Sequence[str]]) -> list[int]:
     return [at for at in range(1, len(rows[0])) if len(rows) > 1 and len({row[at] for row in rows}) == 1]
 
 
-def said_once(
+def constant_columns(
     head: Sequence[str], rows: Sequence[Sequence[str]], same: Sequence[int]
 ) -> tuple[list[str], list[list[str]], str]:
     """The columns that differ between rows, and the others as a sentence."""

@@ -60,16 +60,16 @@ def failure_of(row: SampleOutcome) -> ShownFailure | None:
     if row.verdict not in RESTING and row.feasible_intended is not False:
         found.append((INFEASIBLE, shortened(": ".join(word for word in (row.reason, row.message) if word))))
     if row.as_expected is False:
-        found.append((UNEXPECTED, f"intended: {row.expected}; came out: {came_out(row)}"))
+        found.append((UNEXPECTED, f"intended: {row.expected}; came out: {outcome_words(row)}"))
     for axis, words in AXES.items():
         score = getattr(row, axis.value)
         if score is not None and score < LOW_SCORE:
-            found.append((LOW, f"{words} {score:.1f}{because(row, axis)}"))
+            found.append((LOW, f"{words} {score:.1f}{worst_metric_words(row, axis)}"))
     kinds = tuple(dict.fromkeys(kind for kind, _ in found))
     return ShownFailure(row, kinds, tuple(words for _, words in found)) if found else None
 
 
-def came_out(row: SampleOutcome) -> str:
+def outcome_words(row: SampleOutcome) -> str:
     """An outcome in the same words as intended outcomes."""
     if row.verdict not in RESTING:
         return f"infeasible: {row.reason}"
@@ -79,7 +79,7 @@ def came_out(row: SampleOutcome) -> str:
     return f"{row.verdict.replace('_', ' ')} on {where}{missed}{turned}"
 
 
-def because(row: SampleOutcome, axis: JudgedAxis) -> str:
+def worst_metric_words(row: SampleOutcome, axis: JudgedAxis) -> str:
     """The worst metric of an axis, if known."""
     worst = worst_metric(row_metrics(row), axis)
     return f", worst metric {worst}" if worst else ""

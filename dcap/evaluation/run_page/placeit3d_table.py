@@ -111,7 +111,7 @@ def placeit3d_table(
 
 def shares_by_method(rows: Mapping[str, Sequence[SampleOutcome]]) -> dict[str, ConstraintShares]:
     """The measures of each method."""
-    asked = asked_of([row for own in rows.values() for row in own])
+    asked = requested_counts([row for own in rows.values() for row in own])
     found = {}
     for method, own in rows.items():
         known = [constraints_of(row, asked.get(row.sample, (0, False))) for row in own]
@@ -119,7 +119,7 @@ def shares_by_method(rows: Mapping[str, Sequence[SampleOutcome]]) -> dict[str, C
     return found
 
 
-def asked_of(rows: Sequence[SampleOutcome]) -> dict[str, tuple[int, bool]]:
+def requested_counts(rows: Sequence[SampleOutcome]) -> dict[str, tuple[int, bool]]:
     """Number of spatial constraints of each sample with a measured method, and whether there is a rotational one; the
     largest number if methods read a sentence differently."""
     found: dict[str, tuple[int, bool]] = {}

@@ -56,17 +56,17 @@ class StudyRun:
 
     def clean_picture(self, sample: str) -> Path | None:
         """The scene before anything was placed."""
-        return self._beside(sample, f"{VIEWS}/{CLEAN}.png")
+        return self._first_file(sample, f"{VIEWS}/{CLEAN}.png")
 
     def asset_picture(self, sample: str) -> Path | None:
         """The asset alone."""
-        return self._beside(sample, f"{VIEWS}/{ASSET}.png")
+        return self._first_file(sample, f"{VIEWS}/{ASSET}.png")
 
     def asset_model(self, sample: str) -> Path | None:
         """The asset alone, in three dimensions."""
-        return self._beside(sample, OBJECT_GLB)
+        return self._first_file(sample, OBJECT_GLB)
 
-    def _beside(self, sample: str, name: str) -> Path | None:
+    def _first_file(self, sample: str, name: str) -> Path | None:
         """A file for a sample, from the first method that has it."""
         paths = (placement_folder(self.folder, method, sample) / name for method in self.methods)
         return next((path for path in paths if path.is_file()), None)

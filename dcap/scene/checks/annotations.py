@@ -1,4 +1,4 @@
-"""labels.json and structure.json: what the readers say of them, and what only both together show.
+"""Checks labels.json and structure.json: problems that the readers report, and contradictions between the two.
 
 Boxes far from every room, below the floor or annotated twice are usual in InteriorGS, so these are warnings.
 """
@@ -18,11 +18,11 @@ from dcap.scene.readers.scenes.interiorgs import LABELS, STRUCTURE, LabelEntry, 
 from dcap.scene.types.scan import LabelBox, Room
 
 BURIED = 0.1
-"""A box whose top is this far below the floor [m] belongs to nothing that can be seen."""
+"""Depth of a box's top below the floor from which it belongs to nothing visible [m]."""
 OUTSIDE = 1.0
-"""A box this far from every room [m] stands on no floor."""
+"""Distance of a box from every room beyond which it stands on no floor [m]."""
 SAME = 1e-3
-"""Boxes that differ by less are the same [m]."""
+"""Difference below which boxes are equal [m]."""
 SMALLEST_ROOM = 0.01
 """Area below which a profile is a line [m^2]."""
 
@@ -51,7 +51,7 @@ def check_annotations(folder: Path, findings: Findings) -> tuple[LabelBox, ...]:
 
 
 def read_tree(path: Path, findings: Findings) -> tuple[object | None, Report]:
-    """The tree of a JSON file, None where it has none, and a report that knows its lines."""
+    """The tree of a JSON file, None without one, and a report with its line numbers."""
     try:
         document, text = read_json(path), path.read_text("utf-8-sig")
     except FormatError as broken:
@@ -70,7 +70,7 @@ def read_tree(path: Path, findings: Findings) -> tuple[object | None, Report]:
 
 
 def label_problems(entries: Sequence[LabelEntry], rooms: Sequence[Room]) -> Iterator[Problem]:
-    """What is odd about boxes that are sound by themselves."""
+    """Problems of boxes that are valid by themselves."""
     known = [(entry.place, entry.box) for entry in entries if entry.box is not None]
     floor = min((box.box.top for _, box in known if box.label == "floor"), default=0.0)
     seen: dict[bytes, LabelBox] = {}
@@ -100,22 +100,22 @@ def _distance(footprint: NDArray[np.float64], room: Room) -> float:
 
 
 def structure_problems(document: object, rooms: Sequence[Room]) -> Iterator[Problem]:
-    """What the reader of structure.json does not need: sound polygons, sizes of what stands in the rooms."""
+    """Problems that the reader of structure.json ignores: invalid polygons, sizes of things in the rooms."""
     if not isinstance(document, dict):
         return
     if not rooms:
-        yield warning("no room with a floor polygon: nothing says where the floor is", ("rooms",))
+        yield warning("no room with a floor polygon: the floor is unknown", ("rooms",))
     yield from _profile_problems(document.get("rooms"))
     yield from _thing_problems(document.get("ins"))
 
 
 def _profile_problems(entries: object) -> Iterator[Problem]:
-    """Floor polygons without area or that cross themselves."""
+    """Floor polygons that have no area or cross themselves."""
     for index, entry in enumerate(entries if isinstance(entries, list) else []):
         try:
             profile = np.array([_xy(point) for point in entry["profile"]], dtype=np.float64).reshape(-1, 2)
         except (KeyError, TypeError, ValueError, IndexError, OverflowError):
-            continue  # the reader has said so
+            continue  # the reader has reported it
         if len(profile) < 3 or not np.isfinite(profile).all():
             continue
         place: Place = ("rooms", index, "profile")
@@ -138,7 +138,7 @@ def area(polygon: NDArray[np.float64]) -> float:
 
 
 def crossing_edges(polygon: NDArray[np.float64]) -> tuple[int, int] | None:
-    """The first two edges of a polygon (n, 2) that cross each other in their insides."""
+    """The first two edges of a polygon (n, 2) that cross between their ends."""
     ends = np.roll(polygon, -1, axis=0)
 
     def side(a: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -155,7 +155,7 @@ def crossing_edges(polygon: NDArray[np.float64]) -> tuple[int, int] | None:
 
 
 def _thing_problems(things: object) -> Iterator[Problem]:
-    """`ins`: labels, positions and sizes."""
+    """Problems of `ins`: labels, positions and sizes."""
     if things is not None and not isinstance(things, list):
         yield warning(f"'ins' is not a list of objects, but {short(things)}", ("ins",))
     for index, thing in enumerate(things if isinstance(things, list) else []):

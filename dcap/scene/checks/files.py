@@ -1,4 +1,4 @@
-"""Mesh files, Gaussian splats and points, by the rules of their readers."""
+"""Checks mesh files, Gaussian splats and points, by the rules of their readers."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,21 +17,21 @@ from dcap.scene.readers.source import BROKEN, READERS
 from dcap.scene.readers.splats.formats import check_gaussians, is_splats
 
 MANY = 0.1
-"""A share of faces without area above this is no rounding but a damaged mesh [-]."""
+"""Share of faces without area above which a mesh is damaged, beyond rounding [-]."""
 
 Found = TypeVar("Found")
 
 
 @dataclass(frozen=True, slots=True)
 class FileContents:
-    """What a file holds; zeros where it could not be read."""
+    """Content of a file; zeros if it could not be read."""
 
     path: Path
     faces: int = 0
     splats: int = 0
     vertices: int = 0
     names: tuple[str, ...] = ()
-    """What its annotated instances are labelled as, else names of its nodes or groups."""
+    """Labels of its annotated instances, else names of its nodes or groups."""
 
 
 def check_shape(path: Path, findings: Findings) -> FileContents:
@@ -54,7 +54,7 @@ def _check_mesh(path: Path, report: Report) -> FileContents:
     try:
         raw = READERS[path.suffix.lower()](path, also).without_loose_vertices()
     except (InputError, *BROKEN):
-        if Severity.ERROR in told:  # what is left of a broken file may be no mesh: that says nothing new
+        if Severity.ERROR in told:  # the rest of a broken file may be no valid mesh, which is no further problem
             return FileContents(path)
         raise
     for one in raw.notes:
@@ -69,7 +69,7 @@ def _check_mesh(path: Path, report: Report) -> FileContents:
 
 
 def _names(raw: RawMesh) -> tuple[str, ...]:
-    """One per annotated instance, whose parts are nodes of their own, and one per node that nobody annotated."""
+    """One name per annotated instance, whose parts are nodes of their own, and one per node without annotation."""
     if not raw.node_labels:
         return raw.node_names
     named = zip(raw.node_names, raw.node_labels, strict=True)
@@ -78,7 +78,7 @@ def _names(raw: RawMesh) -> tuple[str, ...]:
 
 
 def _guarded(path: Path, report: Report, check: Callable[[], Found], otherwise: Found) -> Found:
-    """What a check returns; a file that breaks off in the middle is one more error."""
+    """Run a check; a truncated file is a further error."""
     try:
         return check()
     except InputError as broken:
@@ -91,7 +91,7 @@ def _guarded(path: Path, report: Report, check: Callable[[], Found], otherwise: 
 
 
 def _lines(path: Path) -> Lines | None:
-    """Lines of the places in a glTF text; other formats state theirs."""
+    """Lines of places in a glTF text; problems of other formats name their lines themselves."""
     if path.suffix.lower() != ".gltf":
         return None
     known: list[Lines] = []

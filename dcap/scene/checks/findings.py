@@ -1,4 +1,4 @@
-"""What a check found: problems with the file and line that each belongs to."""
+"""Findings of a check: problems with their file and line."""
 
 from collections import Counter
 from dataclasses import dataclass, field
@@ -8,7 +8,7 @@ from dcap.scene.checks.places import Lines
 from dcap.scene.problems import Problem, Report, Severity
 
 MOST_PER_FILE = 1000
-"""Problems of one file that are listed one by one; more are counted [-]."""
+"""Most problems of one file that are listed one by one; more are counted [-]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,7 +17,7 @@ class Finding:
 
     path: Path
     line: int
-    """From 1; 0 where the file has no lines."""
+    """From 1; 0 for a file without lines."""
     severity: Severity
     what: str
 
@@ -28,7 +28,7 @@ class Finding:
 
 @dataclass(slots=True)
 class Findings:
-    """Takes in the problems of many files."""
+    """Collects the problems of many files."""
 
     listed: list[Finding] = field(default_factory=list)
     unlisted: Counter[tuple[Path, Severity]] = field(default_factory=Counter)
@@ -49,7 +49,7 @@ class Findings:
         return report
 
     def all(self) -> tuple[Finding, ...]:
-        """Everything found in order of path and line, and a line for what is counted only."""
+        """All findings in order of path and line, and a line for problems that are only counted."""
         more = [
             Finding(path, 0, severity, f"{count} more problems of this kind are not listed")
             for (path, severity), count in self.unlisted.items()
@@ -58,7 +58,7 @@ class Findings:
         return tuple(sorted(self.listed, key=lambda f: (str(f.path), f.line, order.index(f.severity)))) + tuple(more)
 
     def count(self, severity: Severity) -> int:
-        """How many there are of a severity."""
+        """Number of findings of a severity."""
         return sum(one.severity is severity for one in self.listed) + sum(
             count for (_, of), count in self.unlisted.items() if of is severity
         )

@@ -1,8 +1,8 @@
-"""What of a dataset folder is a scene, and what is a mesh by itself.
+"""Finds the scenes and the single meshes in a dataset folder.
 
 A scene is a folder with annotations (InteriorGS), one of ScanNet, or one with SuGaR's folder tree, one mesh or one
 file of splats.
-Several meshes side by side are a collection, each by itself. Everything else is searched, whatever its name.
+Several meshes in one folder are a collection of single meshes. Every other folder is searched, whatever its name.
 """
 
 import re
@@ -17,23 +17,23 @@ from dcap.scene.readers.scenes.scannet import is_scannet
 from dcap.scene.readers.scenes.sugar import MESH_SUFFIXES
 
 NUMBERED = re.compile(r"\d{4}_\w+")
-"""What InteriorGS calls its scene folders: 0001_839920."""
+"""Pattern of InteriorGS's scene folders: 0001_839920."""
 MARKS = ("occupancy.json", "occupancy.png", "3dgs_compressed.ply")
 """Other files that only a scene folder has."""
 SUGAR_TREE = ("refined_mesh", "coarse_mesh", "output")
 """Folders in which SuGaR leaves its meshes."""
 NOT_DATA = ("cache", "runs", *GROUND_TRUTH)
-"""Folders of our own beside the data: what was computed, and what no stage may read."""
+"""Folders of our own next to the data: results, and files that no stage may read."""
 
 
 @dataclass(slots=True)
 class Layout:
-    """Where the scenes and the single meshes lie."""
+    """Paths of the scenes and the single meshes."""
 
     scenes: list[Path] = field(default_factory=list)
     meshes: list[Path] = field(default_factory=list)
     empty: list[Path] = field(default_factory=list)
-    """Folders of neither."""
+    """Folders with neither."""
 
 
 def layout_of(path: Path, findings: Findings) -> Layout:
@@ -49,7 +49,7 @@ def layout_of(path: Path, findings: Findings) -> Layout:
 
 
 def is_marked(folder: Path) -> bool:
-    """Whether the files or the name of a folder say that it is one scene."""
+    """Whether the files or the name of a folder mark it as one scene."""
     if is_interiorgs(folder) or is_scannet(folder) or NUMBERED.fullmatch(folder.name):
         return True
     if any((folder / name).is_file() for name in MARKS):
@@ -80,7 +80,7 @@ def _searched(folder: Path, findings: Findings) -> Layout:
         found.meshes += layout.meshes
         found.empty += layout.empty
     if len(meshes) == 1 and not found.scenes and not found.meshes:
-        return Layout(scenes=[folder])  # what lies below are its textures
+        return Layout(scenes=[folder])  # folders below hold its textures
     found.meshes[:0] = meshes
     if not meshes and not children:
         found.empty.append(folder)

@@ -1,4 +1,4 @@
-"""occupancy.json and occupancy.png: what the reader says of them, and what only both together show."""
+"""Checks occupancy.json and occupancy.png: problems that the reader reports, and contradictions between the two."""
 
 from pathlib import Path
 
@@ -11,18 +11,18 @@ from dcap.scene.readers.files.image import FORMATS
 from dcap.scene.readers.scenes.occupancy import NAMES, map_cells, map_extent
 
 SLACK = 2.0
-"""Pixels by which the picture may be larger or smaller than the map [-]: conventions differ by a half at each end."""
+"""Largest difference between the picture and the map [pixels]: conventions differ by half a pixel at each end."""
 
 
 def check_occupancy(folder: Path, findings: Findings) -> None:
-    """Check both files of a folder; one by itself is not read."""
+    """Check both files of a folder; a single one is not read."""
     document, picture = (folder / name for name in NAMES)
     missing = [path for path in (document, picture) if not path.is_file()]
     if len(missing) == len(NAMES):
         findings.report(document)(note("is missing: free floor is not known"))
     elif missing:
         other = picture if missing == [document] else document
-        findings.report(missing[0])(warning(f"is missing beside {other.name}, which is not read without it"))
+        findings.report(missing[0])(warning(f"is missing next to {other.name}, which is not read without it"))
     else:
         _check_both(document, picture, findings)
 
@@ -44,4 +44,4 @@ def _check_both(document: Path, picture: Path, findings: Findings) -> None:
         expected = (extent.upper[axis] - extent.lower[axis]) / extent.scale
         if abs(pixels - expected) > SLACK:
             what = f"{pixels} pixels {side}, but lower, upper and scale of {document.name} make {expected:.1f}"
-            report(warning(what + "; write both anew"))
+            report(warning(what + "; write both again"))

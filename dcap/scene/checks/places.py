@@ -1,7 +1,7 @@
 """Line numbers of the values of JSON and YAML files.
 
-The trees themselves are read by the ordinary parsers; here the same text is gone through once more, only when a line is
-asked for. Guaranteed for any text that those parsers take: no recursion for JSON, no expansion of YAML's aliases.
+The ordinary parsers read the trees; here the same text is scanned again, only when a line is requested.
+ Guaranteed for any text that those parsers take: no recursion for JSON, no expansion of YAML's aliases.
 """
 
 import json
@@ -20,7 +20,7 @@ TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|[{}\[\],:]|\n|[^\s{}\[\],:"]+')
 """Strings, marks, ends of lines, and everything else (numbers, true, false, null)."""
 
 Lines = Callable[[Place], int]
-"""Line of a place, from 1; of the nearest that exists where it does not."""
+"""Line of a place, from 1; of its nearest existing ancestor if it does not exist."""
 
 
 def json_lines(text: str) -> Lines:
@@ -36,7 +36,7 @@ def json_lines(text: str) -> Lines:
 
 
 def repeated_keys(text: str) -> Iterator[tuple[Place, int]]:
-    """Places and lines of keys that valid JSON text gives twice in one object: only the last counts."""
+    """Places and lines of keys that valid JSON text repeats in one object: only the last counts."""
     seen: set[Place] = set()
     for place, line, is_key in json_places(text):
         if is_key and place in seen:
@@ -46,12 +46,12 @@ def repeated_keys(text: str) -> Iterator[tuple[Place, int]]:
 
 @dataclass(slots=True)
 class _Open:
-    """An object or list whose end has not come yet."""
+    """An object or list that is still open."""
 
     place: Place
     is_object: bool
     step: str | int | None
-    """Key or index of the value that comes next; None where a key must come first."""
+    """Key or index of the next value; None if a key must come first."""
     line: int = 0
     """Line of that key."""
 

@@ -1,4 +1,4 @@
-"""A scene folder of ScanNet: segments, groups and alignment by the rules of their reader."""
+"""Checks a scene folder of ScanNet: segments, groups and alignment by the rules of their reader."""
 
 from dcap.scene.checks.annotations import read_tree
 from dcap.scene.checks.files import FileContents, check_shape
@@ -8,7 +8,7 @@ from dcap.scene.readers.scenes.scannet import SceneFiles, alignment_of, instance
 
 
 def check_scannet(files: SceneFiles, findings: Findings) -> tuple[FileContents, tuple[str, ...]]:
-    """Check what of a folder is read; returns the mesh and the labels of the annotated instances."""
+    """Check the files of a folder that are read; returns the mesh and the labels of the annotated instances."""
     shape = check_shape(files.mesh, findings)
     alignment_of(files, findings.report(files.about or files.mesh))
     if files.segments is None or files.groups is None:
@@ -19,6 +19,6 @@ def check_scannet(files: SceneFiles, findings: Findings) -> tuple[FileContents, 
     segment = None if document is None else segments_of(document, shape.vertices or None, tell_segments)
     document, tell_groups = read_tree(files.groups, findings)
     instances = [] if document is None else instances_of(document, files.segments.name, tell_groups)[0]
-    if segment is not None and len(segment):  # else every group would be told
+    if segment is not None and len(segment):  # else every group would be reported
         vertex_instances(segment, instances, tell_groups)
     return shape, tuple(one.label for one in instances)

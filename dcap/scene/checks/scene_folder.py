@@ -1,4 +1,4 @@
-"""One scene: a folder with everything in it, or a mesh or splats by itself."""
+"""Checks one scene: a folder, or a single file with a mesh or splats."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +18,7 @@ from dcap.scene.readers.scenes.sugar import check_suffix, describe, find_mesh
 
 @dataclass(frozen=True, slots=True)
 class SceneFacts:
-    """What a scene holds, as far as its files say so."""
+    """Content of a scene according to its files."""
 
     path: Path
     labels: tuple[str, ...]
@@ -55,7 +55,7 @@ def check_scene(path: Path, findings: Findings) -> SceneFacts:
 
 
 def check_file(path: Path, findings: Findings) -> SceneFacts:
-    """Check a mesh or splats by themselves."""
+    """Check a single mesh or file of splats."""
     try:
         if not path.is_file():
             raise InputError(f"{path}: neither a file nor a folder")
@@ -68,12 +68,12 @@ def check_file(path: Path, findings: Findings) -> SceneFacts:
 
 
 def _labels(shape: FileContents, own: str) -> tuple[str, ...]:
-    """Names of what a file holds, its own where it names nothing; none where it could not be read."""
+    """Names of the things in a file, its own name if it names none; none if it could not be read."""
     return shape.names or ((own,) if shape.faces or shape.splats else ())
 
 
 def _shapes(folder: Path, findings: Findings) -> tuple[Path | None, list[FileContents]]:
-    """The mesh or splats that are used, and what every such file of the folder holds."""
+    """The mesh or splats that are used, and the content of every such file of the folder."""
     files = mesh_files(folder)
     used: Path | None = None
     try:

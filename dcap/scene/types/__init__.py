@@ -1,1 +1,1 @@
-"""What flows between the stages: frozen values with units and shapes on every field."""
+"""Values that the stages exchange: frozen, with units and shapes on every field."""

@@ -1,4 +1,4 @@
-"""Where to drop: part, region, surface point and pre-drop pose."""
+"""Place of the drop: part, region, surface point and pre-drop pose."""
 
 from dataclasses import dataclass
 
@@ -34,24 +34,24 @@ class Anchor:
     part_index: int
     """Index into the base instance's parts."""
     region: str
-    """Canonical region words joined by spaces, 'center' if nothing was asked."""
+    """Canonical region words joined by spaces, 'center' if none was requested."""
     local: NDArray[np.float64]
     """Anchor in the part's box frame, -1..1 along its axes, shape (2,)."""
     surface_point: NDArray[np.float64]
-    """x_s: where the ray along gravity hits the part [m], shape (3,)."""
+    """x_s: hit of the ray along gravity on the part [m], shape (3,)."""
     world_from_object: NDArray[np.float64]
     """Pre-drop pose: object mesh (as read) to world: translation @ R* @ scale, shape (4, 4)."""
     clearance: float
-    """Smallest vertical gap between the object and what lies beneath it at the start [m]."""
+    """Smallest vertical gap between the object and the surfaces beneath it at the start [m]."""
     region_polygon: NDArray[np.float64]
-    """Asked region on the part, world xy [m], shape (k, 2), counter-clockwise; used only for `region_missed`."""
+    """Requested region on the part, world xy [m], shape (k, 2), counter-clockwise; used only for `region_missed`."""
     reason: str
     lean: Lean | None = None
-    """None where it stands by itself."""
+    """None if it stands by itself."""
     notes: tuple[str, ...] = ()
-    """How the place was understood, where that is not what was said word by word."""
+    """Readings of the place that deviate from the literal words."""
     pose: AskedPose | None = None
-    """What was asked of the orientation; None: nothing, or that it leans."""
+    """Requested orientation; None: none, or leaning."""
 
     def __post_init__(self) -> None:
         check_array("local", self.local, 2)

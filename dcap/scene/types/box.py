@@ -50,7 +50,7 @@ class OrientedBox:
         return float(self.center[2] - self.half_extents[2])
 
     def down_to(self, height: float) -> "OrientedBox":
-        """The box with its lower face at that height [m], where that is lower."""
+        """The box with its lower face at `height` [m], if that is lower."""
         more = max(self.bottom - height, 0.0)
         lower = np.array([0.0, 0.0, 0.5 * more])
         return OrientedBox(self.center - lower, self.axes, self.half_extents + lower)
@@ -64,7 +64,7 @@ class OrientedBox:
         return points @ self.axes.T + self.center
 
     def contains(self, points: NDArray[np.float64], *, margin: float = 0.0) -> NDArray[np.bool_]:
-        """Which world points (n, 3) lie inside the box grown by `margin` [m], shape (n,)."""
+        """Whether world points (n, 3) lie inside the box grown by `margin` [m], shape (n,)."""
         within = np.abs(self.to_local(points)) <= self.half_extents + margin
         inside: NDArray[np.bool_] = np.logical_and.reduce(within, axis=1)
         return inside

@@ -1,6 +1,6 @@
-"""Messages of the stages: a plain text only explains how a result was made; a `Caution` asks a person for action.
+"""Messages of the stages: plain text explains how a result was made; a `Caution` asks a person for action.
 
-Both travel in the same lists, in the order in which they came up. `placement.json` has the cautions as `warnings` and
+Both travel in the same lists, in their order of occurrence. `placement.json` has the cautions as `warnings` and
 the others as `notes`.
 """
 
@@ -9,10 +9,10 @@ from enum import StrEnum
 
 
 class Cause(StrEnum):
-    """Why a person should look at a result, the most important first."""
+    """Reasons for a person to check a result, the most important first."""
 
     NOT_MET = "not_met"
-    """It was asked, and the result does not have it."""
+    """A request that the result does not meet."""
     NOT_UNDERSTOOD = "not_understood"
     """Words of the sentence, or lines of a file of labels, that had no effect."""
     ASSUMED = "assumed"
@@ -38,18 +38,18 @@ class Caution(str):
 
 
 def about(subject: str, message: str) -> str:
-    """A message with the thing that it is about in front; a caution stays one."""
+    """A message prefixed with its subject; a caution stays one."""
     text = f"{subject}: {message}"
     return Caution(message.cause, text) if isinstance(message, Caution) else text
 
 
 def cautions(messages: Iterable[str]) -> list[Caution]:
-    """Those that ask for action, the most important cause first, each once."""
+    """Messages that ask for action, the most important cause first, each once."""
     order = list(Cause)
     found = dict.fromkeys(one for one in messages if isinstance(one, Caution))
     return sorted(found, key=lambda one: order.index(one.cause))
 
 
 def explanations(messages: Iterable[str]) -> list[str]:
-    """The others, each once."""
+    """The other messages, each once."""
     return list(dict.fromkeys(one for one in messages if not isinstance(one, Caution)))

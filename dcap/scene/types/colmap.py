@@ -37,11 +37,11 @@ class Pinhole:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PosedImage:
-    """Where a picture was taken from."""
+    """A picture with the pose of its camera."""
 
     id: int
     name: str
-    """Of its file, with suffix."""
+    """Name of its file, with suffix."""
     camera_id: int
     quaternion: F64
     """(w, x, y, z) of unit length that turns world directions into the camera's, shape (4,)."""
@@ -68,7 +68,7 @@ class PosedImage:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ColmapModel:
-    """All of it; what is seen where (observations and tracks) is not kept."""
+    """Cameras, pictures and points, without observations and tracks."""
 
     cameras: tuple[Pinhole, ...]
     images: tuple[PosedImage, ...]

@@ -1,4 +1,4 @@
-"""A settled scene as a simulator of rigid bodies takes it: meshes to be seen, convex pieces to collide, friction."""
+"""A settled scene for a simulator of rigid bodies: visible meshes, convex collision pieces, friction."""
 
 from dataclasses import dataclass
 
@@ -12,14 +12,14 @@ from dcap.scene.types.particles import InertialProperties
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SeenPart:
-    """What is seen of one part of a thing."""
+    """Visible mesh of one part of a thing."""
 
     name: str
-    """Of the part, unique within its thing."""
+    """Name of the part, unique within its thing."""
     mesh: Mesh
     """In the frame of its body."""
     material: Material | None
-    """None where nobody was asked what it is made of."""
+    """None if its material was not determined."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -31,7 +31,8 @@ class ConvexPiece:
     mesh: Mesh
     """A closed convex surface in the frame of its body."""
     friction: ContactFriction
-    """Of the free body's piece: its own. Of a fixed one: that of the pair with the free body's main friction."""
+    """For a piece of the free body its own friction; for a fixed one that of the pair with the free body's main
+    friction."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -43,9 +44,9 @@ class ContactPatch:
     surface: Mesh
     """World frame [m], faces look outwards."""
     prisms: tuple[Mesh, ...]
-    """One under each face that is no sliver, closed and convex, in the world frame."""
+    """One under each face except slivers, closed and convex, in the world frame."""
     friction: ContactFriction
-    """Of the pair with the free body's main friction."""
+    """Friction of the pair with the free body's main friction."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -70,7 +71,7 @@ class FreeBody:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class FixedBody:
-    """A thing of the scene as it settled, in the world frame."""
+    """A settled thing of the scene, in the world frame."""
 
     name: str
     """Id of the instance."""
@@ -84,34 +85,33 @@ class FixedBody:
 
 @dataclass(frozen=True, slots=True)
 class PieceFriction:
-    """Friction of a pair of shapes that is not the one of its fixed shape."""
+    """Friction of a pair of shapes that differs from that of its fixed shape."""
 
     piece: str
-    """Of the free body."""
+    """Name of the free body's piece."""
     patch: str
     prism: int
-    """Of the patch."""
+    """Index of the patch's prism."""
     friction: ContactFriction
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ExportScene:
-    """Everything that an exported file says."""
+    """Content of an exported file."""
 
     thing: FreeBody
     fixed: tuple[FixedBody, ...]
     pairs: tuple[PieceFriction, ...]
     resting: ContactFriction
-    """Of the pair where the object rests, with its main friction."""
+    """Friction of the pair at the object's rest contact, with its main friction."""
     deviation: float
-    """How far the patches' triangles are at most from the settled surface [m]."""
+    """Largest distance of the patches' triangles from the settled surface [m]."""
     notes: tuple[str, ...]
-    """What a user of the file should know, one sentence each."""
+    """Notes for users of the file, one sentence each."""
 
 
-def instead(pair: ContactFriction, main: ContactFriction, own: ContactFriction) -> ContactFriction:
-    """The friction of a pair with another one in the place of the object's main one: sqrt(own b), where sqrt(main b) is
-    given."""
+def replace_friction(pair: ContactFriction, main: ContactFriction, own: ContactFriction) -> ContactFriction:
+    """The friction of a pair with another one in place of the object's main one: sqrt(own b) from sqrt(main b)."""
 
     def other(given: float, before: float, now: float) -> float:
         return given * float(np.sqrt(now / before)) if before > 0.0 else given

@@ -1,13 +1,13 @@
-"""How long the unit of a file is, where only the height of a thing in it tells."""
+"""Length of a file's unit, from the known height of a thing in it."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
 class FileScale:
-    """A length and what it rests on."""
+    """Length of a file's unit, and its reason."""
 
     metres: float
-    """Of the file's unit [m]."""
+    """Length of the file's unit [m]."""
     note: str
-    """How it was found, in a sentence."""
+    """Origin of the length, in a sentence."""

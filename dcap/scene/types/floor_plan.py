@@ -1,4 +1,4 @@
-"""A room as methods see it that plan on boxes: its outline and the boxes of its things."""
+"""A room for methods that plan on boxes: its outline and the boxes of its things."""
 
 from dataclasses import dataclass
 
@@ -10,20 +10,20 @@ from dcap.scene.types.arrays import check_array
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PlanBox:
-    """A thing, or a part of one, as an upright box that looks somewhere."""
+    """A thing, or a part of one, as an upright box with a front."""
 
     thing: str
     """Instance id."""
     part: int
     """Index into the instance's parts, -1 for the whole thing."""
     label: str
-    """What it is: bed, or bed blanket for a part."""
+    """Name: bed, or bed blanket for a part."""
     center: NDArray[np.float64]
     """Middle of the box [m], shape (3,)."""
     size: NDArray[np.float64]
     """Extents to its right, to its front and up [m], shape (3,)."""
     yaw: float
-    """Turn about the vertical from looking along -y, counterclockwise seen from above [rad]."""
+    """Turn about the vertical from facing -y, counterclockwise seen from above [rad]."""
 
     def __post_init__(self) -> None:
         check_array("center of a plan's box", self.center, 3)
@@ -31,12 +31,12 @@ class PlanBox:
 
     @property
     def front(self) -> NDArray[np.float64]:
-        """Where it looks, a horizontal unit vector, shape (2,)."""
+        """Direction of its front, a horizontal unit vector, shape (2,)."""
         return np.array([np.sin(self.yaw), -np.cos(self.yaw)])
 
     @property
     def right(self) -> NDArray[np.float64]:
-        """To the right of who looks at its front, a horizontal unit vector, shape (2,)."""
+        """Direction to the right of a viewer of its front, a horizontal unit vector, shape (2,)."""
         return np.array([np.cos(self.yaw), np.sin(self.yaw)])
 
     @property
@@ -59,10 +59,10 @@ class PlanBox:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class FloorPlan:
-    """The outline of a room's floor and what stands in the room."""
+    """The outline of a room's floor and the things in the room."""
 
     kind: str
-    """bedroom, living room ...; room where its things do not say."""
+    """bedroom, living room ...; room if its things do not determine it."""
     outline: NDArray[np.float64]
     """Corners [m], counter-clockwise, the first not repeated, shape (k, 2)."""
     floor: float
@@ -80,7 +80,7 @@ class FloorPlan:
 
     @property
     def extents(self) -> NDArray[np.float64]:
-        """Of the outline along x and y [m], shape (2,)."""
+        """Extents of the outline along x and y [m], shape (2,)."""
         return np.asarray(np.ptp(self.outline, axis=0))
 
     @property

@@ -1,7 +1,7 @@
-"""3D Gaussian splats: what a scan by Gaussian splatting consists of [K23].
+"""3D Gaussian splats: the elements of a scan by Gaussian splatting [K23].
 
 Fields are kept as the formats store them (logarithms, logits, harmonics), so that reading and writing lose nothing;
-properties give what they stand for.
+properties give the physical values.
 
 [K23] Kerbl, Kopanas, Leimkuehler, Drettakis: 3D Gaussian splatting for real-time radiance field rendering. ACM Trans.
 Graph. 42(4), 2023.
@@ -24,7 +24,7 @@ DC = 0.28209479177387814
 """The constant spherical harmonic, 1 / (2 sqrt(pi)) [-]."""
 
 COEFFICIENTS = {0: 0, 1: 3, 2: 8, 3: 15}
-"""Harmonics above the constant one, per colour channel, by degree."""
+"""Number of harmonics above the constant one, per colour channel, by degree."""
 
 SAMPLED = 32
 """Directions in which harmonics are evaluated to turn them; the largest band has 7 unknowns [-]."""
@@ -87,7 +87,7 @@ class Gaussians:
         return np.asarray(Rotation.from_quat(self.rotation, scalar_first=True).as_matrix(), dtype=np.float32)
 
     def subset(self, index: NDArray[np.integer] | NDArray[np.bool_]) -> Self:
-        """The given Gaussians only."""
+        """Only the given Gaussians."""
         return replace(
             self, position=self.position[index], log_scale=self.log_scale[index], rotation=self.rotation[index],
             logit=self.logit[index], dc=self.dc[index], rest=self.rest[index],

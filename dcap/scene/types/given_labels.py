@@ -1,4 +1,4 @@
-"""What a person says of a scene's things: names of faces, boxes or vertices, by hand or from another program."""
+"""Labels of a scene's things from a person or another program: names of faces, boxes or vertices."""
 
 import hashlib
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from dcap.scene.types.mesh import Mesh
 
 
 class CornerFrame(StrEnum):
-    """What the corners of given boxes are in."""
+    """Frames of the corners of given boxes."""
 
     FILE = "file"
     """The scene file's own axes and unit."""
@@ -39,15 +39,15 @@ class GivenThing:
     id: str
     label: str
     confidence: float
-    """0..1, how sure the label is; 1 where a person said so."""
+    """0..1, confidence of the label; 1 if a person gave it."""
     faces: NDArray[np.int64]
     """Runs of faces of the scene's mesh, first and one past the last, shape (k, 2); none: the box decides."""
     corners: NDArray[np.float64]
-    """The corners of its box, shape (8, 3), or (0, 3) where it has none."""
+    """The corners of its box, shape (8, 3), or (0, 3) without one."""
     parts: tuple[GivenPart, ...] = ()
-    """Its parts where they are known; empty: found by its label."""
+    """Its parts if they are known; empty: found by its label."""
     guesses: tuple[tuple[str, float], ...] = ()
-    """What else it may be and how probable that is, where nobody has corrected it."""
+    """Alternative labels with probabilities, if nobody has corrected the label."""
 
     def __post_init__(self) -> None:
         check_array(f"faces of {self.id}", self.faces, None, 2)
@@ -64,11 +64,11 @@ class GivenLabels:
     """The file's name, for messages."""
     things: tuple[GivenThing, ...]
     frame: CornerFrame
-    """What the corners are in."""
+    """Frame of the corners."""
     complete: bool
-    """Whether these are all things: what is in none of them is nothing. Else the rest is found by its shape."""
+    """Whether these are all things, so that the other faces belong to none. Else the rest is found by its shape."""
     mesh: str
-    """Digest of the mesh that runs of faces refer to; empty: there are none."""
+    """Digest of the mesh that runs of faces refer to; empty without runs."""
     notes: tuple[str, ...] = ()
 
 
@@ -82,13 +82,13 @@ class VertexLabels:
     """Index into `ids` for each vertex in the file's order, -1 for nothing, shape (n,)."""
     ids: tuple[str, ...]
     labels: tuple[str, ...]
-    """One for each id; empty where nobody named it."""
+    """One for each id; empty if it has no name."""
     notes: tuple[str, ...] = ()
 
 
 def faces_digest(mesh: Mesh) -> str:
-    """What tells whether runs of faces fit a mesh: the digest of how its faces hang together, 16 hex digits.
+    """Digest of a mesh's connectivity, 16 hex digits, which decides whether runs of faces fit it.
 
-    Places do not count, so the same file read in another unit still fits.
+    Positions do not count, so the same file read in another unit still fits.
     """
     return hashlib.sha256(np.ascontiguousarray(mesh.faces, dtype="<i4").tobytes()).hexdigest()[:16]

@@ -1,4 +1,4 @@
-"""What the sentence asks for: support, size and mass of the object, orientation and region in words."""
+"""Reading of the sentence: support, size and mass of the object, orientation and region in words."""
 
 from dataclasses import dataclass
 
@@ -10,13 +10,13 @@ from dcap.scene.types.arrays import check_array
 
 @dataclass(frozen=True, slots=True)
 class OrientationRequest:
-    """What the prompt says about orientation."""
+    """Requested orientation."""
 
     pose: str
     """upright (right way up) | seated (as such a thing usually rests) | standing (on end) | upside_down | on_side |
     on_left_side | on_right_side | lying | on_back | on_front | leaning | any (nothing said)."""
     facing: str
-    """Id of an instance or 'part:NAME' or 'wall' | 'door' | 'viewer' to face; empty: nothing said."""
+    """Id of an instance or 'part:NAME' or 'wall' | 'door' | 'viewer' to face; empty: none."""
     words: str
     """The words it was read from."""
     turn_deg: float = 0.0
@@ -27,13 +27,13 @@ class OrientationRequest:
 
 @dataclass(frozen=True, slots=True)
 class RegionConstraint:
-    """What a place must keep to, beside its region."""
+    """Constraint on a place, besides its region."""
 
     kind: str
-    """not_on (neither on it nor over or under it) | not_in (not in that region) | exactly | at_least | at_most (so far
-    from it) | farthest | nearest | away (from it)."""
+    """not_on (neither on it nor over or under it) | not_in (not in that region) | exactly | at_least | at_most
+    (distance from it) | farthest | nearest | away (from it)."""
     regions: tuple[str, ...]
-    """Region names as in RegionRequest, of the part or beside the reference; of distances edge, corner or end with
+    """Region names as in RegionRequest, of the part or next to the reference; for distances edge, corner or end with
     sides; empty: the reference itself."""
     reference: str
     """Instance id, 'part:NAME' or 'part:NAME/SIDE'; empty: the part's own regions."""
@@ -50,15 +50,15 @@ class SupportCandidate:
     id: str
     label: str
     score: float
-    """How likely it is meant, 0..1."""
+    """Likelihood that the sentence means it, 0..1."""
 
 
 @dataclass(frozen=True, slots=True)
 class RegionRequest:
-    """What the prompt says about where on the support."""
+    """Requested place on the support."""
 
     part: str
-    """Part name asked for, or empty."""
+    """Name of the requested part, or empty."""
     names: tuple[str, ...]
     """Among: center, left, right, front, back, head, foot, edge, corner, near, next_to, between, middle, any; combined
     ('left', 'front')."""
@@ -67,10 +67,10 @@ class RegionRequest:
     words: str
     """The words it was read from."""
     which: str = ""
-    """Which of several parts of that name: left, right, top, bottom, middle or a number counted from below; or
+    """Choice among several parts of that name: left, right, top, bottom, middle or a number counted from below; or
     empty."""
     constraints: tuple[RegionConstraint, ...] = ()
-    """What else must hold of the place; all of them."""
+    """Further constraints on the place; all must hold."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -82,24 +82,24 @@ class Intent:
     object_name: str
     """Category of the object: ball, mug, plush toy ..."""
     size: NDArray[np.float64]
-    """Size prior in the state that the mesh shows (folded ...), extents sorted descending [m], shape (3,)."""
+    """Size prior in the state of the mesh (folded ...), extents sorted descending [m], shape (3,)."""
     mass: float
     """Mass prior [kg]."""
     hollow: bool
-    """Its mass is not density times the volume of its closed mesh."""
+    """Whether its mass is not density times the volume of its closed mesh."""
     scale: float
     """Isotropic factor applied to the object mesh: 1, that of a unit, or to the usual size (`tasks.intent.rescale`)."""
     orientation: OrientationRequest
     region: RegionRequest
     not_understood: tuple[str, ...]
-    """Words that were left over."""
+    """Words without an effect."""
     notes: tuple[str, ...]
     candidates: tuple[SupportCandidate, ...] = ()
-    """Supports that the sentence may mean, the one that is taken first."""
+    """Supports that the sentence may mean, the chosen one first."""
     mass_given: bool = False
-    """The mass comes from the user and is not to be replaced by density times volume."""
+    """Whether the mass comes from the user and must not be replaced by density times volume."""
     at: NDArray[np.float64] | None = None
-    """The place on the base that the user gave [m], shape (3,); None: the region says where."""
+    """The place on the base that the user gave [m], shape (3,); None: the region determines it."""
 
     def __post_init__(self) -> None:
         if self.at is not None:

@@ -1,4 +1,4 @@
-"""The pictures that judges and raters see of a final state, and what decides where their cameras stand."""
+"""The pictures of a final state for judges and raters, and the data that determines their cameras."""
 
 from dataclasses import dataclass, fields
 
@@ -14,19 +14,19 @@ class JudgedViews:
     """Square RGB images of one placement, each (h, w, 3)."""
 
     overview: Picture
-    """The support that was asked for and the object, from one camera for all methods of a sample."""
+    """The requested support and the object, from one camera for all methods of a sample."""
     closeup: Picture
-    """Where the object touches, at a grazing angle: from the same direction and distance for all methods."""
+    """The contact at a grazing angle, from the same direction and distance for all methods."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SceneBefore:
-    """Square RGB images that all methods of a sample share, each (h, w, 3)."""
+    """Square RGB images shared by all methods of a sample, each (h, w, 3)."""
 
     clean: Picture
     """The scene before, as in `overview`."""
     asset: Picture
-    """The object alone, as it was given."""
+    """The object alone, in its input state."""
 
 
 BEFORE = tuple(one.name for one in fields(SceneBefore))
@@ -37,18 +37,18 @@ PLACED = tuple(one.name for one in fields(JudgedViews))
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Sights:
-    """What can be seen of one placement from each of the directions that cameras may have."""
+    """Visibility of one placement from each possible direction of the cameras."""
 
     overview: Array
     """Share of the object's surface that the scene does not hide, by direction of the overview [-], shape (n,)."""
     closeup: Array
     """Share of the object's lower edge that nothing hides, by direction of the close-up [-], shape (m,)."""
     contact: Array
-    """The point where it touches, or is nearest to what is below, as seen from there [m], shape (m, 3)."""
+    """Its contact point, or the point nearest to the surface below, seen from there [m], shape (m, 3)."""
     bounds: Array
-    """Of the object [m], shape (2, 3)."""
+    """Bounds of the object [m], shape (2, 3)."""
     support: Array
-    """Corners of the box of the support that was asked for [m], shape (8, 3)."""
+    """Corners of the box of the requested support [m], shape (8, 3)."""
     ahead_deg: float
     """Azimuth from that support to the middle of the scene [degrees]."""
 
@@ -60,6 +60,6 @@ class Viewpoint:
     position: tuple[float, float, float]
     """[m]."""
     target: tuple[float, float, float]
-    """What is in the middle of the picture [m]."""
+    """Point in the middle of the picture [m]."""
     fov_deg: float
     """Field of view across the picture [degrees]."""

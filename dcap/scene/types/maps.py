@@ -1,4 +1,4 @@
-"""Conditioning maps: what one camera sees of a settled placement, a value for each pixel."""
+"""Conditioning maps: one camera's view of a settled placement, a value for each pixel."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ Bytes = NDArray[np.uint8]
 Numbers = NDArray[np.uint16]
 
 SEEN_CONTACT, HIDDEN_CONTACT = 255, 128
-"""Values of the contact map: the patch where it is seen, and where the object hides it."""
+"""Values of the contact map: visible patch, and patch hidden by the object."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -20,7 +20,7 @@ class ConditioningMaps:
     rgb: Bytes
     """sRGB with the object at rest, shape (h, w, 3)."""
     object_rgb: Bytes
-    """sRGB of the object's own share of each pixel, black where it is not seen, shape (h, w, 3)."""
+    """sRGB of the object's own share of each pixel, black elsewhere, shape (h, w, 3)."""
     depth: F32
     """Along the optical axis [m], inf where nothing is, shape (h, w)."""
     normal_world: F32
@@ -32,11 +32,11 @@ class ConditioningMaps:
     hidden_mask: Bytes
     """Share of each pixel in which something hides the object, 0..255, shape (h, w)."""
     contact: Bytes
-    """SEEN_CONTACT at surface beside or in the contact patch, HIDDEN_CONTACT where the object hides the patch, 0
+    """SEEN_CONTACT at surface in or next to the contact patch, HIDDEN_CONTACT where the object hides the patch, 0
     elsewhere, shape (h, w)."""
     shadow: F32
     """Light on the scene with the object over that without it, luminance 0..1; on the object that of the
-    nearest pixel beside it, shape (h, w)."""
+    nearest pixel outside it, shape (h, w)."""
     ambient_occlusion: F32
     """Share of the sky that reaches the surface, 0..1; 1 where nothing is, shape (h, w)."""
     dent: F32
@@ -46,4 +46,4 @@ class ConditioningMaps:
     part: Numbers
     material: Numbers
     names: dict[str, dict[str, str]]
-    """What the ids mean: `instance`, `part` and `material`, each from id to name."""
+    """Names of the ids: `instance`, `part` and `material`, each from id to name."""

@@ -6,7 +6,7 @@ from enum import StrEnum
 
 
 class BodyModel(StrEnum):
-    """How a part is simulated."""
+    """Models of a simulated part."""
 
     RIGID = "rigid"
     MPM = "mpm"
@@ -14,7 +14,7 @@ class BodyModel(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class ContactFriction:
-    """What resists motion along a contact; of a pair of bodies the geometric mean of the two counts."""
+    """Friction of a contact; for a pair of bodies the geometric mean of the two is used."""
 
     static: float
     """Coefficient of static friction mu_s [-]."""
@@ -26,7 +26,8 @@ class ContactFriction:
 
 @dataclass(frozen=True, slots=True)
 class LayerConstants:
-    """What else describes a material of layers; its own E and nu are then those across them (transverse isotropy)."""
+    """Further constants of a layered material; its own E and nu are then those across the layers (transverse
+    isotropy)."""
 
     youngs_modulus: float
     """Young's modulus E_p in the layers [Pa]."""
@@ -36,7 +37,8 @@ class LayerConstants:
     """Shear modulus G_t between the layers [Pa]."""
 
     def problem(self, across: float, poisson: float) -> str:
-        """Which value makes some strain cost no energy, with the material's own E_t [Pa] and nu_tp; empty if none does.
+        """Description of a value for which some strain costs no energy, with the material's own E_t [Pa] and nu_tp;
+        empty if none does.
 
         The compliance is positive definite if E_t, E_p and G_t are, |nu_p| < 1 and nu_tp^2 < (1 - nu_p) E_t / (2 E_p).
         """
@@ -76,11 +78,11 @@ class Material:
     """rigid | soft | thin."""
     source: str
     layers: LayerConstants | None = None
-    """Of a stack of cloth and its kin; None: isotropic."""
+    """Constants of a layered material, such as a stack of cloth; None: isotropic."""
 
     @property
     def friction(self) -> ContactFriction:
-        """What it contributes to a contact."""
+        """Its contribution to a contact's friction."""
         return ContactFriction(self.static_friction, self.dynamic_friction, self.rolling_resistance)
 
 
@@ -95,7 +97,7 @@ class PartMaterial:
     part_index: int
     """Index into the instance's parts."""
     material: Material
-    """The library row; density may be an effective one (hollow things, mass prior), then `reason` says so."""
+    """The library row; density may be an effective one (hollow things, mass prior), as stated in `reason`."""
     model: BodyModel
     reason: str
 
@@ -108,7 +110,7 @@ class PartMaterials:
     limits: str
     """'none' or 'paper_limits'."""
     notes: tuple[str, ...] = ()
-    """What was treated otherwise than its row says, one sentence each."""
+    """Deviations from the rows, one sentence each."""
 
     def of(self, body: str, part_index: int) -> PartMaterial:
         """The row of one part."""

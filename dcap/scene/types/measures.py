@@ -1,4 +1,4 @@
-"""What is measured of a placement, whoever made it, without a judge and without knowing what was meant."""
+"""Measurements of a placement by any method, without a judge and without knowing the intended outcome."""
 
 from dataclasses import dataclass
 
@@ -10,28 +10,28 @@ from dcap.scene.types.arrays import check_array
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Measures:
-    """Of the final meshes alone."""
+    """Measurements of the final meshes alone."""
 
     support_id: str
-    """Instance over which the object is least far, or in which it is deepest; empty where nothing is beneath."""
+    """Instance nearest below the object, or in which it is deepest; empty with nothing beneath."""
     support_label: str
     support_part: str
-    """Part of it under most of what touches, or under the nearest line."""
+    """Its part under most of the touching surface, or under the nearest line."""
     middle: NDArray[np.float64]
-    """Middle of the touching surface, or of the object where nothing touches [m], shape (3,)."""
+    """Middle of the touching surface, or of the object if nothing touches [m], shape (3,)."""
     front: NDArray[np.float64]
-    """Where the object's front points, as its shape tells, a unit vector in the world, shape (3,)."""
+    """Direction of the object's front according to its shape, a unit vector in the world, shape (3,)."""
     penetration_m: float
-    """Largest depth inside the scene as it was left."""
+    """Largest depth inside the final scene."""
     penetration_given_m: float
-    """Largest depth inside the scene as it was given: what a dent is, and what one would have to be."""
+    """Largest depth inside the input scene: the actual or required depth of a dent."""
     gap_m: float
-    """How far the object could come down before it touches; inf over nothing."""
+    """Distance that the object could come down before it touches; inf over nothing."""
     contact_area_m2: float
-    """Of the object's surface within a millimetre of the scene."""
+    """Area of the object's surface within a millimetre of the scene."""
     com_margin_m: float
-    """How far inside the convex hull of what carries it, or would once it has come down by the gap, the centre of mass
-    is in plan, negative outside; -inf over nothing."""
+    """Distance in plan of the centre of mass inside the convex hull of the carrying surface (after coming down by the
+    gap), negative outside; -inf over nothing."""
 
     def __post_init__(self) -> None:
         check_array("middle", self.middle, 3)
@@ -40,54 +40,54 @@ class Measures:
 
 @dataclass(frozen=True, slots=True)
 class Indentation:
-    """How deep the object is in its soft support, and how deep it ought to be."""
+    """Depth of the object in its soft support, and the reference depth."""
 
     found_m: float | None = None
-    """Of its lowest place below the surface as it was given."""
+    """Depth of its lowest point below the undeformed surface."""
     reference_m: float | None = None
     """Approach of the frictionless elastic contact of the same shapes, layers and weight, quasi-static."""
     reason: str = ""
-    """Why there are no such depths; empty where there are."""
+    """Why there are no such depths; empty if there are."""
 
 
 @dataclass(frozen=True, slots=True)
 class RefereeMeasures:
-    """What the independent referee says of the final state (dcap/evaluation/referee): None where it cannot judge."""
+    """Verdict of the independent referee on the final state (dcap/evaluation/referee); None if it cannot judge."""
 
     drift_m: float | None = None
-    """Largest distance of the centre of mass from where it was within `seconds`."""
+    """Largest distance of the centre of mass from its start within `seconds`."""
     drift_deg: float | None = None
     """Largest turn [degrees]."""
     supported: bool | None = None
     """Whether the thing over which it was placed still carries it at the end."""
     carrier_id: str = ""
-    """Instance that carries most of it at the end; empty where nothing does."""
+    """Instance that carries most of it at the end; empty if nothing does."""
     penetration_m: float | None = None
-    """Overlap with the scene as it was left, by Open3D's distances."""
+    """Overlap with the final scene, by Open3D's distances."""
     seconds: float | None = None
-    """That were simulated."""
+    """Simulated time."""
     deviation_m: float | None = None
-    """How far what collides is from the surfaces near the contact at most."""
+    """Largest distance of the collision shapes from the surfaces near the contact."""
     reason: str = ""
-    """Why it cannot judge; empty where it does."""
+    """Why it cannot judge; empty if it can."""
 
 
 @dataclass(frozen=True, slots=True)
 class Drift:
-    """What became of the final state when it was simulated on."""
+    """Motion when the simulation of the final state is continued."""
 
     seconds: float
-    """True time that was simulated; 0 where it could not be."""
+    """Simulated time; 0 if it could not be simulated."""
     steps: int
     distance_m: float
-    """Largest distance of the centre of mass of a free body from where it was; inf where it could not be simulated."""
+    """Largest distance of the centre of mass of a free body from its start; inf if it could not be simulated."""
     angle_rad: float
-    """Largest turn of a free body; inf likewise."""
+    """Largest turn of a free body; inf if it could not be simulated."""
     force_residual: float
-    """Mean over the second that was asked of the unbalanced force over the weight [-], 0 in what was not simulated; inf
-    likewise."""
+    """Mean over the requested second of the unbalanced force over the weight [-], 0 for time that was not simulated;
+    inf if it could not be simulated."""
     reason: str = ""
     """Why it could not be simulated."""
     broken: bool = False
-    """Whether that is because a step broke, which says something of the cells. Else it begins too deep inside
-    something, or the method kept no displacements."""
+    """Whether the reason is a broken step, which depends on the cells. Else it starts too deep inside a body, or the
+    method kept no displacements."""

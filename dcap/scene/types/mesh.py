@@ -1,6 +1,6 @@
 """A triangle mesh with optional vertex colours: the only surface type of the pipeline.
 
-Invariant: finite vertices, face indices in range. Textures are baked to vertex colours by the reader that met them.
+Invariant: finite vertices, face indices in range. Readers bake textures to vertex colours.
 """
 
 from dataclasses import dataclass, replace
@@ -39,7 +39,7 @@ class Mesh:
 
     @classmethod
     def of(cls, vertices: object, faces: object, colors: object = None) -> Self:
-        """Build from anything array-like; a missing or single colour is repeated (default light grey)."""
+        """Build from array-like input; a missing or single colour is repeated (default light grey)."""
         points = np.ascontiguousarray(vertices, dtype=np.float64).reshape(-1, 3)
         shade = np.asarray((200, 200, 200) if colors is None else colors, dtype=np.uint8)
         return cls(
@@ -86,7 +86,7 @@ class Mesh:
         return areas
 
     def transformed(self, world_from_mesh: NDArray[np.float64]) -> Self:
-        """The mesh under a 4x4 affine map; faces are turned around if the map mirrors."""
+        """The mesh under a 4x4 affine map; faces are flipped if the map mirrors."""
         linear, shift = world_from_mesh[:3, :3], world_from_mesh[:3, 3]
         faces = self.faces if np.linalg.det(linear) > 0 else self.faces[:, ::-1].copy()
         return replace(self, vertices=self.vertices @ linear.T + shift, faces=faces)
@@ -99,7 +99,7 @@ class Mesh:
 
     @classmethod
     def concatenate(cls, meshes: "list[Mesh]") -> "Mesh":
-        """One mesh of many; faces keep their order."""
+        """Join meshes into one; faces keep their order."""
         if not meshes:
             return Mesh.of(np.zeros((0, 3)), np.zeros((0, 3)))
         offsets = np.cumsum([0] + [len(m.vertices) for m in meshes[:-1]])

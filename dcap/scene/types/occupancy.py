@@ -1,4 +1,4 @@
-"""A map of the floor: where one can stand, where something is, and where nobody knows."""
+"""A map of the floor: free, occupied and unknown places."""
 
 from dataclasses import dataclass
 
@@ -34,7 +34,7 @@ class Occupancy:
 
     @property
     def free(self) -> NDArray[np.bool_]:
-        """Where one can stand, shape (rows, columns)."""
+        """Free cells, shape (rows, columns)."""
         return np.asarray(self.cells == FREE)
 
     @property
@@ -47,7 +47,7 @@ class Occupancy:
         return self.first + np.stack([columns, rows], axis=1) * self.step
 
     def value(self, points: NDArray[np.float64]) -> NDArray[np.uint8]:
-        """What the map says of world points (n, 2 or more), UNKNOWN outside of it, shape (n,)."""
+        """Values of the map at world points (n, 2 or more), UNKNOWN outside of it, shape (n,)."""
         columns, rows = np.rint((points[:, :2] - self.first) / self.step).T
         there = (rows >= 0) & (rows < self.cells.shape[0]) & (columns >= 0) & (columns < self.cells.shape[1])
         out = np.full(len(points), UNKNOWN, dtype=np.uint8)
@@ -55,7 +55,7 @@ class Occupancy:
         return out
 
     def within(self, polygons: list[NDArray[np.float64]]) -> NDArray[np.bool_]:
-        """Which cells have their middle in one of the polygons (k, 2) [m], shape (rows, columns)."""
+        """Whether cells have their middle in one of the polygons (k, 2) [m], shape (rows, columns)."""
         rows, columns = self.cells.shape
         x = self.first[0] + np.arange(columns) * self.step[0]
         y = self.first[1] + np.arange(rows) * self.step[1]
@@ -70,7 +70,7 @@ class Occupancy:
 
 
 def crossed_oddly(polygon: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Which points (x_j, y_i) lie in a polygon (k, 2): a ray along x crosses its edges an odd number of times, shape
+    """Whether points (x_j, y_i) lie in a polygon (k, 2): a ray along x crosses its edges an odd number of times, shape
     (len(y), len(x))."""
     odd = np.zeros((len(y), len(x)), dtype=bool)
     for a, b in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):

@@ -1,4 +1,4 @@
-"""What a stage returns: a value, or the reason why there is none."""
+"""Result of a stage: a value, or the reason why there is none."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -11,7 +11,7 @@ from dcap.scene.types.settled import LastState
 
 
 class Reason(StrEnum):
-    """Why a placement is infeasible (fixed codes, part of the contract)."""
+    """Reasons why a placement is infeasible (fixed codes, part of the contract)."""
 
     LEFT_TARGET = "left_target"
     TOPPLED = "toppled"
@@ -26,22 +26,22 @@ class Reason(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class NotInScene:
-    """A thing that the sentence names and the scene does not have."""
+    """A thing that the sentence names but the scene lacks."""
 
     asked: str
     present: tuple[str, ...]
-    """Labels of what there is."""
+    """Labels of the scene's things."""
     object: str
 
 
 @dataclass(frozen=True, slots=True)
 class InTheWay:
-    """Something that takes the object's place."""
+    """An obstacle in the object's place."""
 
     id: str
     name: str
     share: float
-    """Of the spots that were tried [-]."""
+    """Share of the tried spots [-]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,17 +56,17 @@ class NoRoom:
     height_m: float
     part_size_m: tuple[float, float]
     best_supported_share: float
-    """Of the object's underside, without anything in the way [-]."""
+    """Largest supported share of the object's underside, with nothing in the way [-]."""
     needed_share: float
     """[-]."""
     blocked_share: float
-    """Of the spots that were tried [-]."""
+    """Share of the tried spots [-]."""
     in_the_way: tuple[InTheWay, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class BesideThePart:
-    """A place beside something that is not on the part."""
+    """A place next to something that is not on the part."""
 
     base: str
     """Instance id."""
@@ -74,7 +74,7 @@ class BesideThePart:
     region: str
     references: tuple[str, ...]
     beside_m: float
-    """How far from the part the place is."""
+    """Distance of the place from the part."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -84,7 +84,7 @@ class HiddenObject:
     visible_fraction: float
     """[-]."""
     camera_position: NDArray[np.float64]
-    """Of the best view [m], shape (3,)."""
+    """Camera position of the best view [m], shape (3,)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +92,7 @@ class ObjectHole:
     """A hole in an object's surface."""
 
     middle_m: tuple[float, ...]
-    """Of its rim, at the pose before the drop [m], three numbers."""
+    """Middle of its rim, at the pose before the drop [m], three numbers."""
     size_m: tuple[float, float]
     """Length and width [m]."""
 
@@ -118,7 +118,7 @@ class Infeasible:
     message: str
     """One sentence for a person: what, where, which value."""
     evidence: Evidence | None
-    """Numbers and names behind the decision; None where the solver broke."""
+    """Numbers and names behind the decision; None if the solver broke."""
 
 
 Value = TypeVar("Value")

@@ -1,4 +1,4 @@
-"""Colours that belong to faces and textures rather than to vertices, and the surface of a file that has them."""
+"""Colours of faces and textures rather than vertices, and the surface of a file that has them."""
 
 from dataclasses import dataclass, replace
 from typing import Self
@@ -27,9 +27,9 @@ class Paint:
     """Images of base colours and further maps, first row on top, each (h, w, 3), or (h, w, 4) where its alpha counts;
     base colours and light are sRGB."""
     wraps: tuple[Wrap, ...] = ()
-    """How each texture goes on beyond its image along u and v; empty: all repeat."""
+    """Wrapping of each texture beyond its image along u and v; empty: all repeat."""
     face_material: NDArray[np.int32] | None = None
-    """Index into `materials`, shape (m,); None: no material says more than its colour."""
+    """Index into `materials`, shape (m,); None: materials have nothing but their colours."""
     materials: tuple[SurfaceMaterial, ...] = (PLAIN,)
     more_uv: tuple[NDArray[np.float64], ...] = ()
     """Texture coordinates of maps that do not use `corner_uv`, each (m, 3, 2)."""
@@ -50,7 +50,7 @@ class Paint:
             raise GeometryError(f"wraps has {len(self.wraps)} entries, expected {len(self.textures)}")
 
     def wrap(self, texture: int) -> Wrap:
-        """How a texture goes on beyond its image."""
+        """Wrapping of a texture beyond its image."""
         return self.wraps[texture] if self.wraps else REPEATING
 
     @property
@@ -60,27 +60,27 @@ class Paint:
 
     @property
     def says_more(self) -> bool:
-        """Whether it says anything that vertex colours cannot."""
+        """Whether it has anything beyond vertex colours."""
         return len(self.textures) > 0 or any(one != PLAIN for one in self.materials)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SourceSurface:
-    """A surface as its file has it: faces, corners, textures and materials, in the world frame."""
+    """The surface of a file: faces, corners, textures and materials, in the world frame."""
 
     mesh: Mesh
-    """Vertex colours multiply what the paint says; white where the file has none. No faces: its paint says nothing."""
+    """Vertex colours multiply the paint; white if the file has none. Without faces the paint has no content."""
     paint: Paint
 
     @classmethod
     def untextured(cls) -> Self:
-        """Of a file without textures and materials: its mesh says all."""
+        """The surface of a file without textures and materials, given by its mesh alone."""
         nothing = Paint(np.zeros((0, 3), np.uint8), np.zeros(0, np.int32), np.zeros((0, 3, 2)), ())
         return cls(Mesh.of(np.zeros((0, 3)), np.zeros((0, 3))), nothing)
 
     @property
     def kept(self) -> bool:
-        """Whether it says more than a mesh with vertex colours."""
+        """Whether it has more than a mesh with vertex colours."""
         return self.paint.says_more
 
     @property
@@ -104,19 +104,19 @@ class CornerPaint:
     wraps: tuple[Wrap, ...]
     """As in `Paint`."""
     material: NDArray[np.int32]
-    """Index into `materials`; -1: the vertex colours say all, shape (m,)."""
+    """Index into `materials`; -1: vertex colours only, shape (m,)."""
     materials: tuple[SurfaceMaterial, ...]
     more_uv: tuple[NDArray[np.float32], ...]
     """As in `Paint`."""
     cut_out: NDArray[np.bool_]
-    """Faces that rays pass where their texture is clear, shape (m,)."""
+    """Whether rays pass through transparent texels of faces, shape (m,)."""
 
     def wrap(self, texture: int) -> Wrap:
-        """How a texture goes on beyond its image."""
+        """Wrapping of a texture beyond its image."""
         return self.wraps[texture] if self.wraps else REPEATING
 
     def of(self, faces: NDArray[np.integer]) -> Self:
-        """That of some faces."""
+        """The paint of some faces."""
         return replace(
             self,
             texture=self.texture[faces],
@@ -134,12 +134,12 @@ class PaintedMesh:
 
     mesh: Mesh
     paint: CornerPaint | None = None
-    """None: the vertex colours say all."""
+    """None: vertex colours only."""
 
     def submesh(self, faces: NDArray[np.integer]) -> "PaintedMesh":
-        """The given faces."""
+        """The painted mesh of the given faces."""
         return PaintedMesh(self.mesh.submesh(faces), None if self.paint is None else self.paint.of(faces))
 
     def moved(self, mesh: Mesh) -> "PaintedMesh":
-        """The same faces elsewhere."""
+        """The same faces at other positions."""
         return PaintedMesh(mesh, self.paint)

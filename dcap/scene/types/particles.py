@@ -1,4 +1,4 @@
-"""What the solver is given: bodies with surfaces, signed distances and, where soft, material points and a grid."""
+"""Input of the solver: bodies with surfaces, signed distances and, if soft, material points and a grid."""
 
 from dataclasses import dataclass, field
 from enum import IntEnum
@@ -52,7 +52,8 @@ class InertialProperties:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class LayeredPoints:
-    """What layers add to the material of points, whose E and nu are those across them; isotropic ones repeat theirs."""
+    """Layer constants of material points, whose E and nu are those across the layers; isotropic points repeat
+    theirs."""
 
     youngs_modulus: NDArray[np.float64]
     """In the layers [Pa], shape (p,)."""
@@ -85,7 +86,7 @@ class MaterialPoints:
     poisson_ratio: NDArray[np.float64]
     """[-], shape (p,)."""
     layers: LayeredPoints | None = None
-    """Where some of them are of layers."""
+    """Layer constants; None if all points are isotropic."""
 
     def __post_init__(self) -> None:
         count = len(self.position)
@@ -97,7 +98,7 @@ class MaterialPoints:
 
 
 class NodeState(IntEnum):
-    """What moves a node of a background grid."""
+    """Kinds of nodes of a background grid."""
 
     FREE = 0
     HELD = 1
@@ -132,7 +133,7 @@ class BackgroundGrid:
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class SimulationBodyBase:
-    """What every body has at the start of the drop, in the world frame."""
+    """Fields common to all bodies at the start of the drop, in the world frame."""
 
     name: str
     """Unique: 'object', the base instance's id, 'ID/PART' for a further body of the same instance."""
@@ -142,12 +143,12 @@ class SimulationBodyBase:
     surface: Mesh
     """Contact and picture surface; faces near the contact are no larger than the contact spacing."""
     distance: DistanceGrid
-    """Signed distance to its solid, where something may touch it."""
+    """Signed distance to its solid, sampled where contact is possible."""
     inertial: InertialProperties
     friction: ContactFriction
-    """Of the part that the contact is predicted on."""
+    """Friction of the part with the predicted contact."""
     face_friction: NDArray[np.float64] | None = None
-    """Where parts differ, static and dynamic friction [-] and rolling resistance [m] of each face of the surface, shape
+    """If parts differ, static and dynamic friction [-] and rolling resistance [m] of each face of the surface, shape
     (m, 3)."""
     velocity: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
     """[m/s], shape (3,)."""
@@ -176,7 +177,7 @@ class SoftSimulationBody(SimulationBodyBase):
     points: MaterialPoints
     grid: BackgroundGrid
     loaded: bool
-    """Whether its rest shape is the one under its own weight: a scan at rest, rather than a body yet to sag."""
+    """Whether its rest shape is the one under its own weight, as for a scan at rest; else the body has yet to sag."""
 
 
 SimulationBody: TypeAlias = RigidSimulationBody | SoftSimulationBody
@@ -192,7 +193,7 @@ class ColumnLayer:
     from_m: float
     """Depth of its top below the surface [m]."""
     to_m: float
-    """Of its bottom [m]."""
+    """Depth of its bottom below the surface [m]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -200,17 +201,17 @@ class Particles:
     """The whole simulation input."""
 
     bodies: tuple[SimulationBody, ...]
-    """Of a placement the object first."""
+    """For a placement the object first."""
     friction_pairs: tuple[tuple[str, str, float, float], ...]
-    """(body a, body b, mu_s, mu_d) where it differs from the geometric mean."""
+    """(body a, body b, mu_s, mu_d) for pairs that differ from the geometric mean."""
     resolution: float
     """Cell size at the predicted contact [m]."""
     notes: tuple[str, ...]
     """Crops, caps and treatments, one sentence each."""
     geometry: tuple[BodyGeometry, ...] = ()
-    """How the solid of each body was made of its faces, and how far that moved them."""
+    """How the solid of each body was made from its faces, and how far that moved them."""
     column: tuple[ColumnLayer, ...] = ()
-    """What lies under the predicted contact, from the top down; empty on a rigid base."""
+    """Layers under the predicted contact, from the top down; empty on a rigid base."""
     foreseen: NDArray[np.float64] | None = None
-    """Boxes in plan where contact with a soft base was foreseen, and cells were made for it [m], shape (k, 2, 2); None
-    on a rigid base."""
+    """Boxes in plan of predicted contact with a soft base, where cells are fine [m], shape (k, 2, 2); None on a rigid
+    base."""

@@ -1,4 +1,4 @@
-"""Points on a surface as scanners and depth cameras give them, with the direction in which each lies flat."""
+"""Points on a surface from scanners and depth cameras, with local tangent planes."""
 
 from dataclasses import dataclass, replace
 from typing import Self
@@ -13,9 +13,9 @@ from dcap.scene.types.arrays import check_array
 Array = NDArray[np.float64]
 
 NEIGHBOURS = 24
-"""Points that a plane is fitted to [-]."""
+"""Number of points per fitted plane [-]."""
 AT_ONCE = 100_000
-"""Planes that are fitted together [-]."""
+"""Number of planes per batch [-]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -27,7 +27,7 @@ class PointCloud:
     color: NDArray[np.uint8]
     """sRGB, shape (n, 3)."""
     normal: Array | None = None
-    """Unit normals; None where the source has none, shape (n, 3)."""
+    """Unit normals; None if the source has none, shape (n, 3)."""
 
     def __post_init__(self) -> None:
         check_array("positions of points", self.position, None, 3)
@@ -40,7 +40,7 @@ class PointCloud:
         return len(self.position)
 
     def subset(self, index: NDArray[np.integer] | NDArray[np.bool_]) -> Self:
-        """The given points only."""
+        """Only the given points."""
         normal = None if self.normal is None else self.normal[index]
         return replace(self, position=self.position[index], color=self.color[index], normal=normal)
 
@@ -59,7 +59,7 @@ class LocalPlanes:
     near: NDArray[np.int64]
     """Neighbours, the nearest first and the point itself among them, shape (n, k)."""
     gap: Array
-    """How far apart points lie around each one, as if they filled a disc evenly [m], shape (n,)."""
+    """Spacing of points around each one, as if they filled a disc evenly [m], shape (n,)."""
     normal: Array
     """Unit normals of either sign, shape (n, 3)."""
     scatter: Array

@@ -1,4 +1,4 @@
-"""What a person pointed at in a scene: the thing, the place on it, and the faces that become a thing of their own."""
+"""Target of a person's pointing in a scene: the thing, the place on it, and faces that become a separate thing."""
 
 from dataclasses import dataclass
 
@@ -13,17 +13,17 @@ class Pointed:
     """A point on a thing, or a region that carries."""
 
     base_id: str
-    """Id of the thing; that of a new one where faces are cut out."""
+    """Id of the thing; that of a new one if faces are cut out."""
     label: str
-    """What it is called from now on."""
+    """Its name from now on."""
     part: str
-    """Name of its one part where faces are cut out, else empty: parts stay or are found by its label."""
+    """Name of its one part if faces are cut out, else empty: parts stay or are found by its label."""
     point: NDArray[np.float64]
-    """The place on its surface [m], shape (3,), or (0,) where a region was given."""
+    """The place on its surface [m], shape (3,), or (0,) if a region was given."""
     cut: NDArray[np.int64]
-    """Faces that become the thing, as runs, first and one past the last, shape (k, 2); none: it stays as it is."""
+    """Faces that become the thing, as runs, first and one past the last, shape (k, 2); none: it is not changed."""
     renamed: bool
-    """Whether the thing as it is gets the label, and with it parts anew."""
+    """Whether the existing thing gets the label, and its parts are segmented again."""
     notes: tuple[str, ...]
 
     def __post_init__(self) -> None:

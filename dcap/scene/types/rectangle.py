@@ -10,8 +10,8 @@ from scipy.spatial import ConvexHull, QhullError
 from dcap.scene.types.box import OrientedBox
 
 TIE = 0.01
-"""A turned rectangle must be this much smaller than the axis-aligned one to be preferred [-]: round and noisy
-footprints have no direction of their own, and an aligned box is the steadier answer."""
+"""Reduction of area from which a turned rectangle is preferred to the axis-aligned one [-]: round and noisy footprints
+have no direction of their own, for which an aligned box is more stable."""
 
 
 def min_area_box(points: NDArray[np.float64]) -> OrientedBox:

@@ -8,18 +8,18 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Visibility:
-    """How much of the object at rest is seen."""
+    """Visibility of the object at rest."""
 
     views: NDArray[np.float64]
     """Per view around the object: azimuth off the base's front and elevation [degrees], visible share of the
     silhouette and of its outline [-], shape (n, 4)."""
     from_the_room: float
-    """Mean visible share of the surface that faces people who stand around it [-]."""
+    """Mean visible share of the surface that faces people standing around it [-]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Renders:
-    """RGB images and what they show."""
+    """RGB images of a placement, with visibility and camera."""
 
     clean: NDArray[np.uint8]
     """The scene before, (h, w, 3)."""
@@ -32,7 +32,7 @@ class Renders:
     camera_position: NDArray[np.float64]
     camera_target: NDArray[np.float64]
     before_after: NDArray[np.uint8]
-    """The place from nearby without the object, and beside it with it at rest, (h, w, 3)."""
+    """The place from nearby without the object, and next to it with the object at rest, (h, w, 3)."""
     contact: NDArray[np.uint8]
     """The dent and the contact patch with the object lifted away, and a legend, (h, w, 3)."""
     profile: NDArray[np.uint8]
@@ -42,13 +42,13 @@ class Renders:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Overview:
-    """What an infeasible placement was about: the scene, and the object where it should have gone if that is known."""
+    """Pictures of an infeasible placement: the scene, and the object at its intended place if that is known."""
 
     clean: NDArray[np.uint8]
     """The scene, (h, w, 3)."""
     asked: NDArray[np.uint8] | None
     """The scene with the object at its pre-drop pose, same camera, (h, w, 3); None if no stage got that far."""
     candidates: NDArray[np.uint8] | None = None
-    """Everything that the object could have gone on, numbered and listed, (h, w, 3); None where a support was found."""
+    """All possible supports of the object, numbered and listed, (h, w, 3); None if a support was found."""
     hole: NDArray[np.uint8] | None = None
-    """The object with the rims of its holes in red where its surface cannot be closed, (h, w, 3); else None."""
+    """The object with the rims of its holes in red if its surface cannot be closed, (h, w, 3); else None."""

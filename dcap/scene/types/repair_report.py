@@ -1,18 +1,19 @@
-"""What was repaired on a surface so that it encloses a solid, and how far that moved what can be seen."""
+"""Repairs of a surface so that it encloses a solid, and the displacement of its visible faces by them."""
 
 from dataclasses import dataclass
 from enum import StrEnum
 
 
 class Method(StrEnum):
-    """What distances are read from."""
+    """Surfaces from which distances are computed."""
 
     CLOSED = "closed surface"
     """The given faces and those that close them."""
     WINDING = "faces, inside by winding number"
-    """The given faces and, for a support, what lies under them: no clean surface, its sides are told by counting."""
+    """The given faces and, for a support, the columns under them: not a clean surface; sides are determined by
+    counting."""
     COLUMNS = "columns under what is seen"
-    """A closed surface of what is seen from where the object comes down, and what lies under it."""
+    """A closed surface of the faces visible from the descending object, and the columns under them."""
     REMESHED = "remeshed"
     """A surface meshed again from a sampled distance."""
 
@@ -22,29 +23,29 @@ class RepairReport:
     """One surface; lengths in metres."""
 
     method: Method
-    """What distances are read from; `closed` and `agreement` ask less of faces told by winding number."""
+    """Surface from which distances are computed; `closed` and `agreement` are weaker for faces with winding numbers."""
     closed: bool
-    """Every directed edge has its opposite; of a closed or meshed surface also: no face is empty or there twice, and
-    it is wound outwards.
+    """Whether every directed edge has its opposite; for a closed or meshed surface also whether no face is empty or
+    duplicated, and it is wound outwards.
     """
     agreement: float
-    """Share of points in and around the solid whose side is beyond doubt [-]: of a closed or meshed surface where
-    winding number and ray parity say the same; by winding number where that is within 0.1 of a whole number.
+    """Share of points in and around the solid whose side is certain [-]: for a closed or meshed surface those whose
+    winding number and ray parity agree; else those whose winding number is within 0.1 of a whole number.
     """
     hausdorff: float
     """Largest distance from the visible surface to the repaired one [m]."""
     mean: float
-    """Mean of that distance over what of the surface can be seen [m]."""
+    """Mean of that distance over the visible surface [m]."""
     tolerance: float
-    """What `hausdorff` had to stay below [m]."""
+    """Upper bound that `hausdorff` had to meet [m]."""
     spacing: float
-    """Mean spacing of the places where it was measured, besides all vertices [m]."""
+    """Mean spacing of the points where it was measured, besides all vertices [m]."""
     volume: float
     """Enclosed volume [m^3]."""
     resolution: float
     """Cell of the remesh [m]; 0: the given faces were kept."""
     repairs: tuple[str, ...]
-    """What was done, one sentence each; empty: nothing."""
+    """Repairs, one sentence each; empty: none."""
     problem: str
     """Why the surface is not a good solid; empty if it is."""
     region: tuple[float, ...] = ()

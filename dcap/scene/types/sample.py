@@ -1,23 +1,24 @@
-"""What a user asks for: a scene, an object and a sentence."""
+"""A user's request: a scene, an object and a sentence."""
 
 from dataclasses import dataclass, field
 
 
 @dataclass(frozen=True, slots=True)
 class SourceOptions:
-    """How to read a foreign file where the file itself does not say."""
+    """How to read a foreign file that does not say so itself."""
 
     up: str = "auto"
     """Axis of the file that points up: y, z, -y, -z or auto."""
     unit: str = "auto"
-    """Length unit: m, cm, mm, in or auto; or its length in metres; or any: what makes a room of it, at first."""
+    """Length unit: m, cm, mm, in or auto; or its length in metres; or any: initially the one that gives the size of a
+    room."""
     label: str = ""
     """Name for a whole mesh or for its unnamed nodes; empty: take names from the file."""
 
 
 @dataclass(frozen=True, slots=True)
 class GivenPlace:
-    """Where on what the object goes, said in the scene file's own frame and unit; one of the two is given."""
+    """Place or support of the object in the scene file's own frame and unit; one of the two is given."""
 
     at: tuple[float, ...] = ()
     """x, y, z of a point; or the two level coordinates, for the highest surface there."""
@@ -27,12 +28,12 @@ class GivenPlace:
 
 @dataclass(frozen=True, slots=True)
 class KnownHeight:
-    """How high a thing of the scene is: what the scale of a file without a unit is found by."""
+    """Known height of a thing in the scene, from which the scale of a file without a unit is found."""
 
     thing: str
-    """What it is: table."""
+    """Its kind: table."""
     height: float
-    """Of its main surface above the floor [m]."""
+    """Height of its main surface above the floor [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,10 +56,10 @@ class Sample:
     labels: str = ""
     """Path of a file that names the scene's things; empty: none."""
     place: GivenPlace | None = None
-    """A point or a box of the scene that decides where the object goes."""
+    """A point or a box of the scene that determines the object's place."""
     known_height: KnownHeight | None = None
-    """What the scene's scale is found by."""
+    """Known height from which the scene's scale is found."""
     method: str = "dcap"
-    """Who places it (dcap/evaluation/methods.py)."""
+    """Method of placement (dcap/evaluation/methods.py)."""
     examples: tuple[str, ...] = ()
-    """Paths of other scenes that a method may learn from, read as this one is; those that need none have none."""
+    """Paths of other scenes that a method may learn from, read with the same options; empty if it needs none."""

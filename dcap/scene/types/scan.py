@@ -1,4 +1,4 @@
-"""What the mesh stage returns: one coloured mesh and what its source said about it."""
+"""Result of the mesh stage: one coloured mesh and facts from its source."""
 
 from dataclasses import dataclass
 
@@ -39,14 +39,14 @@ class Scan:
 
     mesh: Mesh
     face_node: NDArray[np.int32]
-    """Index into `node_names` for each face, -1 where the source names nothing, shape (m,)."""
+    """Index into `node_names` for each face, -1 without a name in the source, shape (m,)."""
     node_names: tuple[str, ...]
     """Names of the nodes, groups or components of the source."""
     boxes: tuple[LabelBox, ...]
     """Annotated instances; empty when the source has none."""
     rooms: tuple[Room, ...]
     label: str
-    """What the whole mesh is (option --label, or the file's stem); empty for a labelled scene."""
+    """Label of the whole mesh (option --label, or the file's stem); empty for a labelled scene."""
     world_from_file: NDArray[np.float64]
     """Maps the file's own coordinates to ours, shape (4, 4)."""
     up: str
@@ -54,14 +54,14 @@ class Scan:
     unit_metres: float
     """Length of the file's unit [m]."""
     unit_source: str
-    """Who said so: option, format or estimate."""
+    """Source of the unit: option, format or estimate."""
     notes: tuple[str, ...]
-    """What was repaired, assumed or ignored on reading, one sentence each."""
+    """Repairs, assumptions and ignored parts on reading, one sentence each."""
     node_labels: tuple[str | None, ...] = ()
-    """What the source annotates each node's instance as: `chair`; '' for nothing, None where it does not say. Such a
-    node is called `instance id` or `instance id/part`. Empty: the names are all there is."""
+    """Label of each node's instance in the source: `chair`; '' for none, None if not stated. Such a node is called
+    `instance id` or `instance id/part`. Empty: there are only names."""
     earlier: EarlierPlacements | None = None
-    """What is known of a scene in which things were placed before; its nodes are the instances. None: nothing was."""
+    """Facts of a scene with earlier placed things, whose nodes are the instances. None without such things."""
 
     def __post_init__(self) -> None:
         check_index("face_node", self.face_node, length=len(self.mesh.faces), count=len(self.node_names))

@@ -1,4 +1,4 @@
-"""Which face belongs to which instance and part."""
+"""Instances and parts of the faces of a mesh."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -22,7 +22,7 @@ class Part:
     box: OrientedBox
     """Oriented box in the world frame."""
     confidence: float
-    """0..1, how sure the namer is."""
+    """0..1, confidence of the name."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -40,11 +40,11 @@ class Instance:
     structure: bool = False
     """True for walls, floor, ceiling: never a movable thing, may still be a support (floor)."""
     confidence: float = 1.0
-    """0..1, how sure the label is: 1 where the source names the thing, less where it was guessed from its shape."""
+    """0..1, confidence of the label: 1 if the source names the thing, less if it was guessed from its shape."""
     guesses: tuple[tuple[str, float], ...] = ()
-    """What it may be and how probable that is, the likeliest first; empty where the source names it."""
+    """Possible labels with probabilities, the likeliest first; empty if the source names it."""
     placed: bool = False
-    """True for what an earlier placement has put there: it may move again."""
+    """True for a thing from an earlier placement, which may move again."""
 
     def __post_init__(self) -> None:
         if self.front is not None:
@@ -72,9 +72,9 @@ class Segmentation:
     face_part: NDArray[np.int32]
     """Index into that instance's `parts` per face, -1 for none, shape (m,)."""
     notes: tuple[str, ...] = ()
-    """What was assumed or left out, one sentence each."""
+    """Assumptions and omissions, one sentence each."""
     unit_source: str = field(default="estimate", kw_only=True)
-    """Who said what the source's unit is: option, format or estimate."""
+    """Source of the file's unit: option, format or estimate."""
 
     def __post_init__(self) -> None:
         length, most = len(self.mesh.faces), max((len(one.parts) for one in self.instances), default=0)
@@ -91,6 +91,6 @@ class Segmentation:
 
 
 SegmentedScene = NewType("SegmentedScene", Segmentation)
-"""The scene of a placement: the wiring of the stages tells it from the object."""
+"""The scene of a placement; a type of its own, so that the wiring of the stages cannot swap it with the object."""
 SegmentedObject = NewType("SegmentedObject", Segmentation)
 """The object of a placement."""

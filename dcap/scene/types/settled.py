@@ -1,4 +1,4 @@
-"""What the drop returns: the state at rest and its certificate, or the last state and why it is not one."""
+"""Result of the drop: the state at rest and its certificate, or the last state and why it is not at rest."""
 
 from dataclasses import dataclass
 
@@ -28,7 +28,7 @@ class SettledBody:
 
     @property
     def world_from_start(self) -> NDArray[np.float64]:
-        """Where its start pose went, as a whole, shape (4, 4)."""
+        """Rigid motion of its start pose, shape (4, 4)."""
         pose = np.eye(4)
         pose[:3, :3] = Rotation.from_quat(self.quaternion, scalar_first=True).as_matrix()
         pose[:3, 3] = self.position
@@ -37,59 +37,59 @@ class SettledBody:
 
 @dataclass(frozen=True, slots=True)
 class LeanCheck:
-    """How the object leans: what was asked and what came out."""
+    """Leaning of the object: request and result."""
 
     on: str
-    """Instance id, or 'part:NAME' of the base, that it was to lean on."""
+    """Instance id, or 'part:NAME' of the base, that it should lean on."""
     asked_rad: float
     """Tilt of its upright axis from the vertical at the start [rad]."""
     rest_rad: float
-    """The same at rest [rad]."""
+    """Tilt of its upright axis from the vertical at rest [rad]."""
     change_rad: CertificateRow
     """The difference of the two."""
     held_share: CertificateRow
-    """Normal force between the object and what it leans on over all that acts on it; of a part of the base the share
-    of the contact's points above the object's foot [-]."""
+    """Normal force between the object and the thing that it leans on over all normal force on it; for a part of the
+    base the share of the contact's points above the object's foot [-]."""
 
 
 @dataclass(frozen=True, slots=True)
 class PoseCheck:
-    """A pose or a facing that was asked for, and what came out."""
+    """A requested pose or facing, and the result."""
 
     asked: str
     """upright, on_back ...; `facing ID`; `turned by N degrees`."""
     found: str
-    """What the rest state shows, in the same words; of a facing the angle that it is off."""
+    """Pose at rest, in the same words; for a facing its angular error."""
     angle_rad: float
-    """Angle between what was asked and what was found [rad]."""
+    """Angle between the requested and the actual direction [rad]."""
     threshold_rad: float
     """Largest angle that meets it [rad]."""
     met: bool
     doubt: str = ""
-    """Why the shape does not tell whether it is met; empty: it does."""
+    """Why the shape does not determine whether it is met; empty: it does."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlacementChecks:
-    """What was asked of the rest state."""
+    """Requirements on the rest state, with their results."""
 
     carried_share: CertificateRow
     """Share of the object's weight that the base carries [-]."""
     tilt_rad: CertificateRow | None = None
-    """Change of the object's tilt, where an orientation was asked."""
+    """Change of the object's tilt, if an orientation was requested."""
     turn_rad: CertificateRow | None = None
-    """Turn about the vertical, where a facing was asked."""
+    """Turn about the vertical, if a facing was requested."""
     lean: LeanCheck | None = None
-    """How it leans, where that was asked."""
+    """Leaning, if requested."""
     column: tuple[ColumnLayer, ...] | None = None
-    """What of a soft base lies under the predicted contact, from the top down."""
+    """Layers of a soft base under the predicted contact, from the top down."""
     foreseen_share: CertificateRow | None = None
-    """Share of the contact's points that lie where it was foreseen, and cells were made for it [-]; None unless most of
-    what presses on the object is soft, and where it leans."""
+    """Share of the contact's points inside the predicted patch, where cells are fine [-]; None unless most of the force
+    on the object is by soft bodies, and for a leaning object."""
     poses: tuple[PoseCheck, ...] = ()
-    """Every pose and facing that was asked, in the words of the request."""
+    """Every requested pose and facing, in the words of the request."""
     indentation_m: float = 0.0
-    """Largest way down of the base's surface since the drop began [m]: how deep the dent is; 0 on a rigid base."""
+    """Largest downward displacement of the base's surface since the start [m]: depth of the dent; 0 on a rigid base."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -104,31 +104,31 @@ class Settled:
     contact_points: NDArray[np.float64]
     """Points of the object's contact patch [m], shape (k, 3)."""
     certificate: Certificate | None
-    """None where nothing was simulated: the pose is a claim."""
+    """None if nothing was simulated: the pose is only a proposal."""
     history: History
     steps: int
     simulated_seconds: float
     warnings: tuple[str, ...]
     checks: PlacementChecks | None = None
-    """None before the rest state is compared with what was asked."""
+    """None before the rest state is compared with the request."""
     frames: DropFrames | None = None
-    """How the bodies came there, in their order; None where nobody kept it."""
+    """Frames of the bodies' motion, in their order; None if not kept."""
     material: tuple[MaterialState | None, ...] = ()
-    """Of each body, None of rigid ones; empty where the method does not say."""
+    """Material of each body, None for rigid ones; empty if the method does not return it."""
     nodes: tuple[NDArray[np.float32] | None, ...] = ()
-    """Displacement of the nodes of each body's grid [m], shape (n, 3), None of rigid ones; empty as `material`."""
+    """Displacement of the nodes of each body's grid [m], shape (n, 3), None for rigid ones; empty as `material`."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class LastState:
-    """What an infeasible drop keeps of the state in which it ended."""
+    """Part of the last state that an infeasible drop keeps."""
 
     certificate: Certificate
     contacts: tuple[ContactRow, ...]
     position: NDArray[np.float64]
-    """Of the object, as in SettledBody [m], shape (3,)."""
+    """Position of the object, as in SettledBody [m], shape (3,)."""
     quaternion: NDArray[np.float64]
-    """Of the object, as in SettledBody, shape (4,)."""
+    """Quaternion of the object, as in SettledBody, shape (4,)."""
     steps: int
     simulated_s: float
     warnings: tuple[str, ...]
@@ -137,7 +137,7 @@ class LastState:
 
 @dataclass(frozen=True, slots=True)
 class EndPose:
-    """Where the object was when a drop ended, as in SettledBody: a second drop makes its cells fine there."""
+    """Pose of the object at the end of a drop, as in SettledBody: a second drop has fine cells there."""
 
     position: tuple[float, float, float]
     """[m]."""
@@ -146,15 +146,15 @@ class EndPose:
 
 @dataclass(frozen=True, slots=True)
 class SettledMaterial:
-    """What became of one soft body."""
+    """Final state of one soft body."""
 
     body: str
     points: int
     """Material points."""
     volume_before_m3: float
-    """Of the material before the drop."""
+    """Volume of the material before the drop."""
     volume_m3: float
-    """At rest."""
+    """Volume of the material at rest."""
     largest_displacement_m: float
     largest_stress_pa: float
     """Von Mises stress."""

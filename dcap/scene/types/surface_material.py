@@ -1,4 +1,4 @@
-"""What the material of a face says beyond its base colour: transparency, factors and further images.
+"""Properties of a face's material beyond its base colour: transparency, factors and further images.
 
 Names, defaults and meanings are those of Khronos, "glTF 2.0 Specification", section 3.9 (materials).
 """
@@ -8,14 +8,14 @@ from enum import StrEnum
 
 
 class AlphaMode(StrEnum):
-    """What the alpha of a base colour does."""
+    """Meaning of the alpha of a base colour."""
 
     OPAQUE = "OPAQUE"
-    """Nothing."""
+    """Ignored."""
     MASK = "MASK"
-    """Cuts away what lies under the cutoff."""
+    """Texels below the cutoff are cut away."""
     BLEND = "BLEND"
-    """Lets that share of what is behind through."""
+    """Blends the surface with the background."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,29 +25,29 @@ class MaterialMap:
     texture: int
     """Index into the paint's textures."""
     uv_set: int = 0
-    """Which texture coordinates: 0 those of the base colour, else one more than the index into `more_uv`."""
+    """Set of texture coordinates: 0 for those of the base colour, else one more than the index into `more_uv`."""
     strength: float = 1.0
     """Scale of a normal map, strength of an occlusion map; 1 for others [-]."""
 
 
 @dataclass(frozen=True, slots=True)
 class SurfaceMaterial:
-    """A material as its file has it; its base colour is the paint's."""
+    """A material of a file; its base colour is in the paint."""
 
     name: str = ""
     alpha_mode: AlphaMode = AlphaMode.OPAQUE
     alpha_cutoff: float = 0.5
-    """Least alpha that is seen with `MASK` [-]."""
+    """Least visible alpha with `MASK` [-]."""
     alpha: float = 1.0
     """Factor of the texture's alpha, 0..1 [-]."""
     metallic: float | None = None
-    """Factor 0..1 [-]; None: the file does not say."""
+    """Factor 0..1 [-]; None: not stated in the file."""
     roughness: float | None = None
-    """Factor 0..1 [-]; None: the file does not say."""
+    """Factor 0..1 [-]; None: not stated in the file."""
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Linear factor 0..1 of the light that it sends out by itself."""
+    """Linear factor 0..1 of its emitted light."""
     double_sided: bool | None = None
-    """Whether backs are seen; None: the file does not say."""
+    """Whether back faces are visible; None: not stated in the file."""
     metallic_roughness_map: MaterialMap | None = None
     """Roughness in green, metalness in blue, both linear."""
     normal_map: MaterialMap | None = None
@@ -55,14 +55,14 @@ class SurfaceMaterial:
     occlusion_map: MaterialMap | None = None
     """Ambient occlusion in red, linear."""
     emissive_map: MaterialMap | None = None
-    """Light that it sends out by itself, sRGB."""
+    """Emitted light, sRGB."""
 
     @property
     def maps(self) -> tuple[MaterialMap, ...]:
-        """The further images that it has."""
+        """Its further images."""
         each = (self.metallic_roughness_map, self.normal_map, self.occlusion_map, self.emissive_map)
         return tuple(one for one in each if one is not None)
 
 
 PLAIN = SurfaceMaterial()
-"""Of a face that has a colour and nothing else."""
+"""Material of a face with nothing but a colour."""

@@ -1,7 +1,7 @@
-"""From where a thing is looked at: left and right are those of a viewer who looks at its front.
+"""Point of view on a thing: left and right are those of a viewer who looks at its front.
 
-Nobody says from where to look at a thing without a front, such as a table in the middle of a room. Its viewer then
-stands at the long side that looks into the room, and the result says so.
+A thing without a front, such as a table in the middle of a room, has no natural viewer. The viewer is then assumed at
+the long side that faces the room, and the result notes it.
 """
 
 import numpy as np
@@ -12,7 +12,7 @@ from dcap.scene.types.box import OrientedBox
 VIEWED = frozenset({"left", "right", "front", "back", "head", "foot"})
 """Sides that depend on the viewer; up and down do not."""
 MIDDLE = 0.1
-"""A thing whose middle is no farther from that of the room has no side that looks into the room [m]."""
+"""Distance between the middles of thing and room up to which no side faces the room [m]."""
 
 
 def viewer_side(

@@ -13,7 +13,7 @@ from dcap.scene.types.colmap import ColmapModel
 PINHOLE = 1
 """COLMAP's number of the camera model."""
 NO_ERROR = -1.0
-"""Reprojection error of points that nothing was matched for [pixel]."""
+"""Reprojection error of points without matches [pixel]."""
 
 COLUMNS = {
     "cameras": "CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]",
@@ -23,7 +23,7 @@ COLUMNS = {
 
 
 def write_colmap(folder: Path, model: ColmapModel) -> None:
-    """cameras.bin, images.bin and points3D.bin."""
+    """Write cameras.bin, images.bin and points3D.bin."""
     folder.mkdir(parents=True, exist_ok=True)
     cameras = [struct.pack("<iiQQ4d", c.id, PINHOLE, c.width, c.height, *c.focal, *c.center) for c in model.cameras]
     images = [
@@ -45,7 +45,7 @@ def write_colmap(folder: Path, model: ColmapModel) -> None:
 
 
 def write_colmap_text(folder: Path, model: ColmapModel) -> None:
-    """cameras.txt, images.txt and points3D.txt; numbers in as many digits as they need to come back the same."""
+    """Write cameras.txt, images.txt and points3D.txt, with enough digits to restore the same numbers."""
     folder.mkdir(parents=True, exist_ok=True)
 
     def line(*values: object) -> str:

@@ -1,7 +1,7 @@
-"""Files of results that were made before: copied from where they lie instead of being made again.
+"""Copies the files of earlier results instead of making them again.
 
-What decides the files is their key. A note in the cache says in which folder they were written last, and the digest of
-each. What was moved, deleted or edited there is made anew; so a note that is lost or damaged costs time alone.
+A key identifies the files. A note in the cache holds the folder where they were written last, and the digest of each.
+Files that were moved, deleted or edited there are made again, so a lost or damaged note only costs time.
 """
 
 import hashlib
@@ -17,13 +17,13 @@ from dcap.scene.whole_files import digest_of_file, write_whole
 
 FOLDER = "earlier"
 DAMAGED = (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError)
-"""What reading a damaged note raises."""
+"""Errors of reading a damaged note."""
 
 
 def copy_earlier(key: str, folder: Path) -> dict[str, str]:
     """Copy the files of a key into a folder.
 
-    Returns their names there by what they are; nothing where they are not all there and whole.
+    Returns their names there by kind; none unless all are complete.
     """
     try:
         note = read_note(note_path(key))
@@ -38,7 +38,7 @@ def copy_earlier(key: str, folder: Path) -> dict[str, str]:
 
 
 def note_files(key: str, folder: Path, files: Mapping[str, str]) -> None:
-    """Note where the files of a key have been written: their names in the folder by what they are."""
+    """Record where the files of a key were written: their names in the folder by kind."""
     digests = {name: digest_of_file(folder / name) for name in files.values()}
     note = {"folder": str(folder.resolve()), "files": dict(files), "sha256": digests}
     path = note_path(key)
@@ -47,12 +47,12 @@ def note_files(key: str, folder: Path, files: Mapping[str, str]) -> None:
 
 
 def note_path(key: str) -> Path:
-    """Return where the note of a key lies."""
+    """Return the path of a key's note."""
     return cache_root() / FOLDER / f"{hashlib.sha256(key.encode()).hexdigest()}.json"
 
 
 def read_note(path: Path) -> Any:
-    """Return what a note says; ValueError for a damaged one."""
+    """Return the content of a note; ValueError for a damaged one."""
     note = json.loads(path.read_bytes())
     if note.pop("check") != check_of(note):
         raise ValueError(f"{path} does not match its own digest")
@@ -60,7 +60,7 @@ def read_note(path: Path) -> Any:
 
 
 def check_of(note: Mapping[str, object]) -> str:
-    """Return the digest of what a note says."""
+    """Return the digest of a note's content."""
     return hashlib.sha256(canonical_json(note)).hexdigest()
 
 
@@ -70,7 +70,7 @@ def lost_notes() -> list[Path]:
 
 
 def is_there(note: Path) -> bool:
-    """Return whether the folder that a note names is still there."""
+    """Return whether the folder in a note still exists."""
     try:
         return Path(read_note(note)["folder"]).is_dir()
     except DAMAGED:

@@ -1,4 +1,4 @@
-"""Gaussian splats to PLY files: the plain schema that SuGaR and viewers take, and PlayCanvas' compressed one.
+"""Writes Gaussian splats as PLY files: the plain schema of SuGaR and viewers, and PlayCanvas' compressed one.
 
 The layouts are those of `dcap.scene.readers.splats.splats`. A compressed file holds positions to 1/2047 (z, x) or
 1/1023 (y) of its chunk's extent, angles to about 0.1 degree, opacities and colours to 1/255, harmonics to 1/64.
@@ -23,21 +23,21 @@ FIRST, LAST = "x y z nx ny nz f_dc_0 f_dc_1 f_dc_2", "opacity scale_0 scale_1 sc
 """Properties of the plain schema before and after the harmonics."""
 
 AT_ONCE = 100_000
-"""Gaussians that are put into rows at once [-]: 25 MB."""
+"""Gaussians per batch of rows [-]: 25 MB."""
 
 MORTON_BITS = 10
 """Bits per axis of the order in which splats are written: neighbours share a chunk, so that its ranges are small."""
 
 
 def write_splats(path: Path, splats: Gaussians, *, degree: int | None = None) -> None:
-    """The plain schema, with normals of zero; `degree` 3 pads the harmonics as SuGaR demands."""
+    """Write the plain schema, with normals of zero; `degree` 3 pads the harmonics as SuGaR requires."""
     write_splat_parts(path, (splats,), len(splats), splats.degree if degree is None else degree)
 
 
 def write_splat_parts(
     path: Path, parts: Iterable[Gaussians], total: int, degree: int, comments: Sequence[str] = ()
 ) -> None:
-    """The plain schema of parts one after the other, `total` Gaussians in all; memory is that of a part."""
+    """Write the plain schema of parts one after the other, `total` Gaussians in total, with the memory of one part."""
     count = COEFFICIENTS[degree]
     names = [*FIRST.split(), *(f"f_rest_{i}" for i in range(3 * count)), *LAST.split()]
     lines = ["ply", "format binary_little_endian 1.0", *(f"comment {one}" for one in (*GENERATED, *comments))]
@@ -50,7 +50,7 @@ def write_splat_parts(
 
 
 def plain_rows(splats: Gaussians, count: int) -> bytes:
-    """Rows of the plain schema with so many harmonics per channel above the constant one."""
+    """Rows of the plain schema with `count` harmonics per channel above the constant one."""
     rest = np.zeros((len(splats), 3, count), dtype=np.float32)
     kept = min(count, splats.rest.shape[2])
     rest[:, :, :kept] = splats.rest[:, :, :kept]
@@ -62,7 +62,7 @@ def plain_rows(splats: Gaussians, count: int) -> bytes:
 
 
 def write_compressed_splats(path: Path, splats: Gaussians) -> None:
-    """The compressed schema, in Morton order."""
+    """Write the compressed schema, in Morton order."""
     splats = splats.subset(morton_order(splats.position))
     n = len(splats)
     owner = np.arange(n) // CHUNK
@@ -71,7 +71,7 @@ def write_compressed_splats(path: Path, splats: Gaussians) -> None:
         np.clip(splats.log_scale.astype(np.float64), -LARGEST_LOG_SCALE, LARGEST_LOG_SCALE),
         DC * splats.dc.astype(np.float64) + 0.5,
     )
-    # ranges in single precision, as they are stored, so that shares are of what a reader sees
+    # ranges in single precision, as they are stored, so that shares refer to a reader's ranges
     ranges = [_ranges(part, owner) for part in parts]
     shares = [_share(part, low[owner], high[owner]) for part, (low, high) in zip(parts, ranges, strict=True)]
     words = np.stack(
@@ -111,7 +111,7 @@ def _ranges(values: F64, owner: NDArray[np.int64]) -> tuple[F64, F64]:
 
 
 def _share(values: F64, low: F64, high: F64) -> F64:
-    """How far through its chunk's range a value is, 0 to 1."""
+    """Position of values in their chunk's range, 0 to 1."""
     extent = high - low
     return np.clip(np.divide(values - low, extent, out=np.zeros_like(values), where=extent > 0.0), 0.0, 1.0)
 

@@ -1,6 +1,6 @@
 """Writes GLB files: a tree of named nodes with vertex colours or textures, y up and metres as the standard asks.
 
-Same input, same bytes. Faces with vertex colours have no material: many readers drop them where there is one. A
+Same input, same bytes. Faces with vertex colours have no material: many readers drop the colours if there is one. A
 labelled scene has one node per instance, named by its id, with its label in `extras.label`, and below it one node per
 part; `dcap.scene.readers.gltf.gltf` gives the same instances and parts back.
 Source: Khronos, "glTF 2.0 Specification", sections 3.5 to 3.7 and 4.4.
@@ -32,9 +32,9 @@ VERTICES, INDICES = 34962, 34963
 """Targets of buffer views."""
 
 MIX = np.uint64(0x9E3779B97F4A7C15)
-"""Odd, and 2^64 over the golden ratio: multiplied by it, numbers that are near one another are far apart."""
+"""Odd, and 2^64 over the golden ratio: multiplying by it moves similar numbers far apart."""
 MOST_TINTS = 32
-"""Colours that multiply one texture and get a material each; where there are more they are vertex colours."""
+"""Most colours that multiply one texture as a material each; more become vertex colours."""
 
 UNASSIGNED = "unassigned"
 """Name of the node of the faces that belong to no instance; its label is empty."""
@@ -47,14 +47,14 @@ class Node:
     name: str
     mesh: Mesh | None = None
     label: str | None = None
-    """What the instance is; None: not said."""
+    """Label of the instance; None: not stated."""
     children: tuple["Node", ...] = ()
     paint: CornerPaint | None = None
-    """Textures of the mesh; None: its vertex colours say all."""
+    """Textures of the mesh; None: vertex colours only."""
     normals: NDArray[np.float32] | None = None
-    """Unit normals at the corners of the mesh's faces, shape (m, 3, 3); None: left to who reads it."""
+    """Unit normals at the corners of the mesh's faces, shape (m, 3, 3); None: left to the reader."""
     extras: Mapping[str, object] = field(default_factory=dict)
-    """What else is said of the node."""
+    """Further properties of the node."""
 
 
 def glb_bytes(roots: Sequence[Node]) -> bytes:
@@ -91,7 +91,7 @@ def labelled_nodes(
 
 
 def in_gltf(normals: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Corner normals (m, 3, 3) in glTF's axes, one row a corner, exactly of unit length as far as numbers go."""
+    """Corner normals (m, 3, 3) in glTF's axes, one row a corner, of unit length to machine precision."""
     turned = normals.reshape(-1, 3).astype(np.float64) @ GLTF_FROM_WORLD[:3, :3].T
     length = np.linalg.norm(turned, axis=1, keepdims=True)
     upward = np.array([0.0, 1.0, 0.0])  # of faces without area
@@ -100,7 +100,7 @@ def in_gltf(normals: NDArray[np.float32]) -> NDArray[np.float32]:
 
 @dataclass(eq=False)
 class _Writer:
-    """Collects the entries of the document and the bytes that they point into."""
+    """Collects the entries of the document and their binary data."""
 
     document: dict[str, object] = field(default_factory=lambda: {"asset": {"version": "2.0", "generator": "dcap"}})
     nodes: list[dict[str, object]] = field(default_factory=list)
@@ -263,10 +263,10 @@ class _Writer:
 
 
 def distinct_rows(rows: NDArray[np.uint32]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Where each distinct row (n, k) stands first, in that order, and which of them each row is, shape (n,).
+    """First index of each distinct row (n, k), in that order, and the number of each row among them, shape (n,).
 
-    Rows are told apart by a 64-bit number mixed of their columns, which sorts ten times as fast as they do; where two
-    that differ have the same number, they are sorted themselves.
+    Rows are compared by a 64-bit hash of their columns, which sorts ten times as fast; on a collision the rows
+    themselves are sorted.
     """
     key = np.zeros(len(rows), dtype=np.uint64)
     for column in rows.T:

@@ -1,7 +1,7 @@
 """Materials, textures and images of a GLB file.
 
-Equal images are written once, whatever they are for; pixels are as they were read. Where a source does not say how its
-surface reflects, it is rough and no metal, and both sides are seen.
+Equal images are written once, whatever their use; pixels are unchanged. If a source does not state how its surface
+reflects, it is rough and not metallic, and both sides are visible.
 Source: Khronos, "glTF 2.0 Specification", sections 3.8 and 3.9.
 """
 
@@ -21,9 +21,9 @@ SAMPLER = {"magFilter": 9729, "minFilter": 9987}
 """Linear, with smaller copies."""
 WRAPS = {REPEAT: 10497, MIRROR: 33648, CLAMP: 33071}
 METALLIC, ROUGHNESS = 0.0, 0.9
-"""Factors where the source says none [-]."""
+"""Factors if the source states none [-]."""
 CUTOFF = 0.5
-"""What the standard takes where a file says none [-]."""
+"""Default factors of the standard [-]."""
 
 Shade = NDArray[np.float32]
 """A linear colour 0..1, shape (3,)."""
@@ -31,10 +31,10 @@ Entry = dict[str, object]
 
 
 class MaterialWriter:
-    """Collects the entries of the document that say what its faces look like."""
+    """Collects the entries of the document for the look of its faces."""
 
     def __init__(self, add_image: Callable[[bytes], int]) -> None:
-        """`add_image` keeps an encoded image and returns the index of its view."""
+        """`add_image` stores an encoded image and returns the index of its view."""
         self._add_image = add_image
         self._images: list[Entry] = []
         self._materials: list[Entry] = []
@@ -47,9 +47,9 @@ class MaterialWriter:
     def material(
         self, paint: CornerPaint, said: SurfaceMaterial, texture: int | None, shade: Shade, sets: Sequence[int]
     ) -> int:
-        """Index of a material of a base colour's texture, a linear colour that multiplies that, and what it says more.
+        """Index of a material from a base colour's texture, a linear colour that multiplies it, and further properties.
 
-        `sets` are the numbers of the texture coordinates in the order in which its faces have them.
+        `sets` are the numbers of the texture coordinates in the order of its faces.
         """
         alpha = 1.0 if said.alpha_mode is AlphaMode.OPAQUE else said.alpha
         look: Entry = {} if texture is None else {"baseColorTexture": {"index": texture}}
@@ -97,7 +97,7 @@ class MaterialWriter:
         return self._textures.index(entry)
 
     def entries(self) -> Entry:
-        """Lists of the document; those that would be empty are left out."""
+        """Lists of the document, without empty ones."""
         samplers = [SAMPLER | {"wrapS": WRAPS[u], "wrapT": WRAPS[v]} for u, v in self._samplers]
         lists = {
             "materials": self._materials, "textures": self._textures, "images": self._images, "samplers": samplers
@@ -105,13 +105,13 @@ class MaterialWriter:
         return {key: found for key, found in lists.items() if found}
 
     def _content(self, image: NDArray[np.uint8]) -> bytes:
-        """What an image shows; computed once for each array, which is kept so that its number stays its own."""
+        """Content of an image; computed once for each array, which is kept alive so that its id stays unique."""
         if id(image) not in self._known:
             self._known[id(image)] = image, sha256(image.tobytes()).digest() + repr(image.shape).encode()
         return self._known[id(image)][1]
 
     def _use(self, paint: CornerPaint, used: MaterialMap, sets: Sequence[int], strength: str = "") -> Entry:
-        """How a material refers to one of its maps."""
+        """Reference of a material to one of its maps."""
         entry: Entry = {"index": self.texture(paint.textures[used.texture], paint.wrap(used.texture))}
         if used.uv_set != sets[0]:
             entry["texCoord"] = list(sets).index(used.uv_set)

@@ -23,7 +23,7 @@ from dcap.scene.writers.gaussians import write_compressed_splats
 from dcap.scene.writers.ply import ply_bytes
 
 MESH_NAME = "sugarmesh_3Dgs7000_sdfestim02_sdfnorm02_level03_decim1000000.ply"
-"""What SuGaR calls a mesh of level 0.3 decimated to a million triangles."""
+"""SuGaR's file name of a mesh of level 0.3 decimated to a million triangles."""
 
 OCCUPANCY_PIXELS = 1024
 
@@ -62,12 +62,12 @@ class Hole:
     profile: NDArray[np.float64]
     """Corners in space [m], shape (4, 3)."""
     thickness: float
-    """Of the wall [m]."""
+    """Thickness of the wall [m]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RoomRecord:
-    """Everything that the folder holds."""
+    """Content of the folder."""
 
     kind: str
     """Room type, such as Master Bedroom."""
@@ -77,7 +77,7 @@ class RoomRecord:
     holes: tuple[Hole, ...]
     labels: tuple[Label, ...]
     obstacles: tuple[NDArray[np.float64], ...]
-    """Footprints of what stands on the floor [m], each (k, 2)."""
+    """Footprints of things on the floor [m], each (k, 2)."""
     mesh: Mesh
 
 
@@ -89,7 +89,7 @@ def write_interiorgs(folder: Path, room: RoomRecord, seed: int) -> list[Path]:
 
 
 def write_interiorgs_splats(folder: Path, room: RoomRecord, splats: Gaussians, seed: int) -> list[Path]:
-    """Write the same folder as InteriorGS has it: splats, and no mesh."""
+    """Write the same folder in InteriorGS' original form: splats, and no mesh."""
     files = _write_annotations(folder, room, seed)
     write_compressed_splats(folder / COMPRESSED_NAME, splats)
     return [folder / COMPRESSED_NAME, *files]

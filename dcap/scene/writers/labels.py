@@ -20,12 +20,12 @@ DIGITS = 4
 
 @dataclass(frozen=True, slots=True)
 class FoundThing:
-    """A thing as it was found."""
+    """A found thing."""
 
     number: int
-    """On the pictures; 0 for what has none."""
+    """Number on the pictures; 0 without one."""
     index: int
-    """Among the instances."""
+    """Index among the instances."""
     id: str
     label: str
     confidence: float
@@ -33,11 +33,11 @@ class FoundThing:
     size_m: tuple[float, float, float]
     """Length, breadth and height of its box [m]."""
     surface_m: float | None
-    """Height of its main surface above the floor [m]; None where nothing looks up."""
+    """Height of its main surface above the floor [m]; None without an upward face."""
 
 
 def labels_tree(scan: Scan, scene: Segmentation, things: Sequence[FoundThing], name: str) -> dict[str, object]:
-    """What labels.json holds."""
+    """Content of labels.json."""
     return {
         "dcap_labels": VERSION,
         "scene": name,

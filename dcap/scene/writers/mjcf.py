@@ -1,8 +1,8 @@
-"""Writes an `ExportScene` as MJCF, MuJoCo's own format: `scene.xml` and the meshes beside it.
+"""Writes an `ExportScene` as MJCF, MuJoCo's own format: `scene.xml` and its meshes.
 
 Same input, same bytes. Source: MuJoCo's XML reference. MuJoCo takes the larger friction of two shapes, unless one has
 a higher priority: the fixed shapes have it, with the friction of the pair; a piece of the object whose friction is not
-the main one has explicit pairs. MuJoCo knows one coefficient: the static one, under which things stay where they rest.
+the main one has explicit pairs. MuJoCo has one coefficient: the static one, with which things stay at rest.
 """
 
 from collections.abc import Iterator
@@ -25,10 +25,10 @@ SOLREF = "0.005 1"
 SOLIMP = "0.95 0.99 0.0005"
 """Impedance at the surface and at its width [m] below."""
 TORSION = 0.001
-"""Torsional friction [m], which the drop does not know: a contact of points a millimetre apart has as much."""
+"""Torsional friction [m], which the drop lacks: that of a contact of points a millimetre apart."""
 UP = np.array([0.0, 0.0, 1.0])
 LEAST = 1e-5
-"""Least friction that MuJoCo takes."""
+"""Least friction that MuJoCo accepts."""
 
 
 def mjcf_files(scene: ExportScene) -> dict[str, bytes]:
@@ -134,7 +134,7 @@ class _MjcfWriter:
         yield "    </body>"
 
     def seen(self, body: str, parts: tuple[SeenPart, ...]) -> Iterator[str]:
-        """Lines of what is seen of a body."""
+        """Lines of the visible meshes of a body."""
         for part in parts:
             name = f"{body}/{part.name}"
             path = f"meshes/{len(self.files):04d}_{plain(name)}.obj"
@@ -146,7 +146,7 @@ class _MjcfWriter:
             yield f'      <geom name={quoteattr(name)} class="visual" mesh={quoteattr(name)} rgba="{color}"/>'
 
     def inline(self, name: str, mesh: Mesh, shared: str) -> str:
-        """A convex shape whose vertices stand in the file, about its own middle: single precision counts from there."""
+        """A convex shape with inline vertices relative to its own middle, for single precision."""
         middle = mesh.vertices.mean(axis=0).round(4)
         points = numbers((mesh.vertices - middle).ravel(), 7)
         self.assets.append(f'    <mesh name={quoteattr(name)} vertex="{points}"/>')
@@ -185,7 +185,7 @@ def roll(friction: ContactFriction) -> str:
 
 
 def constants_of(material: Material) -> str:
-    """What a simulator of rigid bodies has no place for."""
+    """Constants that a simulator of rigid bodies does not support."""
     return (
         f"{material.id}: density {material.density:g} kg/m3, Young's modulus {material.youngs_modulus:g} Pa, "
         f"Poisson ratio {material.poisson_ratio:g}, static friction {material.static_friction:g}, dynamic friction "
@@ -194,10 +194,10 @@ def constants_of(material: Material) -> str:
 
 
 def numbers(values: NDArray[np.float64], digits: int = 9) -> str:
-    """Numbers with so many significant digits."""
+    """Numbers with `digits` significant digits."""
     return " ".join(f"{value:.{digits}g}" for value in np.asarray(values).tolist())
 
 
 def plain(name: str) -> str:
-    """A name as that of a file."""
+    """A name that is valid for a file."""
     return "".join(letter if letter.isascii() and letter.isalnum() else "_" for letter in name)[:60]

@@ -6,7 +6,7 @@ from dcap.scene.types.mesh import Mesh
 
 
 def obj_bytes(mesh: Mesh) -> bytes:
-    """A mesh with its vertex colours behind the positions [m], as most readers take them."""
+    """A mesh with its vertex colours after the positions [m], the form that most readers accept."""
     colors = mesh.colors / 255.0
     rows = zip(mesh.vertices.tolist(), colors.tolist(), strict=True)
     lines = [f"v {x:.6f} {y:.6f} {z:.6f} {r:.3f} {g:.3f} {b:.3f}" for (x, y, z), (r, g, b) in rows]

@@ -16,7 +16,7 @@ from dcap.scene.writers.interiorgs import write_ply
 
 
 def write_object(path: Path, parts: Sequence[tuple[str, Mesh]]) -> None:
-    """Write named parts; the suffix chooses the format."""
+    """Write named parts; the suffix determines the format."""
     path.parent.mkdir(parents=True, exist_ok=True)
     whole = Mesh.concatenate([mesh for _, mesh in parts])
     if path.suffix == ".glb":
@@ -30,6 +30,6 @@ def write_object(path: Path, parts: Sequence[tuple[str, Mesh]]) -> None:
 
 
 def _obj(mesh: Mesh) -> str:
-    """Vertices with colours 0..1 behind them, as many tools read and write them."""
+    """Vertices followed by colours 0..1, the form of many tools."""
     colored = trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_colors=mesh.colors, process=False)
     return str(export_obj(colored, include_normals=False, digits=6, header=None))  # type: ignore[no-untyped-call]

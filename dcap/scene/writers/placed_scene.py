@@ -1,4 +1,4 @@
-"""Writes scene.json and deformed_N.ply: what the next placement must know of a scene besides its geometry.
+"""Writes scene.json and deformed_N.ply: facts of a scene for the next placement, besides its geometry.
 
 Same scene, same bytes. `dcap.scene.readers.scenes.placed_scene` has the schema and reads them.
 """
@@ -31,8 +31,8 @@ from dcap.scene.writers.ply import ply_bytes
 def placed_scene_files_of(
     earlier: EarlierPlacements, last: str | None, last_parts: NDArray[np.integer] | None
 ) -> dict[str, bytes]:
-    """The files by name. `last` is the thing that scene.glb has as the node `object`, `last_parts` the part of each
-    face of object.ply, shape (m,)."""
+    """The files by name. `last` is the thing of the node `object` in scene.glb, `last_parts` the part of each face of
+    object.ply, shape (m,)."""
     names = [f"deformed_{number}.ply" for number in range(1, len(earlier.deformations) + 1)]
     facts = SceneFile(
         version=VERSION,
@@ -64,7 +64,7 @@ def deformed_ply(one: Deformation) -> bytes:
 
 
 def instance_entry(one: Instance, earlier: EarlierPlacements, parts: NDArray[np.integer] | None) -> InstanceEntry:
-    """An instance as the file has it."""
+    """An instance in the file's form."""
     materials = {(row.part_index): row for row in earlier.materials if row.body == one.id}
     thing = earlier.thing(one.id)
     return InstanceEntry(
@@ -90,12 +90,12 @@ def instance_entry(one: Instance, earlier: EarlierPlacements, parts: NDArray[np.
 
 
 def box_entry(box: OrientedBox) -> BoxEntry:
-    """A box as the file has it."""
+    """A box in the file's form."""
     return BoxEntry(center=box.center.tolist(), axes=box.axes.tolist(), half_extents=box.half_extents.tolist())
 
 
 def material_entry(row: PartMaterial) -> MaterialEntry:
-    """A part's material as the file has it."""
+    """A part's material in the file's form."""
     m = row.material
     layers = None
     if m.layers is not None:

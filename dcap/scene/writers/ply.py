@@ -1,6 +1,6 @@
 """Binary PLY files from columns of numbers, and the store's own meshes in them.
 
-Foreign files are read by `dcap.scene.readers`. plyfile would write the same bytes, lists row by row: ten seconds for a
+`dcap.scene.readers` reads foreign files. plyfile would write the same bytes, but lists row by row: ten seconds for a
 million faces, which every stage saves again (docs/decisions/023-ply.md). Same input, same bytes.
 """
 
@@ -15,7 +15,7 @@ KINDS = {"u1": "uchar", "i4": "int", "u4": "uint", "f4": "float", "f8": "double"
 """The format's names of numpy's types."""
 
 Columns = Mapping[str, NDArray[np.generic]]
-"""Numbers by the names of their properties."""
+"""Columns of numbers by the names of their properties."""
 
 HEADER_END = b"end_header\n"
 
@@ -52,7 +52,7 @@ def ply_bytes(elements: Mapping[str, Columns], comments: Sequence[str] = ()) -> 
 
 
 def mesh_to_ply(mesh: Mesh) -> bytes:
-    """Double positions, so that nothing is lost."""
+    """A mesh with double positions, so that nothing is lost."""
     vertex: Columns = {"x y z": mesh.vertices, "red green blue": mesh.colors}
     face: Columns = {"list vertex_indices": mesh.faces.astype(np.int32, copy=False)}
     return ply_bytes({"vertex": vertex, "face": face}, ["metres, right-handed, z up"])

@@ -1,8 +1,8 @@
-"""What SuGaR's command line takes: pictures, cameras, Gaussians and a COLMAP model [G24].
+"""Writes the input of SuGaR's command line: pictures, cameras, Gaussians and a COLMAP model [G24].
 
 FOLDER/images/ and FOLDER/sparse/0/ are its scene (-s), FOLDER/checkpoint/ its checkpoint of plain Gaussian splatting
-(-c): cameras.json and point_cloud/iteration_7000/point_cloud.ply with 45 harmonics. All in our world frame, so that the
-mesh comes back in it.
+(-c): cameras.json and point_cloud/iteration_7000/point_cloud.ply with 45 harmonics. Everything is in our world frame,
+and so is the resulting mesh.
 
 [G24] Guedon, Lepetit: SuGaR: surface-aligned Gaussian splatting for efficient 3D mesh reconstruction. CVPR 2024.
 """
@@ -22,15 +22,15 @@ from dcap.scene.writers.gaussians import write_splats
 
 CHECKPOINT = "checkpoint"
 ITERATION = 7000
-"""Of plain Gaussian splatting, which SuGaR starts from."""
+"""Iterations of plain Gaussian splatting, from which SuGaR starts."""
 DEGREE = 3
-"""Of the harmonics: SuGaR refuses fewer than 45 numbers."""
+"""Degree of the harmonics: SuGaR refuses fewer than 45 numbers."""
 MESHES = ("coarse_mesh", "refined_mesh")
 """Folders of `output/` that SuGaR writes meshes to."""
 
 
 def write_sugar_model(folder: Path, model: ColmapModel, splats: Gaussians) -> None:
-    """Everything but the pictures."""
+    """Write everything but the pictures."""
     write_colmap(folder / "sparse" / "0", model)
     cloud = folder / CHECKPOINT / "point_cloud" / f"iteration_{ITERATION}" / "point_cloud.ply"
     cloud.parent.mkdir(parents=True)
@@ -40,7 +40,7 @@ def write_sugar_model(folder: Path, model: ColmapModel, splats: Gaussians) -> No
 
 
 def cameras_json(model: ColmapModel) -> list[dict[str, object]]:
-    """The list of cameras as plain Gaussian splatting writes it: poses are camera to world, names have no suffix."""
+    """The list of cameras in the form of plain Gaussian splatting: poses are camera to world, names have no suffix."""
     entries: list[dict[str, object]] = []
     for image in model.images:
         camera = model.camera_of(image)
@@ -60,21 +60,21 @@ def cameras_json(model: ColmapModel) -> list[dict[str, object]]:
 
 
 def write_picture(folder: Path, name: str, image: NDArray[np.uint8]) -> None:
-    """One view, sRGB bytes of shape (rows, columns, 3)."""
+    """Write one view, sRGB bytes of shape (rows, columns, 3)."""
     path = folder / "images" / name
     path.parent.mkdir(exist_ok=True)
     Image.fromarray(image).save(path)
 
 
 def train_command(folder: Path) -> str:
-    """The line that makes meshes of a folder, to be run in SuGaR's own folder."""
+    """The command that makes meshes from a folder, to be run in SuGaR's own folder."""
     # SuGaR joins the checkpoint's path and file names as text: the slash at its end matters
     source, checkpoint = shlex.quote(str(folder)), shlex.quote(f"{folder / CHECKPOINT}/")
     return f"python train.py -s {source} -c {checkpoint} -r sdf --refinement_time short --eval False"
 
 
 def run_script(folder: Path, scene: Path) -> str:
-    """A shell script that runs SuGaR on `folder` and copies the meshes to where they are found in `scene`."""
+    """A shell script that runs SuGaR on `folder` and copies the meshes to their place in `scene`."""
     name = shlex.quote(folder.name)  # SuGaR names its outputs after the scene's folder
     copies = "\n".join(
         f"if [ -d output/{kind}/{name} ]; then\n"
@@ -82,7 +82,7 @@ def run_script(folder: Path, scene: Path) -> str:
         for kind in MESHES
     )
     return f"""#!/bin/sh
-# Runs SuGaR on the pictures beside this file and copies its meshes into the scene: sh run_sugar.sh PATH_OF_SUGAR
+# Runs SuGaR on the pictures next to this file and copies its meshes into the scene: sh run_sugar.sh PATH_OF_SUGAR
 set -eu
 cd "${{1:?give the folder of SuGaR, which holds train.py}}"
 scene={shlex.quote(str(scene))}

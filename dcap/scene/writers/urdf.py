@@ -1,7 +1,7 @@
-"""Writes an `ExportScene` as URDF: the object and, as a fixed robot, the scene, with their meshes beside them.
+"""Writes an `ExportScene` as URDF: the object and, as a fixed robot, the scene, with their meshes.
 
 Same input, same bytes. Source: the XML specification of URDF (ROS wiki). It has no free bodies, no poses of robots in a
-world and no friction: README.txt says the pose, and <gazebo> tags carry the friction.
+world and no friction: README.txt states the pose, and <gazebo> tags carry the friction.
 """
 
 from collections.abc import Iterator
@@ -84,7 +84,7 @@ def fixed_link(body: FixedBody, files: dict[str, bytes]) -> Iterator[str]:
 
 
 def seen(body: str, parts: tuple[SeenPart, ...], files: dict[str, bytes]) -> Iterator[str]:
-    """What is seen of a body."""
+    """Visible meshes of a body."""
     for part in parts:
         path = f"meshes/{len(files):05d}_{plain(f'{body}/{part.name}')}.obj"
         files[path] = obj_bytes(part.mesh)
@@ -106,14 +106,14 @@ def collision(name: str, mesh: Mesh, files: dict[str, bytes]) -> Iterator[str]:
 
 
 def gazebo(link: str, friction: ContactFriction) -> Iterator[str]:
-    """Friction as Gazebo's own tag has it."""
+    """Friction in Gazebo's own tag."""
     yield f"  <gazebo reference={quoteattr(link)}>"
     yield f"    <mu1>{friction.static:.6g}</mu1><mu2>{friction.static:.6g}</mu2>"
     yield "  </gazebo>"
 
 
 def readme(scene: ExportScene) -> list[str]:
-    """What URDF cannot say."""
+    """README with the facts that URDF cannot express."""
     thing = scene.thing
     lines = [
         f"{OBJECT}: the object; {SCENE}: the scene as a fixed robot. Metres, kilograms, z up.",
@@ -124,8 +124,8 @@ def readme(scene: ExportScene) -> list[str]:
         "",
         *(f"- {note}." for note in scene.notes),
         "",
-        "URDF has no place for what follows:",
-        "- where a robot stands in the world: see above.",
+        "URDF cannot express the following:",
+        "- the pose of a robot in the world: see above.",
         "- friction: <gazebo> tags carry static coefficients: of the object that of the pair where it rests, of a",
         "  thing that of its pair with the object. Gazebo takes the smaller of two; other readers ignore the tags.",
     ]
@@ -137,12 +137,12 @@ def readme(scene: ExportScene) -> list[str]:
                 f"rolling resistance {friction.rolling_resistance:.4g} m"
             )
     lines += [
-        "- density, Young's modulus and Poisson ratio: comments beside each part.",
+        "- density, Young's modulus and Poisson ratio: comments at each part.",
         "- gravity, time step, contact stiffness: your simulator's.",
     ]
     return lines
 
 
 def comment(words: str) -> str:
-    """Text that may stand in an XML comment."""
+    """Text that is valid in an XML comment."""
     return escape(words).replace("--", "-")

@@ -1,7 +1,7 @@
 """Writes an `ExportScene` as one USD text file with UsdGeom meshes and UsdPhysics schemas; needs no USD library.
 
 Same input, same bytes. Metres, kilograms, z up. Sources: OpenUSD's documentation of the text format, UsdGeom, UsdShade
-and UsdPhysics. What is seen does not collide: colliders are meshes of purpose `guide` beside it. Near the object they
+and UsdPhysics. Visible meshes do not collide: colliders are separate meshes of purpose `guide`. Near the object they
 are the settled triangles themselves (approximation `none`), elsewhere convex pieces (`convexHull`).
 """
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from dcap.scene.types.export_scene import ExportScene, FixedBody, FreeBody, SeenPart, instead
+from dcap.scene.types.export_scene import ExportScene, FixedBody, FreeBody, SeenPart, replace_friction
 from dcap.scene.types.gravity import GRAVITY
 from dcap.scene.types.materials import ContactFriction, Material
 from dcap.scene.types.mesh import Mesh
@@ -81,7 +81,12 @@ class _UsdaWriter:
         yield '    uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:orient"]'
         resting = self.scene.resting
         shapes = [
-            (piece.name.split("/")[-1], piece.mesh, "convexHull", instead(resting, body.friction, piece.friction))
+            (
+                piece.name.split("/")[-1],
+                piece.mesh,
+                "convexHull",
+                replace_friction(resting, body.friction, piece.friction),
+            )
             for piece in body.pieces
         ]
         yield from indented(self.inner(f"{WORLD}/{body.name}", body.parts, shapes))
@@ -102,7 +107,7 @@ class _UsdaWriter:
     def inner(
         self, path: str, parts: Sequence[SeenPart], shapes: Sequence[tuple[str, Mesh, str, ContactFriction]]
     ) -> Iterator[str]:
-        """What is seen of a body, and its colliders."""
+        """Visible meshes of a body, and its colliders."""
         for part in parts:
             yield f'def Mesh "{self.names.of(path, part.name)}"' + head_of(self.look(part.material))
             yield "{"
@@ -147,7 +152,7 @@ class _UsdaWriter:
         return self.constants[material]
 
     def materials(self) -> Iterator[str]:
-        """All materials that are used."""
+        """All materials in use."""
         yield 'def Scope "Materials"'
         yield "{"
         for friction, name in self.frictions.items():
@@ -243,5 +248,5 @@ def quoted(words: str) -> str:
 
 
 def indented(lines: Iterator[str] | Sequence[str], times: int = 1) -> Iterator[str]:
-    """Lines of what is inside of a prim."""
+    """Lines inside of a prim, indented."""
     return ("    " * times + one for one in lines)

@@ -25,7 +25,7 @@ from dcap.synthetic.shapes import (
 )
 
 SINK = 0.002
-"""How far soft things press into what they lie on [m]: they touch, and a scan sees no gap."""
+"""Depth to which soft things press into their support [m]: they touch, and a scan has no gap."""
 FRAME_TOP = 0.29
 """Height of the frame's upper face [m]."""
 MATTRESS_RADIUS = 0.05
@@ -52,7 +52,7 @@ class BedStyle:
     mattress: float = 0.24
     """Thickness [m]."""
     blanket_start: float = 0.42
-    """Where the blanket begins, as a share of the length from the head."""
+    """Start of the blanket, as a share of the length from the head."""
 
 
 def bed(style: BedStyle, seed: int, label: str = "bed") -> Assembly:

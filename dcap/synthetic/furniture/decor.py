@@ -33,7 +33,7 @@ def _shade(top: float, bottom: float, height: float, fabric: Rgb, seed: int) -> 
 
 
 def floor_lamp(fabric: Rgb, metal: Rgb, seed: int) -> Assembly:
-    """A standing lamp: disc, pole and a conical shade with a closed cap, so that something can be set on its slope."""
+    """A standing lamp: disc, pole and a conical shade with a closed cap, so that a thing can be placed on its slope."""
     base = lathe([(0, 0), (0.15, 0), (0.155, 0.008), (0.15, 0.018), (0.03, 0.03), (0, 0.03)], 0.02)
     pole = bar((0, 0, 0.025), (0, 0, 1.36), 0.012)
     shade = moved(_shade(0.06, 0.23, 0.30, fabric, seed), z=1.24)

@@ -8,9 +8,9 @@ from dcap.synthetic.paint import Finish, Rgb, painted, wood
 from dcap.synthetic.shapes import Size, bar, cushioned, lathe, moved, resampled, rounded_box, tube, turned
 
 SINK = 0.003
-"""How far cushions press into what they lie on [m]."""
+"""Depth to which cushions press into their support [m]."""
 PITCH_DEG = 4.0
-"""How far a sofa's seat leans back: people and balls settle against its back."""
+"""Backward tilt of a sofa's seat: people and balls settle against its back."""
 
 
 def sofa(

@@ -8,7 +8,7 @@ from dcap.synthetic.shapes import Array, columns, lathe, loft, moved, rounded_bo
 
 
 def mug() -> Assembly:
-    """A hollow mug with a handle that a finger fits through: one closed body of genus one."""
+    """A hollow mug with a handle wide enough for a finger: one closed body of genus one."""
     outline = [
         (0, 0),
         (0.034, 0),

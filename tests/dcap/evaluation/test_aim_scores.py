@@ -6,7 +6,7 @@ from dcap.evaluation.aim_scores import Aim, marks, shares
 def test_what_the_truth_leaves_open_is_not_compared():
     """Only base and part are stated: region and reason do not count."""
     mark = marks(Aim(base="1", part="top"), Aim(base="1", part="leg", region="left"))
-    assert (mark.base, mark.part, mark.region, mark.beside, mark.reason) == (True, False, None, None, None)
+    assert (mark.base, mark.part, mark.region, mark.references, mark.reason) == (True, False, None, None, None)
     assert not mark.all_right
 
 
@@ -28,4 +28,4 @@ def test_a_refusal_is_wrong_where_a_place_was_meant_and_right_where_none_was():
 def test_shares_count_what_was_compared():
     """Two bases of which one is right, no part: a half, and 1 for what nobody asked for."""
     rows = [marks(Aim(base="1"), Aim(base="1")), marks(Aim(base="1"), Aim(base="2"))]
-    assert shares(rows) == {"base": 0.5, "part": 1.0, "region": 1.0, "beside": 1.0, "reason": 1.0, "all": 0.5}
+    assert shares(rows) == {"base": 0.5, "part": 1.0, "region": 1.0, "references": 1.0, "reason": 1.0, "all": 0.5}

@@ -13,7 +13,7 @@ from textured import plate
 from dcap.geometry.rendering.painted import own_paint
 from dcap.scene.types.paint import PaintedMesh
 from flows.view.model import StartView
-from flows.view.nodes import light, stand
+from flows.view.nodes import place_cameras, set_light
 from flows.view.page_glb import glb_of
 from flows.view.serving import url_of
 from flows.view.surface import whole
@@ -64,8 +64,8 @@ def test_the_page_shows_textures(server: viser.ViserServer, tmp_path: Path) -> N
     """Every quarter of a plate is seen in its own hue."""
     surface = plate()
     server.scene.add_glb("/plate", glb_of(whole(PaintedMesh(surface.mesh, own_paint(surface)))))
-    light(server.scene)
-    stand(server, StartView(np.array([0.0, -0.1, 4.0]), np.zeros(3), 45.0))
+    set_light(server.scene)
+    place_cameras(server, StartView(np.array([0.0, -0.1, 4.0]), np.zeros(3), 45.0))
     with headless_page(url_of(server), tmp_path, (WIDTH, HEIGHT)) as page:
         page.wait_for("document.querySelector('canvas') !== null")
         for _ in range(40):
@@ -80,7 +80,7 @@ def test_the_page_shows_textures(server: viser.ViserServer, tmp_path: Path) -> N
 def test_the_page_shows_the_scene_and_the_result(server: viser.ViserServer, tmp_path: Path) -> None:
     """The canvas has many colours, the ball is red and sinks with the slider; the panel says how it ended."""
     nodes, panel = shown(server)
-    stand(server, nodes.view.view)
+    place_cameras(server, nodes.view.view)
     with headless_page(url_of(server), tmp_path, (WIDTH, HEIGHT)) as page:
         page.wait_for("document.querySelector('canvas') !== null && document.body.innerText.includes('at rest')")
         rest = settled_canvas(page)

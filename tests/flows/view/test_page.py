@@ -17,7 +17,7 @@ from flows.own_requests import LOOPBACK
 from flows.place import PlaceConfig
 from flows.view import serving
 from flows.view.model import middle_of, placement_view, scene_view
-from flows.view.nodes import stand
+from flows.view.nodes import place_cameras
 from flows.view.panel import moment
 from flows.view.pick_panel import PickPanel
 from flows.view.picking import PickedPoint, SurfacePicker
@@ -73,7 +73,7 @@ def test_the_object_lies_in_its_dent(server: viser.ViserServer) -> None:
 def test_the_camera_stands_where_the_overview_does(server: viser.ViserServer) -> None:
     """A new page looks at the anchor, from above it."""
     view = placement_view(values(), PlaceConfig())
-    stand(server, view.view)
+    place_cameras(server, view.view)
     assert server.initial_camera.look_at == pytest.approx(anchor().surface_point)
     assert server.initial_camera.position[2] > TOP
 

@@ -262,7 +262,7 @@ def test_neighbour_says_which_one_is_meant(stages):
     far = np.hypot(0.6, 3.1)
     assert isinstance(refused.evidence, BesideThePart)
     assert far - (0.15 + 0.117 / 2) <= refused.evidence.beside_m <= far - 0.98 * (0.15 + 0.084 / 2)
-    assert f"{refused.evidence.beside_m:.2f} m beside the seat of chair" in refused.message
+    assert f"{refused.evidence.beside_m:.2f} m from the seat of chair" in refused.message
     assert "no ray" not in refused.message
 
 

@@ -40,7 +40,7 @@ def case_file(tmp_path):
 MISTAKES = [
     ("mass: 1.0", "mas: 1.0", "did you mean 'mass'"),
     ("box:", "boxx:", "did you mean 'box'"),
-    ("mass: 1.0", "mass: true", "bodies.1.mass: true and false are no numbers"),
+    ("mass: 1.0", "mass: true", "bodies.1.mass: true and false are not numbers"),
     ("mass: 1.0", "mass: -1.0", "greater than 0"),
     ("poisson_ratio: 0.3", "poisson_ratio: 0.5", "less than 0.5"),
     (

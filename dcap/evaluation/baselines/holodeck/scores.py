@@ -52,7 +52,7 @@ class GridPlace:
 def satisfying(relation: Relation, target: GridPlace, places: Sequence[GridPlace], grid: float) -> list[bool]:
     """Whether places satisfy a relation other than a distance; `grid` is the spacing of the candidates [cm]."""
     if relation.kind is RelationKind.RELATIVE:
-        return [beside(relation.name, target, place, grid) for place in places]
+        return [is_on_side(relation.name, target, place, grid) for place in places]
     if relation.kind is RelationKind.ALIGNMENT:
         return [aligned(target, place) for place in places]
     if relation.name == "face same as":
@@ -60,7 +60,7 @@ def satisfying(relation: Relation, target: GridPlace, places: Sequence[GridPlace
     return [faces(target, place) for place in places]
 
 
-def beside(name: str, target: GridPlace, place: GridPlace, grid: float) -> bool:
+def is_on_side(name: str, target: GridPlace, place: GridPlace, grid: float) -> bool:
     """Whether a place is left of, right of, in front of, behind, or at the side of the target's bounds.
 
     Seen from the target: beyond its bounds on that side, and level with them; in front also less than a grid step from

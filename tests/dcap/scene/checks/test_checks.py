@@ -207,8 +207,8 @@ def test_all_of_many_defects_are_found(sound: dict[str, bytes], tmp_path: Path) 
         (SPLATS, E, "no mesh"),
         ("labels.json", W, "is missing"),
         ("structure.json", W, "is missing"),
-        ("occupancy.json", W, "is missing beside"),
-        ("occupancy.png", W, "is missing beside"),
+        ("occupancy.json", W, "is missing next to"),
+        ("occupancy.png", W, "is missing next to"),
     ],
 )
 def test_a_missing_file_is_told(

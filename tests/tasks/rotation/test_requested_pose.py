@@ -12,7 +12,7 @@ from dcap.language.protocol.replies import RotationReply
 from dcap.language.protocol.requests import FacingView, PoseView, RotationRequest
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.rotation import AskedPose
-from tasks.rotation.asked_pose import CLEAR, asked_pose
+from tasks.rotation.requested_pose import CLEAR, requested_pose
 
 OFFLINE = Stages()
 SIDEWAYS = np.array([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]], dtype=float)
@@ -57,7 +57,7 @@ def test_what_is_righted_is_up_as_it_is_righted():
 def test_an_up_that_the_shape_hardly_tells_is_a_doubt(lead, doubted):
     """Righted on weak evidence: nobody would know from the row alone. As it is in its file nothing was guessed."""
     for name, righting in (("righted", 0.4), ("upright", 0.0)):
-        found = asked_pose(seated(righting), RotationReply(pose_id=name), np.eye(3), toy(), lead)
+        found = requested_pose(seated(righting), RotationReply(pose_id=name), np.eye(3), toy(), lead)
         assert found is not None
         assert bool(found.doubt) == (doubted and name == "righted")
 
@@ -111,8 +111,8 @@ def test_a_wrong_choice_does_not_change_what_was_asked():
     request = replace(seated(0.0), facing="door_0", facings=(view,))
     for angle in (0.0, 90.0, -90.0):
         chosen, reply = about_z(np.radians(angle)), RotationReply(pose_id="upright", facing_id="aligned")
-        found = asked_pose(request, reply, chosen, toy(), 0.5)
-        turned = asked_pose(replace(request, facing="", turn_deg=90.0), reply, chosen, toy(), 0.5)
+        found = requested_pose(request, reply, chosen, toy(), 0.5)
+        turned = requested_pose(replace(request, facing="", turn_deg=90.0), reply, chosen, toy(), 0.5)
         assert found is not None
         assert found.looks == pytest.approx(np.array([0.0, -1.0, 0.0]))
         assert found.ahead == pytest.approx(np.array([1.0, 0.0, 0.0]))
@@ -124,6 +124,6 @@ def test_a_wrong_choice_does_not_change_what_was_asked():
 @pytest.mark.parametrize(("righting", "doubted"), [(0.01, False), (CLEAR, False), (0.3, True)])
 def test_a_file_that_is_believed_is_doubted_only_where_its_shape_clearly_speaks_for_another_side(righting, doubted):
     """By more than what makes a righted shape clear; a little more for another side is no doubt."""
-    found = asked_pose(seated(righting), RotationReply(pose_id="upright"), np.eye(3), toy(), 0.5)
+    found = requested_pose(seated(righting), RotationReply(pose_id="upright"), np.eye(3), toy(), 0.5)
     assert found is not None
     assert bool(found.doubt) == doubted

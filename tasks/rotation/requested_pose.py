@@ -1,8 +1,8 @@
-"""What was asked of an orientation as directions of the mesh and the world, and whether the shape tells it.
+"""Turns a requested orientation into directions of the mesh and the world, and decides whether the shape determines it.
 
 In: the rotation question, its reply and the mesh. Out: `AskedPose`, which the drop compares with the rest state. The
-thing's own upright axis is that of the pose in which it usually rests; whether it stands on end its shape tells. The
-chosen rotation is never what is asked: a wrong choice must show.
+thing's own upright axis is that of its usual rest pose; its shape decides whether it stands on end. The chosen rotation
+is never the request itself: a wrong choice must show.
 """
 
 from dataclasses import dataclass
@@ -25,39 +25,39 @@ from tasks.rotation.looking import looking, nearest_side
 Array = NDArray[np.float64]
 
 UP = np.array([0.0, 0.0, 1.0])
-SIDE_TOLD = "its shape does not tell which side is its front"
+SIDE_TOLD = "its shape does not show which side is its front"
 NO_END = "its shape has no end to stand on, and no side to lie on"
-UP_TOLD = "its shape does not clearly tell which way is up, and its file has it on another side"
-NO_SEAT = "as it is put it stands, with no seat under its middle"
+UP_TOLD = "its shape does not clearly show which way is up, and its file has it on another side"
+NO_SEAT = "in the chosen pose it stands, with no seat under its middle"
 CLEAR = 0.15
-"""By so much more than for any other side must a shape speak for the one it is put on [-]; by more than this it must
-speak for another side than that of a file that is believed, for this to be doubted. It is what features cannot tell: of
+"""Least lead of a shape's score for the chosen side over any other side [-], and least lead of another side to doubt a
+trusted file. It is the uncertainty of the features: of
 28 embedded things nine in ten leads change by 0.13 at most when they are taken as hollow instead of full, and when the
 band that counts as contact is half or twice as high. Of sixteen household things in three turns each those put on a
 wrong side had at most 0.12, and all but eight of those put right more than this."""
 BY_FRONT = {"on_back": 0.0, "on_front": np.pi}
 BY_LEFT = {"on_left_side": np.pi, "on_right_side": 0.0}
 BY_UP = {"upside_down": np.pi, "on_side": 0.5 * np.pi, "lying": 0.5 * np.pi}
-"""Angle from the vertical of the front, of the own left and of the own upright axis that a pose means [rad]."""
+"""Angles from the vertical of the front, of the own left and of the own upright axis in a pose [rad]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class WantedLook:
-    """What a pose is about."""
+    """Direction that defines a pose."""
 
     axis: Array
     """Direction of the mesh, unit, shape (3,)."""
     from_vertical: float | None
-    """Its angle from the vertical [rad]; None: the shape does not tell."""
+    """Its angle from the vertical [rad]; None: the shape does not determine it."""
     either_way: bool = False
 
 
-def asked_pose(
+def requested_pose(
     request: RotationRequest, reply: RotationReply, chosen: Array, mesh: Mesh, lead: float
 ) -> AskedPose | None:
-    """What the request asks for; `chosen` is the rotation that was taken, shape (3, 3). None if it asks for nothing.
+    """The requested pose; `chosen` is the chosen rotation, shape (3, 3). None without a requested orientation.
 
-    `lead` is by how much the shape prefers its best side to any other [-].
+    `lead` is the lead of the shape's best side over any other [-].
     """
     name = asked_name(request)
     if name == "any" and not request.facing and request.turn_deg == 0.0:
@@ -81,11 +81,11 @@ def asked_pose(
 def wanted_look(
     request: RotationRequest, reply: RotationReply, chosen: Array, mesh: Mesh, own: tuple[Array, Array]
 ) -> tuple[Array | None, Array | None]:
-    """The direction of the mesh that looks ahead, and where in the world it shall look; `own` is its front and what
-    is up where that was found.
+    """The direction of the mesh that faces ahead, and its requested direction in the world; `own` is its front and its
+    upward direction, as far as they were found.
 
-    Of a facing that is what is faced, turned on by the turn that was asked; of a turn alone it is the alignment without
-    the reply's turn, with the one that was asked. A rotation given as a whole has no alignment to turn from.
+    For a facing it is the direction to the faced thing, plus the requested turn; for a turn alone it is the alignment
+    without the reply's turn, plus the requested one. A rotation given as a matrix has no alignment to turn from.
     """
     if not request.facing and (request.turn_deg == 0.0 or reply.quaternion is not None):
         return None, None
@@ -96,27 +96,27 @@ def wanted_look(
     if faced is None:
         return None, None
     ahead = about_z(np.radians(request.turn_deg)) @ faced
-    # of what has no front any side will do, which its doubt says
+    # for an object without a front any side will do, as its doubt says
     looks = looks if request.has_front else nearest_side(mesh, chosen, ahead)
     return chosen.T @ looks, ahead
 
 
 def asked_name(request: RotationRequest) -> str:
-    """The pose to check, any for none: a ball sits on every side."""
+    """Name of the pose to check, any for none: a ball sits on every side."""
     thing = thing_of(request.object_name)
     free = request.pose == "seated" and thing is not None and thing.rest == "any"
     return "any" if free else request.pose or "any"
 
 
 def usual_pose(request: RotationRequest, pose_id: str) -> PoseView:
-    """How it usually rests: the righted pose where one of its kin was chosen, else as offline."""
+    """Its usual rest pose: the righted pose if one of its variants was chosen, else as offline."""
     if pose_id.startswith("righted"):
         return next(pose for pose in request.poses if pose.id == "righted")
     return default_pose(request, thing_of(request.object_name))[0]
 
 
 def aim(request: RotationRequest, rest: PoseView, mesh: Mesh, up: Array, front: Array) -> WantedLook:
-    """The direction of the mesh that the pose is about, from the words and the shape."""
+    """The direction of the mesh that defines the pose, from the words and the shape."""
     thing = thing_of(request.object_name)
     kind = thing.rest if thing else "upright"
     wanted = meant(request, thing, rest)
@@ -130,12 +130,12 @@ def aim(request: RotationRequest, rest: PoseView, mesh: Mesh, up: Array, front: 
         return of_shape(mesh, on_edge=request.pose != "standing", lies=False)
     if wanted == "any" and request.pose in ("lying", "on_side") and kind == "any":
         return of_shape(mesh, on_edge=True, lies=True)
-    # as it usually rests; what lies flat does so on both its sides, unless words say which
+    # its usual pose; a flat thing lies on either side, unless the words say which
     return WantedLook(up, 0.0, kind == "flat" and request.pose not in ("on_back", "on_front"))
 
 
 def of_shape(mesh: Mesh, *, on_edge: bool, lies: bool) -> WantedLook:
-    """On end, or lying, as its extents have it."""
+    """On end, or lying, according to its extents."""
     found = end_axis(mesh, on_edge=on_edge)
     if found is None:
         return WantedLook(UP, None, either_way=True)
@@ -144,7 +144,7 @@ def of_shape(mesh: Mesh, *, on_edge: bool, lies: bool) -> WantedLook:
 
 
 def doubt(request: RotationRequest, rest: PoseView, lead: float) -> str:
-    """Why the shape does not tell the pose that was asked; empty if it does, or nothing was asked of it."""
+    """Why the shape does not determine the requested pose; empty if it does, or without a request."""
     if asked_name(request) == "any":
         return ""
     thing = thing_of(request.object_name)
@@ -155,5 +155,5 @@ def doubt(request: RotationRequest, rest: PoseView, lead: float) -> str:
         return UP_TOLD
     believed = thing is not None and (is_a(thing.id, "furniture") or thing.rest == "any")
     if rest.id == "upright" and request.righting > CLEAR and not believed:
-        return "by its shape it may rather stand on another side than in its file"
+        return "by its shape it may stand on another side than in its file"
     return ""
