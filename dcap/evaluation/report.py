@@ -117,7 +117,7 @@ def write_report(folder: Path, rows: Sequence[SampleOutcome], summary: RunSummar
     failures, ahead = failures_of(rows), baselines_ahead(rows)
     several = len(names) > 1
     values = {
-        "title": folder.name, "summary": summary, "tiles": tiles_of(summary, rows), "asked": requested_counts(summary),
+        "title": folder.name, "summary": summary, "tiles": tiles_of(summary, rows), "asked": model_use(summary),
         "offline": is_offline(folder),
         "names": names, "cards": cards, "strips": strips, "several": several,
         "supports": sorted({row.base for row in rows if row.base}), "kinds": KINDS,
@@ -235,7 +235,7 @@ def ordered(strips: Sequence[Strip]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(view for strip in strips for view in strip.views))
 
 
-def requested_counts(summary: RunSummary) -> str:
+def model_use(summary: RunSummary) -> str:
     """The model that was asked, with tokens and cost; empty without one."""
     spent = summary.language
     return f"{', '.join(spent.models)}: {in_words(spent)}" if spent else ""

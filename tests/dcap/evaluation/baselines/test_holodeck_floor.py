@@ -16,7 +16,7 @@ from dcap.evaluation.baselines.holodeck.floor_search import (
 from dcap.evaluation.baselines.holodeck.scores import (
     GridPlace,
     aligned,
-    beside,
+    is_on_side,
     distance_scores,
     faces,
     far_curve,
@@ -100,16 +100,16 @@ def test_sides_turn_with_the_target(turn: int) -> None:
     points = {"in front of": (5, 60), "behind": (5, -60), "left of": (-60, 5), "right of": (60, 5)}
     for name, point in points.items():
         x, y = matrix @ point
-        holds = {word for word in points if beside(word, place(0, 0, turn), place(x, y), 20.0)}
+        holds = {word for word in points if is_on_side(word, place(0, 0, turn), place(x, y), 20.0)}
         assert holds == {name}
-        assert beside("side of", place(0, 0, turn), place(x, y), 20.0) == (name in ("left of", "right of"))
+        assert is_on_side("side of", place(0, 0, turn), place(x, y), 20.0) == (name in ("left of", "right of"))
 
 
 def test_in_front_is_within_a_grid_step_of_the_middle_line() -> None:
     """At a spacing of 20 cm 19 cm off is in front, 21 cm is not."""
     target = place(0, 0, half=50.0)
-    assert beside("in front of", target, place(19, 80), 20.0)
-    assert not beside("in front of", target, place(21, 80), 20.0)
+    assert is_on_side("in front of", target, place(19, 80), 20.0)
+    assert not is_on_side("in front of", target, place(21, 80), 20.0)
 
 
 def test_facing_is_a_line_that_meets_the_target_and_aligned_are_middles_within_5_cm() -> None:
@@ -178,7 +178,7 @@ def test_the_search_finds_a_place_that_meets_the_relations(relation: str) -> Non
         search(ROOM, [stool], {"desk-0": desk}, np.random.default_rng(3), roots=30, steps=100)["stool-0"]
         for _ in range(2)
     )
-    assert beside(relation, desk, found, ROOM.grid)
+    assert is_on_side(relation, desk, found, ROOM.grid)
     assert not found.rectangle.intersects(desk.rectangle)
     assert found == again
 
