@@ -11,8 +11,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from dcap.evaluation.label_scores import label_accuracy
-from dcap.evaluation.segment_scores import GroundTruth, Score, scores
+from dcap.evaluation.segment_scores import GroundTruth, Score, label_accuracy, scores
 from dcap.geometry.distance import MeshDistance
 from dcap.language.offline.client import OfflineClient
 from dcap.scene.types.mesh import Mesh

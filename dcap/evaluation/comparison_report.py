@@ -14,8 +14,7 @@ from dcap.evaluation.preference_table import MARKED, best_first, row_cells, tabu
 from dcap.evaluation.statistics.bootstrap import RESAMPLES
 from dcap.evaluation.statistics.comparisons import Comparison, JudgedAxis, methods_of, on_axis
 from dcap.evaluation.statistics.method_tables import PreferenceRow, preference_rows
-from dcap.evaluation.table_files import TABLES, table_files, write_table
-from dcap.evaluation.table_text import csv_of
+from dcap.evaluation.table_files import TABLES, csv_of, table_files, write_table
 
 TABLE = "comparisons_by_method"
 

@@ -23,8 +23,7 @@ from dcap.evaluation.statistics.method_tables import ScoreRow, score_rows
 from dcap.evaluation.statistics.ratings import ANCHOR_RATING
 from dcap.evaluation.statistics.score_summary import ScoreSummary
 from dcap.evaluation.statistics.sides import side_report
-from dcap.evaluation.table_files import TABLES, table_files, write_table
-from dcap.evaluation.table_text import csv_of, number, tex_escaped
+from dcap.evaluation.table_files import TABLES, csv_of, number, table_files, tex_escaped, write_table
 
 TABLE1, METRIC_SCORES = "table1", "metric_scores"
 """File names of the table by a model, and by the rubric."""

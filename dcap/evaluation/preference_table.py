@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 
 from dcap.evaluation.statistics.comparisons import JudgedAxis
 from dcap.evaluation.statistics.method_tables import PreferenceRow
-from dcap.evaluation.table_text import number, tex_escaped
+from dcap.evaluation.table_files import number, tex_escaped
 
 HEADINGS = {
     JudgedAxis.OVERALL: "Overall (\\%)", JudgedAxis.RIGHT_PLACE: "Right Place (\\%)",

@@ -2,14 +2,19 @@
 
 Truth and result are given face by face on the same mesh. Each true instance is compared with one found instance, such
 that the sum of overlaps is largest: annotations lack ids, which therefore cannot be used.
+
+A found label is right if it is the same word, a synonym, or a kind of the true label by the lexicon: a "sofa" for a
+"multi person sofa", a "cabinet" for a "shoe cabinet", a "table" for a "desk".
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from dcap.language.offline.lexicon import in_line, thing_of
 from dcap.scene.types.segmentation import Segmentation
 
 
@@ -79,3 +84,15 @@ def _part_scores(truth: GroundTruth, found: Segmentation, true: int, other: int)
         a, b = found_name == name, there & (truth.face_part == name)
         result.append((name, float(area[a & b].sum() / max(area[a | b].sum(), 1e-12))))
     return tuple(result)
+
+
+def means_the_same(found: str, true: str) -> bool:
+    """Whether two labels name the same kind of thing, one perhaps more exactly."""
+    a, b = thing_of(found), thing_of(true)
+    return found == true or (a is not None and b is not None and in_line(a.id, b.id))
+
+
+def label_accuracy(rows: Sequence[Score]) -> float:
+    """Share of the true things whose found label is right; things that were not found count as wrong. 1 for no
+    things."""
+    return float(np.mean([means_the_same(row.found_label, row.label) for row in rows])) if rows else 1.0

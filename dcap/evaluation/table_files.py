@@ -1,10 +1,15 @@
-"""Writes files of a run atomically, and every table as two files.
+"""Writes files of a run atomically, and every table as CSV and LaTeX.
 
 In: text. Out: `NAME.csv` and `NAME.tex`. A file with the same bytes is not written again, so that rewriting a page
 touches only changed files.
 """
 
+import csv
+import io
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+
+import numpy as np
 
 from dcap.scene.whole_files import write_whole
 
@@ -37,3 +42,24 @@ def write_if_other(path: Path, data: bytes) -> None:
     if path.is_file() and path.read_bytes() == data:
         return
     write_whole(path, data)
+
+
+def csv_of(rows: Sequence[Mapping[str, object]]) -> str:
+    """Rows with the same keys as CSV with a header."""
+    text = io.StringIO()
+    out = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+    out.writeheader()
+    out.writerows(rows)
+    return text.getvalue()
+
+
+def number(value: float | None, digits: int = 4) -> str:
+    """A number; empty if missing."""
+    return "" if value is None or not np.isfinite(value) else f"{value:.{digits}f}"
+
+
+def tex_escaped(text: str) -> str:
+    """Text with TeX's special characters escaped, and signs replaced by their names."""
+    signs = {"°": "$^\\circ$", "²": "$^2$", "–": "--", **{sign: f"\\{sign}" for sign in "_&%#${}"},
+             "\\": "\\textbackslash{}", "~": "\\textasciitilde{}", "^": "\\textasciicircum{}"}  # fmt: skip
+    return "".join(signs.get(sign, sign) for sign in text)

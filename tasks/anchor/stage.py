@@ -8,17 +8,21 @@ between the meshes, which do not intersect. Next to a thing means neither over n
 distances cut the areas (see `constraints.py`); a leaning object starts tilted against its support (`leaning.py`).
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, PositiveFloat
+from scipy.spatial import cKDTree
 
 from dcap.geometry.placement.clearance import Clearance
+from dcap.geometry.placement.named_regions import Region
 from dcap.geometry.placement.poses import center_of_mass
 from dcap.geometry.placement.search import SHARES, PlacementSearch
 from dcap.geometry.placement.set_down import Start, set_down
 from dcap.geometry.raycast import Raycaster
+from dcap.geometry.segmentation.faces import surface_pieces, surface_points
 from dcap.geometry.solid.mending import with_mended
 from dcap.language.connect import Client
 from dcap.language.protocol.client import LanguageConfig
@@ -34,7 +38,6 @@ from tasks.anchor.carriers import owner
 from tasks.anchor.choice import Choice, carrier_masks, choice_of
 from tasks.anchor.given_point import area_at, carrying_at, offset_note, reply_at
 from tasks.anchor.leaning import leaning_start
-from tasks.anchor.middles import at_own_middles
 from tasks.anchor.no_room import no_room, not_level, not_on_it, nothing_left
 from tasks.anchor.request import anchor_request
 from tasks.anchor.viewpoint import facing_cautions
@@ -47,6 +50,12 @@ Array = NDArray[np.float64]
 
 LEVEL_COS = 0.9
 """Cosine of the largest slope of a level face."""
+PIECE_LEVEL = 0.7
+"""Least normal z of a carrying face in the middle of a piece [-]."""
+PIECE = 0.3
+"""Least share of the largest piece's surface that a piece has [-]."""
+OVER = 0.05
+"""Largest distance in plan of an aim over a piece [m]."""
 
 
 class AnchorConfig(BaseModel, frozen=True, extra="forbid"):
@@ -204,3 +213,27 @@ def support_note(start: Start, part: str) -> str:
     """Note that not all of the underside is over the support."""
     share = start.spot.share
     return "" if share >= SHARES[0] else f"; {100 * share:.0f} % of its underside is over the {part}"
+
+
+def at_own_middles(mesh: Mesh, mask: NDArray[np.bool_], areas: Sequence[Region]) -> list[Region]:
+    """The areas; one whose aim is over no carrying piece is repeated for each piece, aimed at the piece's middle.
+
+    Args:
+        mesh: the scene.
+        mask: faces that may carry, shape (m,).
+        areas: the areas.
+    """
+    faces = np.flatnonzero(mask & (mesh.face_normals[:, 2] > PIECE_LEVEL * 2.0 * mesh.face_areas))
+    if not len(faces):
+        return list(areas)
+    piece = surface_pieces(mesh, faces)
+    area, center = mesh.face_areas[faces], mesh.triangles[faces].mean(axis=1)[:, :2]
+    total = np.bincount(piece, area)
+    large = np.flatnonzero(total > PIECE * total.max())
+    middles = [np.average(center[piece == one], axis=0, weights=area[piece == one]) for one in large]
+    tree = cKDTree(surface_points(mesh.triangles[faces], area, 0.5 * OVER)[0][:, :2])
+    found = []
+    for one in areas:
+        between = len(middles) > 1 and tree.query(one.target)[0] > OVER
+        found += [replace(one, target=middle) for middle in middles] if between else [one]
+    return found

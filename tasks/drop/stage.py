@@ -20,19 +20,19 @@ from dcap.scene.types.caution import Cause, Caution
 from dcap.scene.types.gravity import GRAVITY
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.outcome import Infeasible, Reason
-from dcap.scene.types.particles import Particles
+from dcap.scene.types.particles import Particles, SoftSimulationBody
 from dcap.scene.types.settled import EndPose, LastState, LeanCheck, PlacementChecks, Settled, SettledBody
 from solver.certificate import CertificateRow, Verdict
 from solver.config import SolverConfig
 from solver.errors import ArchError, ModelError, UnstableStep
 from solver.model.bodies import Model
 from solver.rest import Signals
-from tasks.bodies.plan_contact import share_within
+from tasks.bodies.plan_contact import share_within, within_any
 from tasks.bodies.proof import proven, refutation
 from tasks.bodies.solver_model import solver_model
+from tasks.bodies.thin_parts import interval_at, thin_profile
 from tasks.cache import stage
 from tasks.drop.poses import pose_checks, pose_warnings
-from tasks.drop.resolution import refuse_coarse_layers
 from tasks.drop.settled import settled_of
 
 Array = NDArray[np.float64]
@@ -42,6 +42,8 @@ LOG = logging.getLogger(__name__)
 PART = "part:"
 FOOT = 0.25  # share of a leaning object's height above which contact is with the thing that it leans on [-]
 REPORTED = 10  # steps between two lines of progress
+LEAST_PARTICLES = 3.0  # through a layer or a soft object; the paper asks for three to five
+PER_CELL = 2.0  # particles through a cell
 
 
 class DropConfig(BaseModel, frozen=True, extra="forbid"):
@@ -318,3 +320,35 @@ def _story(settled: Settled, particles: Particles) -> str:
 
 
 drop_task = stage(drop, process=True, simulates=True)
+
+
+def refuse_coarse_layers(particles: Particles) -> None:
+    """GeometryError with what it would take where a soft object, or a layer under the contact, has too few particles
+    through it."""
+    for body in particles.bodies:
+        if not isinstance(body, SoftSimulationBody):
+            continue
+        if body.instance == "object":
+            profile = thin_profile(body.distance, 2, body.surface.bounds)
+            through = PER_CELL * profile.thickness / interval_at(body.grid.z, profile.place)
+            thinnest = int(through.argmin())
+            refuse_few(float(through[thinnest]), "the object", float(profile.thickness[thinnest]), "object_cells")
+        elif particles.foreseen is not None:
+            points = body.surface.vertices
+            below = points[within_any(points, particles.foreseen)]
+            for layer in particles.column if len(below) else ():
+                ends = below[:, 2].max() - np.array([layer.to_m, layer.from_m])
+                cells = float(np.diff(np.interp(ends, body.grid.z, np.arange(len(body.grid.z))))[0])
+                if layer.to_m > layer.from_m:
+                    where = f"{layer.part} under the contact"
+                    refuse_few(PER_CELL * cells, where, layer.to_m - layer.from_m, "base_cells")
+
+
+def refuse_few(through: float, where: str, thickness: float, setting: str) -> None:
+    """GeometryError for too few particles through something of a thickness [m]."""
+    if through < LEAST_PARTICLES:
+        raise GeometryError(
+            f"solver mls: {through:.1f} particles through {where} ({1e3 * thickness:.3g} mm thick), and explicit steps "
+            f"need {LEAST_PARTICLES:.0f}: give --resolution {PER_CELL * thickness / LEAST_PARTICLES:.2g} or finer, "
+            f"more cells (ParticlesConfig.{setting}), or --solver tl"
+        )

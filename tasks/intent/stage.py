@@ -6,6 +6,7 @@ factor gives the mesh the usual size of its kind (see `rescale.py`); a mesh of a
 prior follows the size: with the volume, for hollow things with the surface, for sheets with the area.
 """
 
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -17,16 +18,15 @@ from dcap.language.offline.ground import NAMELESS
 from dcap.language.offline.likelihood import LEAST
 from dcap.language.protocol.client import LanguageConfig
 from dcap.language.protocol.questions import INTENT
-from dcap.language.protocol.replies import Candidate, IntentReply
+from dcap.language.protocol.replies import Candidate, IntentReply, region_constraints
 from dcap.language.protocol.requests import IntentRequest
 from dcap.scene.errors import InputError
 from dcap.scene.types.caution import Cause, Caution
-from dcap.scene.types.intent import Intent, OrientationRequest, SupportCandidate
+from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest, SupportCandidate
 from dcap.scene.types.outcome import Infeasible, NotInScene, Reason
 from dcap.scene.types.pointed import Pointed
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
 from tasks.cache import stage
-from tasks.intent.given_place import place_of
 from tasks.intent.request import intent_request
 from tasks.intent.rescale import Rescale, rescale
 from tasks.intent.which import SURE_BY_SHAPE, doubted, settle_choice
@@ -185,3 +185,25 @@ def mass_of(
     weight = reply.mass * used
     note = f"mass {weight:.3g} kg: {reply.mass:.3g} kg at the usual size, scaled {kind} by {used:.3g}{clamped}"
     return weight, Caution(Cause.ASSUMED, f"{note}; --mass to say it") if clamped else note
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class WantedPlace:
+    """The region, or a point."""
+
+    region: RegionRequest
+    at: NDArray[np.float64] | None
+    """[m], shape (3,)."""
+    notes: tuple[str, ...]
+
+
+def place_of(reply: IntentReply, pointed: Pointed | None) -> WantedPlace:
+    """The sentence's region; a given point overrides it, with a note if the sentence has one."""
+    limits = region_constraints(reply.constraints)
+    said = RegionRequest(reply.part, reply.regions, reply.references, reply.region_words, reply.which, limits)
+    if pointed is None or not len(pointed.point):
+        return WantedPlace(said, None, () if pointed is None else pointed.notes)
+    words = reply.region_words or reply.part
+    told = reply.regions or reply.part or reply.constraints or reply.lean_on
+    lost = (Caution(Cause.NOT_MET, f"--at decides where: {words!r} is not followed"),) if told else ()
+    return WantedPlace(RegionRequest("", (), (), ""), pointed.point, (*pointed.notes, *lost))

@@ -13,8 +13,7 @@ from pathlib import Path
 from dcap.evaluation.run_page.tables import ShownTable
 from dcap.evaluation.supports_plot import MATERIALS, SUPPORTS, save_supports_plot, summary
 from dcap.evaluation.supports_table import is_support
-from dcap.evaluation.table_files import TABLES, table_links, write_table
-from dcap.evaluation.table_text import csv_of, tex_escaped
+from dcap.evaluation.table_files import TABLES, csv_of, table_links, tex_escaped, write_table
 from dcap.language.offline.deformable import deformable_materials, deformable_supports
 
 DATASET, FIGURE3 = "dataset", "figure3"

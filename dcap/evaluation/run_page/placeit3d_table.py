@@ -18,8 +18,7 @@ from pathlib import Path
 from dcap.evaluation.judging.standing import Standing, standing_of
 from dcap.evaluation.outcome_table import SampleOutcome
 from dcap.evaluation.run_page.tables import NOTHING, ShownTable
-from dcap.evaluation.table_files import TABLES, table_links, write_table
-from dcap.evaluation.table_text import csv_of, number, tex_escaped
+from dcap.evaluation.table_files import TABLES, csv_of, number, table_links, tex_escaped, write_table
 
 TABLE = "placeit3d"
 HEADINGS = ("Global", "Complete", "Language", "Physical", "Spatial", "Rotational", "n", "not placed")

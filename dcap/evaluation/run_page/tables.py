@@ -12,8 +12,7 @@ from pathlib import Path
 from statistics import mean, median
 
 from dcap.evaluation.outcome_table import AS_POSED, AT_REST, SampleOutcome
-from dcap.evaluation.table_files import TABLES, table_links, write_table
-from dcap.evaluation.table_text import tex_escaped
+from dcap.evaluation.table_files import TABLES, table_links, tex_escaped, write_table
 
 METRICS = "metrics"
 NOTHING = "–"

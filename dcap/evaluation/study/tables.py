@@ -20,8 +20,7 @@ from dcap.evaluation.statistics.comparisons import AXES, Comparison, JudgedAxis,
 from dcap.evaluation.statistics.method_tables import PreferenceRow, preference_rows
 from dcap.evaluation.study.journal import StudyVote
 from dcap.evaluation.study.raters import RaterRow
-from dcap.evaluation.table_files import write_table
-from dcap.evaluation.table_text import csv_of, number, tex_escaped
+from dcap.evaluation.table_files import csv_of, number, tex_escaped, write_table
 
 TABLE = "table2"
 COMPOSITE, QUESTION = "composite", "third question"

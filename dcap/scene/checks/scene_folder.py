@@ -3,16 +3,22 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from dcap.scene.checks.annotations import check_annotations
+from dcap.scene.checks.annotations import check_annotations, read_tree
 from dcap.scene.checks.files import FileContents, check_shape
 from dcap.scene.checks.findings import Findings
 from dcap.scene.checks.layout import MARKS, mesh_files
 from dcap.scene.checks.occupancy import check_occupancy
-from dcap.scene.checks.scannet import check_scannet
 from dcap.scene.errors import InputError
-from dcap.scene.problems import error
+from dcap.scene.problems import error, warning
 from dcap.scene.readers.scenes.interiorgs import is_interiorgs
-from dcap.scene.readers.scenes.scannet import scannet_files
+from dcap.scene.readers.scenes.scannet import (
+    SceneFiles,
+    alignment_of,
+    instances_of,
+    scannet_files,
+    segments_of,
+    vertex_instances,
+)
 from dcap.scene.readers.scenes.sugar import check_suffix, describe, find_mesh
 
 
@@ -85,3 +91,20 @@ def _shapes(folder: Path, findings: Findings) -> tuple[Path | None, list[FileCon
     if used is not None and used not in files:
         files.append(used)
     return used, [check_shape(path, findings) for path in files]
+
+
+def check_scannet(files: SceneFiles, findings: Findings) -> tuple[FileContents, tuple[str, ...]]:
+    """Check the files of a folder that are read; returns the mesh and the labels of the annotated instances."""
+    shape = check_shape(files.mesh, findings)
+    alignment_of(files, findings.report(files.about or files.mesh))
+    if files.segments is None or files.groups is None:
+        missing = "segs.json" if files.segments is None else "aggregation.json"
+        findings.report(files.mesh)(warning(f"its {missing} is missing: instances are found by shape alone"))
+        return shape, ()
+    document, tell_segments = read_tree(files.segments, findings)
+    segment = None if document is None else segments_of(document, shape.vertices or None, tell_segments)
+    document, tell_groups = read_tree(files.groups, findings)
+    instances = [] if document is None else instances_of(document, files.segments.name, tell_groups)[0]
+    if segment is not None and len(segment):  # else every group would be reported
+        vertex_instances(segment, instances, tell_groups)
+    return shape, tuple(one.label for one in instances)

@@ -23,7 +23,7 @@ from dcap.evaluation.run_page.placement_files import MOST_NOTES, certificate_tex
 from dcap.evaluation.run_page.provenance import provenance_of
 from dcap.evaluation.run_page.supports import supports_figure
 from dcap.evaluation.run_page.tables import SHOWN_METRICS, metrics_table
-from dcap.evaluation.table_text import tex_escaped
+from dcap.evaluation.table_files import tex_escaped
 from dcap.scene.readers.gltf.gltf import read_gltf
 from dcap.scene.types.judged_views import PLACED
 from dcap.scene.types.sample import Sample

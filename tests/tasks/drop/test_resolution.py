@@ -17,7 +17,7 @@ from dcap.scene.types.particles import (
     SoftSimulationBody,
 )
 from tasks.bodies.plan_contact import within_any
-from tasks.drop.resolution import refuse_coarse_layers
+from tasks.drop.stage import refuse_coarse_layers
 
 HERE = np.array([[[-0.1, -0.1], [0.1, 0.1]]])
 BLANKET, MATTRESS = ColumnLayer("blanket", "wool", 0.0, 0.03), ColumnLayer("mattress", "foam", 0.03, 0.2)

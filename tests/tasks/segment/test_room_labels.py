@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dcap.evaluation.label_scores import label_accuracy, means_the_same
-from dcap.evaluation.segment_scores import GroundTruth, Score, scores
+from dcap.evaluation.segment_scores import GroundTruth, Score, label_accuracy, means_the_same, scores
 from dcap.geometry.primitives import Box
 from dcap.language.connect import connect
 from dcap.language.offline.client import OfflineClient

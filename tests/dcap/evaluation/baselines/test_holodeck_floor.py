@@ -16,10 +16,10 @@ from dcap.evaluation.baselines.holodeck.floor_search import (
 from dcap.evaluation.baselines.holodeck.scores import (
     GridPlace,
     aligned,
-    is_on_side,
     distance_scores,
     faces,
     far_curve,
+    is_on_side,
     near_curve,
     satisfying,
 )
