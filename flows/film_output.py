@@ -28,7 +28,7 @@ EXACT = ["-fflags", "+bitexact", "-flags:v", "+bitexact", "-map_metadata", "-1",
 
 
 def write_film(placement: FinishedPlacement, folder: Path) -> Path | None:
-    """Write the film of a placement's drop into a folder; None where nobody kept its frames."""
+    """Write the film of a placement's drop into a folder; None if its frames were not kept."""
     values = placement.values
     scene, item, anchor, settled = values.scene, values.item, values.anchor, values.settled
     if scene is None or item is None or anchor is None or settled is None or settled.frames is None:

@@ -136,7 +136,7 @@ class PhysicsOptions(Options):
     arch: Annotated[Literal["auto", "cpu", "cuda"], Setting("run.arch")] = "cpu"
     """Where the solver runs: cpu, cuda (a graphics card) or auto (cuda if it works)."""
     stability: Annotated[bool, Setting("drop.solver.stability")] = False
-    """Push what is at rest and grade how much it withstands."""
+    """Push the bodies at rest and grade how much they withstand."""
     load_aware: Annotated[bool, Setting("materials.load_aware")] = False
     """Treat parts that give less than 0.05 mm under the load as rigid too, not only those above 1 GPa."""
 
@@ -286,7 +286,7 @@ class PaperOptions(BenchmarkOptions):
 
 
 class RerunOptions(Options):
-    """Options of `rerun`; none has a key, because the run says what was asked."""
+    """Options of `rerun`; none has a key, because the run holds the request."""
 
     stage: Phrase
     """Stage to compute again."""

@@ -198,7 +198,7 @@ def _read_settings() -> None:
 
 
 def _set_environment() -> None:
-    """Put the project's prefect.toml into the environment; what is set there already wins."""
+    """Put the project's prefect.toml into the environment; variables that are already set win."""
     tree = tomllib.loads(resource("prefect.toml").read_text(encoding="utf-8"))
     for name, value in _flattened(tree, "PREFECT"):
         os.environ.setdefault(name, value)

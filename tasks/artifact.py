@@ -328,7 +328,7 @@ def digest_of_folder(folder: Path) -> str:
 
 
 def sound_files(folder: Path, ref: Ref[Any]) -> dict[str, bytes] | None:
-    """Return the files of an artifact; None if they are gone, or not what it was."""
+    """Return the files of an artifact; None if they are missing, or do not match its digest."""
     try:
         files = {path.name: path.read_bytes() for path in folder.iterdir()}
     except OSError:

@@ -241,7 +241,7 @@ class Stage(Generic[P, ValueT_co]):
             return ref
 
     def _compute(self, inputs: Mapping[str, Any]) -> Ref[Any]:
-        """Run the function and save what it returns."""
+        """Run the function and save its result."""
         check_data_files(self.code)  # before the work, too: a result from a changed file would be lost
         preload()  # later stages have processes of their own
         context = current_context()
@@ -282,7 +282,8 @@ class Stage(Generic[P, ValueT_co]):
         session: Session,
         idle: Callable[[], AbstractContextManager[object]] = nullcontext,
     ) -> tuple[str, str, float, int]:
-        """Load the inputs, run the function, save what it returns; kind, digest, time [s] and size [bytes] of that."""
+        """Load the inputs, run the function and save its result. Returns kind, digest, time [s] and size [bytes] of
+        it."""
         values = {name: self._loaded(name, tree) for name, tree in given.items()}
         if config is not None:
             values["config"] = config

@@ -178,7 +178,7 @@ def dataset_pack(
     ] = None,
     as_json: Json = False,
 ) -> int:
-    """Bundle a run for others: settled meshes, maps, prompts, placements, a manifest and what is known of licences."""
+    """Bundle a run for others: settled meshes, maps, prompts, placements, a manifest and the known licences."""
     from flows.dataset_pack import MANIFEST, README, pack_run
 
     pack = pack_run(run, out)
@@ -194,7 +194,7 @@ def dataset_pack(
 
 @cache_app.command("ls")
 def cache_ls(as_json: Json = False) -> int:
-    """List what has been computed, by kind."""
+    """List the computed artifacts, by kind."""
     from flows.cli.cache_report import cache_listing
 
     return cache_listing(as_json=as_json)

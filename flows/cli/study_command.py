@@ -50,7 +50,7 @@ def study_serve(
 
 
 def check_url(url: str) -> None:
-    """InputError for what is no address of a web server at whose root a study can lie."""
+    """Raise InputError for a URL that is not the root of a web server."""
     try:
         if url:
             origin_of(url)

@@ -30,7 +30,7 @@ class StudyReport:
 
 
 def report_study(run: str) -> StudyReport:
-    """Write votes.parquet, raters.csv, and Table 2 of a study; InputError where nobody has voted."""
+    """Write votes.parquet, raters.csv, and Table 2 of a study; InputError if nobody has voted."""
     found = find_run(run)
     folder = found / STUDY_FOLDER
     design = read_design(folder)

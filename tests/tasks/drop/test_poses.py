@@ -93,7 +93,7 @@ def test_what_looks_down_faces_nothing():
 
 def test_a_front_that_nobody_can_tell_is_a_doubt():
     """And a line; so is a facing towards what is not known."""
-    for told in ("nothing tells", ""):
+    for told in ("it is unknown", ""):
         ahead = FRONT if told else None
         asked = AskedPose("any", UP, 0.0, UP, FRONT, facing_doubt=told, looks=ahead, ahead=ahead)
         (row,) = checked(asked, before=turn("z", 0), dropped=turn("z", 0), facing="bed_0")

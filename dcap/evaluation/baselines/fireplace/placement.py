@@ -115,7 +115,8 @@ class SolvedPlacement:
     from_middle: float
     """How far its middle is from that of the surface [m]."""
     gap: float
-    """Smallest distance along the normal between the object and what is under it, negative where it cuts in [m]."""
+    """Smallest distance along the normal between the object and the surface under it, negative for an intersection
+    [m]."""
     terms: tuple[tuple[str, float], ...]
     """Each constraint's value [-]."""
 
