@@ -12,11 +12,14 @@ from dcap.scene.types.particles import DistanceGrid
 def distance_samples(
     distance: Distance, box: NDArray[np.float64], spacing: float, *, margin: float, most: float = inf
 ) -> DistanceGrid:
-    """Samples over a box (2, 3) and a margin [m] around it, coarser than `spacing` [m] where more than `most` would be
-    needed.
+    """Samples over a box (2, 3) and a margin [m] around it, as far apart as `affordable_spacing` says.
 
     `distance` is what is known of the solid: exact where it is a primitive, else that to its mesh.
     """
-    low, high = box[0] - margin, box[1] + margin
-    least = float(np.prod(high - low) / most) ** (1.0 / 3.0)
-    return sampled(distance, low, high, max(spacing, least))
+    return sampled(distance, box[0] - margin, box[1] + margin, affordable_spacing(box, spacing, margin, most))
+
+
+def affordable_spacing(box: NDArray[np.float64], spacing: float, margin: float, most: float) -> float:
+    """Distance of samples over a box (2, 3) and a margin [m] around it: `spacing` [m], or more where that would take
+    more than `most` of them."""
+    return max(spacing, float(np.prod(np.ptp(box, axis=0) + 2.0 * margin) / most) ** (1.0 / 3.0))

@@ -1,22 +1,25 @@
 """What stands around the soft part of the base: its rigid parts and other things in reach, as fixed rigid bodies."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from dcap.geometry.distance import MeshDistance
-from dcap.geometry.solid.support import shell_bottoms
+from dcap.geometry.solid.support import shell_bottoms, under_thin_faces
 from dcap.scene.types.materials import PartMaterial
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.particles import RigidSimulationBody
+from dcap.scene.types.particles import DistanceGrid, RigidSimulationBody
 from dcap.scene.types.segmentation import Instance
 from tasks.bodies.contact_surface import obstacle_surface
-from tasks.bodies.distance_samples import distance_samples
+from tasks.bodies.distance_samples import affordable_spacing, distance_samples
 from tasks.bodies.footprint import Footprint
 from tasks.bodies.inertial import inertial_of_shell
 from tasks.particles.drop_setup import DropSetup, friction_of_surface
 from tasks.particles.sound_support import SoundSupport, sound_support
 
 SAMPLES = 80.0  # of an obstacle's signed distance along the object's diagonal
+THROUGH = 4.0  # samples through what carries, at least: interpolation reads three
 MARGIN = 0.02  # a signed distance reaches this far beyond the faces in reach [m]
 TOWARDS = 0.75  # share of a wall's area in reach that lies behind its face: of two skins the nearer one [-]
 SLAB = 0.3  # thickness of the block that a wall is taken as [m]
@@ -122,13 +125,24 @@ def obstacle(
     mesh, part = sound.mesh.submesh(np.flatnonzero(kept)), sound.part[kept]
     box, surface = setup.contact_region, obstacle_surface(mesh, foot)
     reached = np.stack([np.maximum(mesh.bounds[0], box[0]), np.minimum(mesh.bounds[1], box[1])])
-    spacing = float(np.linalg.norm(np.ptp(setup.mesh.vertices, axis=0))) / SAMPLES
     return RigidSimulationBody(
         name=name[0], instance=name[1], fixed=True, surface=surface,
-        distance=distance_samples(sound.solid, reached, spacing, margin=MARGIN, most=setup.config.distance_samples),
+        distance=obstacle_distance(setup, sound.solid, reached),
         inertial=inertial_of_shell(surface, main.material.density), friction=main.material.friction,
         face_friction=friction_of_surface(rows, surface, mesh, part),
     )  # fmt: skip
+
+
+def obstacle_distance(setup: DropSetup, solid: MeshDistance, box: NDArray[np.float64]) -> DistanceGrid:
+    """Samples of a fixed solid's distance over a box (2, 3) [m], at least THROUGH of them in what carries."""
+    wanted = float(np.linalg.norm(np.ptp(setup.mesh.vertices, axis=0))) / SAMPLES
+    margin = max(MARGIN, THROUGH * wanted)
+    spacing = affordable_spacing(box, wanted, margin, setup.config.distance_samples)
+    grid = distance_samples(solid, box, spacing, margin=margin)
+    beneath = under_thin_faces(solid, setup.mesh, box, THROUGH * spacing)
+    if beneath is None:
+        return grid
+    return replace(grid, values=np.minimum(grid.values, distance_samples(beneath, box, spacing, margin=margin).values))
 
 
 def governing_part(setup: DropSetup, rows: list[PartMaterial], part: NDArray[np.integer]) -> PartMaterial:

@@ -6,6 +6,7 @@ height each. Out: a signed distance whose sign is that of the solid and whose ze
 and its bottom.
 """
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from dcap.geometry.distance import MeshDistance
 from dcap.geometry.pieces import components
+from dcap.geometry.raycast import Raycaster
 from dcap.geometry.solid.closed import RepairLimits, enclosed, tidied, used_as_given, with_faces_kept
 from dcap.geometry.solid.repair import outer_faces, small_holes_capped, solid_under, subdivide_near, without_empty_faces
 from dcap.geometry.solid.repair_log import RepairLog
@@ -22,6 +24,9 @@ from dcap.scene.types.repair_report import RepairReport
 
 COVERED = 0.5  # share of a part's plan that must lie over another part for it to be the one that carries it
 PIECE = 0.05  # longest edge [m] of walls and shadows: each piece is kept or dropped as a whole where solids overlap
+CARRIES = 0.1  # vertical component of the unit normal of a face that carries what lies on it
+LOOKS_BELOW = (0.25, 0.5, 0.75, 1.0)  # of a depth: where the solid under a face is looked for
+NEAR_CORNER = 0.9  # of the way from a face's middle to its corners: it is looked for there too
 TOUCHING = 0.06  # gap [m] up to which boxes of parts count as lying on each other: boxes of noisy parts are loose
 
 
@@ -108,6 +113,35 @@ def shell_bottoms(mesh: Mesh, part_bottom: NDArray[np.float64], depth: float) ->
     np.minimum.at(low, group, lowest)
     np.maximum.at(high, group, highest)
     return np.where(high[group] - bottom < depth, low[group] - depth, bottom)
+
+
+def under_thin_faces(solid: MeshDistance, item: Mesh, region: NDArray[np.float64], depth: float) -> MeshDistance | None:
+    """What makes a solid at least `depth` [m] deep under what looks up in a region (2, 3) [m]; None where it is that.
+
+    Samples that are farther apart than the two sides of a board see neither. An `item` comes to rest from above, so a
+    board that is too thin for them is taken as deep as they need: its upper side stays where it is. What the item
+    already lies under stays as thin as it is.
+    """
+    fine = subdivide_near(solid.mesh, region, PIECE)
+    corner, normal = fine.triangles, fine.face_normals
+    near = ((corner.max(axis=1) >= region[0]) & (corner.min(axis=1) <= region[1])).all(axis=1)
+    up = np.flatnonzero(near & (normal[:, 2] > CARRIES * np.linalg.norm(normal, axis=1)))
+    middle = corner[up].mean(axis=1, keepdims=True)
+    looks = np.concatenate([middle, middle + NEAR_CORNER * (corner[up] - middle)], axis=1)
+    deeper = looks[:, :, None] - depth * np.array(LOOKS_BELOW)[:, None] * np.array([0.0, 0.0, 1.0])
+    thick = solid.inside(deeper.reshape(-1, 3)).reshape(len(up), math.prod(deeper.shape[1:3])).all(axis=1)
+    if thick.all():
+        return None
+    thin = fine.submesh(up[~thick])
+    piece = components(thin)
+    lowest = np.full(int(piece.max()) + 1, np.inf)
+    np.minimum.at(lowest, piece, thin.triangles[:, :, 2].min(axis=1))
+    bottom = lowest[piece] - depth
+    below = subdivide_near(item, item.bounds, 0.5 * PIECE).vertices  # some under every piece that is over the item
+    over = Raycaster(thin).cast(below, np.broadcast_to([0.0, 0.0, 1.0], below.shape)).face
+    covers = over[(over >= 0) & (below[:, 2] > bottom[over])]
+    free = np.setdiff1d(np.arange(len(thin.faces)), covers)
+    return under_faces(thin.submesh(free), bottom[free], region, 0.0) if len(free) else None
 
 
 def carried_bottoms(boxes: Sequence[OrientedBox]) -> NDArray[np.float64]:

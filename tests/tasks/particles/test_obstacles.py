@@ -7,10 +7,12 @@ import pytest
 from benches import FOAM, WOOD, cube_over
 from box_rooms import Things, block, segmentation
 
+from dcap.geometry.distance import sampler
 from dcap.scene.types.anchor import Lean
 from dcap.scene.types.materials import BodyModel, Material, PartMaterial, PartMaterials
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.particles import RigidSimulationBody
+from tasks.particles.base_bodies import base_bodies
 from tasks.particles.contact_layers import footprint_on
 from tasks.particles.drop_setup import DropSetup
 from tasks.particles.obstacles import SLAB, neighbours, wall_slab
@@ -101,3 +103,55 @@ def test_a_wall_is_a_block_behind_its_face() -> None:
     assert slab.bounds[0, 0] == pytest.approx(0.06, abs=2e-3)
     assert slab.bounds[1, 0] == pytest.approx(0.06 + SLAB, abs=2e-3)
     assert wall.fixed
+
+
+TOP = 0.45
+
+
+@pytest.mark.parametrize("thickness", [5e-5, 2e-3])
+def test_a_board_thinner_than_samples_carries_at_its_upper_side(thickness: float) -> None:
+    """A plane is reproduced exactly by interpolation, so the distance is the height over the upper side, also where
+    samples are 50 times as far apart as the two sides."""
+    board = block((-0.5, -0.3, TOP - thickness), (0.5, 0.3, TOP))
+    rigid = base_bodies(cube_over([("top", board, WOOD)], TOP)).rigid
+    assert rigid is not None
+    assert rigid.distance.spacing > thickness
+    for height in (-1e-3, 0.0, 1e-3):
+        points = np.array([[0.0, 0.0, TOP + height], [0.031, -0.017, TOP + height], [-0.12, 0.08, TOP + height]])
+        # single precision at distances of a metre
+        assert sampler(rigid.distance)(points) == pytest.approx(np.full(3, height), abs=2e-6)
+
+
+def test_a_thin_bowl_carries_on_its_inside() -> None:
+    """Half a hollow sphere of 0.2 mm: what lies within is outside of it, what lies between its skins or under it is
+    inside."""
+    import trimesh
+
+    sphere = trimesh.creation.icosphere(4, 0.2)
+    half = sphere.slice_plane([0.0, 0.0, 0.0], [0.0, 0.0, -1.0])
+    outer, inner = Mesh.of(half.vertices, half.faces), Mesh.of(half.vertices * 0.999, half.faces[:, ::-1])
+    bowl = Mesh.concatenate([outer, inner]).transformed(
+        np.array([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0.65], [0, 0, 0, 1.0]])
+    )
+    rigid = base_bodies(cube_over([("bowl", bowl, WOOD)], TOP)).rigid
+    assert rigid is not None
+    side = np.array([np.sin(0.6), 0.0, -np.cos(0.6)])
+    middle = np.array([0.0, 0.0, 0.65])
+    distance = sampler(rigid.distance)(
+        middle + np.array([[0.0, 0.0, -0.195], 0.195 * side, [0, 0, -0.202], 0.202 * side])
+    )
+    assert (distance[:2] > 2e-3).all()
+    assert (distance[2:] < -1e-3).all()
+
+
+def test_a_thin_board_over_the_object_stays_thin() -> None:
+    """The object lies under it: the room below it is free."""
+    setup = cube_over([("seat", block((-0.6, -0.4, 0.41), (0.6, 0.4, TOP)), WOOD)], TOP)
+    above = block((-0.3, -0.3, 0.5501), (0.3, 0.3, 0.5502))  # a tenth of a millimetre over the cube
+    setup.scene = segmentation({
+        "bench_0": ("bench", None, [("seat", block((-0.6, -0.4, 0.41), (0.6, 0.4, TOP)))]),
+        "shelf_1": ("shelf", None, [("board", above)]),
+    })  # fmt: skip
+    setup.mesh = setup.mesh.transformed(np.array([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0.01], [0, 0, 0, 1.0]]))
+    body = shelf_of(setup)
+    assert sampler(body.distance)(np.array([[0.01, 0.01, 0.549], [0.2, 0.2, 0.549]]))[0] > 0.0
