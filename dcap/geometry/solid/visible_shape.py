@@ -1,10 +1,11 @@
 """A solid of an object's visible shape: what is open or one-sided is closed as such a thing is.
 
 In: the faces of an object and whether it is a vessel. Out: a closed surface that keeps the given faces, with a sentence
-for each thing that was done, or the hole that cannot be closed. A shell that lacks a side (a pillow without underside,
-a toy scanned from the front) is closed from its rim and full; a vessel (a cup whose surface has one side) and a tube
-open at both ends get walls; a sheet gets a thickness. Where faces cut through one another, so that these ways give no
-sound surface, it is meshed again from the winding number of the closed faces.
+for each thing that was done, or the hole that cannot be closed. Sheets inside a closed shell are left out. A shell
+that lacks a side (a pillow without underside, a toy scanned from the front) is closed from its rim and full; a vessel
+(a cup whose surface has one side) and a tube open at both ends get walls; a sheet gets a thickness. Where faces cut
+through one another, so that these ways give no sound surface, it is meshed again from the winding number of the closed
+faces.
 """
 
 from dataclasses import dataclass
@@ -18,10 +19,10 @@ from dcap.geometry.pieces import is_soup, pieces_of, signed_volume
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.solid.cleaning import cleaned
 from dcap.geometry.solid.closed import SOUND, CleanedPart, RepairLimits, remeshed
-from dcap.geometry.solid.closing import area_vector, capped, perimeter, slab
+from dcap.geometry.solid.closing import SKIN, area_vector, capped, perimeter, slab
 from dcap.geometry.solid.mending import without_floating, wound_outwards
 from dcap.geometry.solid.repair_log import RepairLog
-from dcap.geometry.solid.soundness import agreement, moved, well_formed
+from dcap.geometry.solid.soundness import WAYS, agreement, moved, well_formed
 from dcap.geometry.solid.union import united
 from dcap.scene.errors import GeometryError
 from dcap.scene.types.caution import Cause, Caution
@@ -43,6 +44,7 @@ TOLERANCE = 0.02  # what is seen may be off a remesh by this share of the object
 CELLS = 150  # of a remesh along the object's longest side
 TURNED = 0.02  # share of faces that were wound inwards beyond which that is told [-]
 UPWARD = 0.7  # vertical component of the unit normal of a mouth that opens upwards
+PLACES = np.array([[1 / 3, 1 / 3, 1 / 3], [0.9, 0.05, 0.05], [0.05, 0.9, 0.05], [0.05, 0.05, 0.9]])  # on a face
 NOTED = 0.02  # holes of more than this share of the object's size around are told one by one [-]
 
 
@@ -89,9 +91,15 @@ def visible_shape(mesh: Mesh, *, vessel: bool | None) -> VisibleShape:
         return VisibleShape(None, ("its surface has no area",), ())
     kept, scraps, area = without_floating(mesh)
     whole = mesh.submesh(kept)
+    outside = whole.submesh(np.flatnonzero(seen_from_outside(whole)))
+    inner = len(whole.faces) - len(outside.faces)
+    if inner and is_closed(outside):  # else what seems hidden may be the bottom of a cleft
+        whole = outside
     # from above one looks into a cup, at the back of its floor: only the ways out tell
     faces, turned = wound_outwards(whole, Raycaster(whole), None)
     notes = [f"{scraps} scraps of {1e4 * area:.2g} cm2 in all, apart from it, are left out"] if scraps else []
+    if whole is outside:
+        notes.append(f"{inner} faces inside it, which nothing is seen of, are left out")
     if turned > TURNED * len(faces):
         notes.append(f"{turned} faces were inside out and are turned")
     whole, size = Mesh(whole.vertices, faces, whole.colors), float(np.ptp(mesh.bounds, axis=0).max())
@@ -120,6 +128,20 @@ def visible_shape(mesh: Mesh, *, vessel: bool | None) -> VisibleShape:
     if solid is not None and well_formed(solid) and agreement(solid) >= SOUND:
         return VisibleShape(solid, tuple(dict.fromkeys(notes)), tuple(rims))
     return meshed_again(pieces, closed, size, notes, rims)
+
+
+def seen_from_outside(mesh: Mesh) -> NDArray[np.bool_]:
+    """Which faces can be seen from either side, shape (m,): a way leads out from one of four places on them."""
+    caster, normal = Raycaster(mesh), mesh.face_normals
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
+    seen = np.zeros(len(mesh.faces), dtype=bool)
+    for weight in PLACES:
+        for way in np.concatenate([WAYS, -WAYS]):
+            asked = np.flatnonzero(~seen)
+            off = np.sign(normal[asked] @ way)[:, None] * SKIN * normal[asked]
+            start = np.einsum("c,nci->ni", weight, mesh.corners(asked)) + off
+            seen[asked] = ~caster.occluded(start, np.broadcast_to(way, start.shape))
+    return seen
 
 
 def largest_told(rims: list[OpenRim]) -> str:

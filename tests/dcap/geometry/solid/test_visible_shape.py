@@ -68,6 +68,39 @@ def test_scraps_go_and_patches_are_turned() -> None:
     assert any("inside out" in note for note in found.notes)
 
 
+@pytest.mark.parametrize("axis", [0, 2])
+def test_sheets_inside_a_closed_shell_are_left_out(axis: int) -> None:
+    """A ball with a disc across its middle, of one side or of two, and a partition on that: modellers leave such faces.
+    What is left is the ball, exactly."""
+    disc = Mesh.of(*across(axis))
+    back = Mesh.of(disc.vertices, disc.faces[:, ::-1])
+    half = where(disc, middles(disc)[:, 1] > 0.0)
+    upright = Mesh.of(np.roll(half.vertices, 1, axis=1), half.faces)
+    for sheets in ([disc], [disc, back], [disc, upright]):
+        whole = Mesh.concatenate([BALL, *sheets])
+        found = visible_shape(whole, vessel=None)
+        assert volume(found, BALL) == pytest.approx(signed_volume(BALL.vertices, BALL.faces), rel=1e-9)
+        assert found.notes == (
+            f"{len(whole.faces) - len(BALL.faces)} faces inside it, which nothing is seen of, are left out",
+        )
+
+
+def across(axis: int) -> tuple[np.ndarray, np.ndarray]:
+    """A disc just within the ball, across an axis: vertices and faces."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+    rim = 0.97 * R * np.stack([np.cos(angle), np.sin(angle), np.zeros(24)], axis=1)
+    ring = np.arange(24)
+    faces = np.stack([np.full(24, 24), ring, (ring + 1) % 24], axis=1)
+    return np.roll(np.concatenate([rim, np.zeros((1, 3))]), axis - 2, axis=1), faces
+
+
+def test_sheets_behind_an_opening_stay() -> None:
+    """In half of a ball the disc is seen: nobody left it in by mistake."""
+    dome = where(BALL, middles(BALL)[:, 2] > 0.0)
+    found = visible_shape(Mesh.concatenate([dome, Mesh.of(*across(0))]), vessel=False)
+    assert not any("inside it" in note for note in found.notes)
+
+
 @pytest.mark.slow
 @pytest.mark.long
 def test_a_soup_is_meshed_anew() -> None:
