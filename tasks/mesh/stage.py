@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, NonNegativeInt, PositiveFloat, PositiveInt
 
 from dcap.geometry.splatting.config import SurfaceConfig
+from dcap.language.offline.lexicon import names_thing
 from dcap.scene.errors import FormatError, GeometryError
 from dcap.scene.readers.frame.frame import Role
 from dcap.scene.readers.scenes.sugar import has_no_faces
@@ -51,11 +52,12 @@ def mesh_scene(
     labels: VertexLabels | None = None,
     scale: FileScale | None = None,
 ) -> Scan:
-    """The scene's source as a clean mesh; `labels` name the things of its vertices, `scale` is its unit."""
-    if scale is None:
-        return mesh(source, options, Role.SCENE, config, labels)
-    scan = mesh(source, replace(options, unit=repr(scale.metres)), Role.SCENE, config, labels)
-    return replace(scan, notes=(*scan.notes, scale.note))
+    """The scene's source as a clean mesh; `labels` name the things of its vertices, `scale` is its unit. The name of a
+    file is its label only where it is a word for a thing."""
+    given = options if scale is None else replace(options, unit=repr(scale.metres))
+    scan = mesh(source, given, Role.SCENE, config, labels)
+    label = scan.label if options.label or names_thing(scan.label) else ""
+    return replace(scan, label=label, notes=scan.notes if scale is None else (*scan.notes, scale.note))
 
 
 def mesh_object(source: Source, options: SourceOptions, config: MeshConfig) -> Scan:

@@ -18,6 +18,7 @@ from dcap.geometry.segmentation.named import THING, named_groups
 from dcap.geometry.segmentation.parts.front import facing_away_from_wall
 from dcap.geometry.segmentation.parts.rules import find_parts, make_instance, node_words, object_node_words
 from dcap.language.connect import Client
+from dcap.language.offline.lexicon import names_thing
 from dcap.language.protocol.client import LanguageConfig
 from dcap.scene.errors import InputError
 from dcap.scene.names import readable
@@ -82,7 +83,7 @@ def _groups_without_boxes(scan: Scan, table: FaceTable, client: Client) -> list[
     def taken_apart(inside: NDArray[np.bool_]) -> list[Group]:
         return labelled_room(scan.mesh, table, inside, client)
 
-    return named_groups(table, scan, taken_apart)
+    return named_groups(table, scan, taken_apart, names_thing)
 
 
 segment_task = stage(segment)

@@ -31,6 +31,8 @@ from dcap.scene.types.scan import Scan
 Index: TypeAlias = NDArray[np.int64]
 TakeApart: TypeAlias = Callable[[NDArray[np.bool_]], list[Group]]
 """Takes the unnamed faces of a room apart: from a mask, shape (m,), to the things there."""
+NamesThing: TypeAlias = Callable[[str], bool]
+"""Whether a name has a word for a thing."""
 
 THING = "thing"
 """What nobody could name."""
@@ -53,22 +55,44 @@ WALLED = 0.5
 """Share of its outline that walls have at least [-]."""
 
 
-def named_groups(table: FaceTable, scan: Scan, taken_apart: TakeApart) -> list[Group]:
+def named_groups(table: FaceTable, scan: Scan, taken_apart: TakeApart, names_thing: NamesThing) -> list[Group]:
     """Instances by annotated nodes, then by the names in the file; what is unnamed is taken apart if it is a room, else
     it has the scan's label."""
-    every = np.arange(len(table.area))
+    every, top = np.arange(len(table.area)), _top_names(scan.node_names)
     if scan.node_labels:
         groups, silent = annotated_groups(scan)
-        return with_ids(groups + _spoken_groups(table, scan, silent, taken_apart))
-    if _is_one_thing(_top_names(scan.node_names), scan.label):
-        return with_ids(_unnamed_groups(table, every, readable(scan.label), taken_apart))
-    return with_ids(_spoken_groups(table, scan, every, taken_apart))
+        return with_ids(groups + _spoken_groups(table, scan, silent, taken_apart, names_thing))
+    if _is_one_thing(top, scan.label):
+        alone = len(top) == 1 and not says_something(scan.label) and names_thing(top[0])
+        return with_ids(_unnamed_groups(table, every, readable(top[0] if alone else scan.label), taken_apart))
+    return with_ids(_spoken_groups(table, scan, every, taken_apart, names_thing))
 
 
-def _spoken_groups(table: FaceTable, scan: Scan, faces: Index, taken_apart: TakeApart) -> list[Group]:
+def _node_labels(table: FaceTable, scan: Scan, top: Sequence[str], names_thing: NamesThing) -> list[str]:
+    """What the outermost name of each node calls it, "" where it names nothing.
+
+    A word for a thing does. A word that nobody knows may (a whiteboard), unless several nodes share it, as the blocks
+    of a scanning device do, or it is that of a whole room.
+    """
+    said = [readable(name) if says_something(name) else "" for name in top]
+
+    def counts(name: str, words: str) -> bool:
+        if names_thing(name) or part_word(name):
+            return True
+        nodes = [node for node, other in enumerate(said) if other == words]
+        faces = np.flatnonzero(np.isin(scan.face_node, nodes))
+        return len({top[node] for node in nodes}) == 1 and len(faces) > 0 and not _is_room(table, faces, "")
+
+    kept = {words: counts(name, words) for name, words in zip(top, said, strict=True) if words}
+    return [words if kept.get(words) else "" for words in said]
+
+
+def _spoken_groups(
+    table: FaceTable, scan: Scan, faces: Index, taken_apart: TakeApart, names_thing: NamesThing
+) -> list[Group]:
     """Instances among some faces by the names of their nodes."""
     top = _top_names(scan.node_names)
-    node_label = [readable(name) if says_something(name) else "" for name in top]
+    node_label = _node_labels(table, scan, top, names_thing)
     label = np.array([*node_label, ""], dtype=object)[scan.face_node[faces]]
     thing = np.array([*(top.index(name) for name in top), -1])[scan.face_node[faces]]
     groups: list[Group] = []

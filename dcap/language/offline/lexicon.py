@@ -16,6 +16,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from dcap.scene.errors import InputError
+from dcap.scene.names import says_something
 
 FOLDER = Path(__file__).resolve().parent
 THINGS = "lexicon/things.csv"
@@ -25,6 +26,7 @@ DEFAULTS = "lexicon/defaults.csv"
 Words = tuple[str, ...]
 Size = tuple[float, float, float]
 ESTIMATE = "estimate"
+ROOM = "room"
 ARROW = re.compile(r"\s*(?:[-=]+>|\N{RIGHTWARDS ARROW})\s*")
 WORD_OR_MARK = re.compile(r"(?<!\S)-\d+(?:\.\d+)?|\d+\.\d+|[^\W_]+|[,.;:!?]")
 """Words and numbers, and the marks that separate clauses."""
@@ -265,3 +267,10 @@ def thing_of(label: str) -> Thing | None:
     if best is None or any(is_for(best[2], word) for word in words[best[1] : best[1] + 1]):
         return None
     return things()[best[2]]
+
+
+def names_thing(name: str) -> bool:
+    """Whether the name of a node or a file has a word for a thing; a word for a whole room is none, nor is one that
+    modelling tools put in (a cube)."""
+    thing = thing_of(name) if says_something(name) else None
+    return thing is not None and thing.id != ROOM

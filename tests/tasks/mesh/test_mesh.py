@@ -61,11 +61,13 @@ def test_vertices_without_faces_go(tmp_path: Path) -> None:
         ("green sofa/chair.obj", "green sofa/chair.obj", "chair"),
         ("my_mug", "my_mug/textured.obj", "my mug"),
         ("my_mug", "my_mug/cup.obj", "cup"),
-        ("out", "out/refined_mesh/kitchen/mesh.obj", "kitchen"),
+        ("out", "out/refined_mesh/lamp/mesh.obj", "lamp"),
+        ("out", "out/refined_mesh/kitchen/mesh.obj", ""),
     ],
 )  # fmt: skip
 def test_a_folder_names_a_mesh_whose_file_says_nothing(tmp_path: Path, given: str, file: str, label: str) -> None:
-    """The label is the file's name, or its folder's where that is `model` or the like, through the store too."""
+    """The label is the file's name, or its folder's where that is `model` or the like, through the store too; where
+    that is no word for a thing there is none."""
     (tmp_path / file).parent.mkdir(parents=True)
     (tmp_path / file).write_text(SQUARE + "f 1 2 3\n")
     store = Store(tmp_path / "store")

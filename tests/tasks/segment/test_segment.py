@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from dcap.geometry.segmentation.faces import FaceTable
 from dcap.language.offline.client import OfflineClient
+from dcap.language.offline.lexicon import names_thing
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.rectangle import min_area_box
@@ -324,6 +325,64 @@ def test_named_nodes_are_instances() -> None:
     nodes = {"Bed": meshes_of(BED)["mattress"], "Table.001": table, "Stool_A": table.transformed(far)}
     result = segment(named_scan(nodes, "flat"), SegmentConfig(), OfflineClient())
     assert [(one.id, one.label) for one in result.instances] == [("bed", "bed"), ("table", "table"), ("stool", "stool")]
+
+
+NAMES = """
+ottoman GEO_chair_02 Sofa.001 CoffeeTable_LOD0 SM_Bookshelf_A credenza kitchen_island nightstand-left pouf houseplant12
+!kuehlschrank !Object.17 !Mesh_0 !SpatialMapping_3 !3f2b8c1e-77aa-4b1d-9e0c-52f0a1d6c9e4 !default !bathroom_mesh
+!polySurface507 !scan_final_v2 !Cube.004 !livingroom !room !IMG_2034 !terrarium
+"""
+
+
+def test_names_with_a_word_for_a_thing_are_labels() -> None:
+    """Names of tools, devices and rooms are none (!), nor are words that nobody knows."""
+    wrong = [name for name in NAMES.split() if names_thing(name.removeprefix("!")) == name.startswith("!")]
+    assert not wrong
+
+
+def cut_into_blocks(mesh: Mesh, names: Sequence[str]) -> Scan:
+    """A scan whose faces belong to nodes of these names by where they are in plan, as devices store rooms."""
+    step = np.floor((mesh.triangles.mean(axis=1)[:, :2] - mesh.bounds[0, :2]) / 1.2).astype(int)
+    node = ((step[:, 0] + 7 * step[:, 1]) % len(names)).astype(np.int32)
+    return Scan(mesh, node, tuple(names), (), (), "", np.eye(4), "z", 1.0, "format", ())
+
+
+@pytest.mark.slow
+def test_the_blocks_of_a_device_are_one_scan() -> None:
+    """Whatever they are called, a room in blocks is taken apart as it is in one piece."""
+    whole = Mesh.concatenate(room()[0])
+    expected = segment(scan_of([whole]), SegmentConfig(), OfflineClient())
+    assert len(expected.instances) > 6
+    for names in (
+        [f"Object.{i}" for i in range(1, 10)], [f"SpatialMapping_{i}" for i in range(9)],
+        [f"{i:08x}-77aa-4b1d-9e0c-52f0a1d6c9e4" for i in range(9)], ["bathroom mesh"], ["default", "living room"],
+    ):  # fmt: skip
+        found = segment(cut_into_blocks(whole, names), SegmentConfig(), OfflineClient())
+        assert [one.label for one in found.instances] == [one.label for one in expected.instances], names
+        assert np.array_equal(found.face_instance, expected.face_instance)
+
+
+def test_a_word_that_nobody_knows_is_a_label_where_it_tells_things_apart() -> None:
+    """A terrarium beside a table is one; of two nodes that share such a word neither is."""
+    far = np.eye(4)
+    far[0, 3] = 3.0
+    table, stand = built(TABLE)[0], built(STOOL)[0].transformed(far)
+    far[1, 3] = 3.0
+    labels = [
+        [one.label for one in segment(named_scan(nodes, ""), SegmentConfig(), OfflineClient()).instances]
+        for nodes in (
+            {"Table": table, "terrarium": stand},
+            {"Table": table, "Chunk_1": stand, "Chunk_2": built(STOOL)[0].transformed(far)},
+        )
+    ]
+    assert labels == [["table", "terrarium"], ["table", "thing"]]
+
+
+def test_the_only_node_names_a_file_whose_name_says_nothing() -> None:
+    """A word for a thing does, another does not."""
+    for node, label in (("Table.001", "table"), ("polySurface507", "thing"), ("thumper", "thing")):
+        found = segment(named_scan({node: built(TABLE)[0]}, "scan"), SegmentConfig(), OfflineClient())
+        assert [one.label for one in found.instances] == [label]
 
 
 NODES = {"Mattress": "mattress", "Bed_Frame": "frame", "Headboard": "headboard", "Pillow.001": "pillow"}
