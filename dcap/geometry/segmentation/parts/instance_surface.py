@@ -129,11 +129,25 @@ def instance_surface(table: FaceTable, faces: NDArray[np.int64], box: OrientedBo
     area = table.area[faces]
     piece = merged_crumbs(renumbered(_pieces(table, faces, area)), area, pairs, smallest=1e-4)
     piece = _without_specks(piece, corners.mean(axis=1))
+    is_open, highest = _open_above(corners, area)
+    normal = table.normal[faces] @ box.axes
+    normal *= _outward(normal, table.component[faces], highest)[:, None]
     return InstanceSurface(
-        corners=corners, center=corners.mean(axis=1), normal=table.normal[faces] @ box.axes, area=area,
+        corners=corners, center=corners.mean(axis=1), normal=normal, area=area,
         lab=table.lab[faces], pairs=pairs, piece=piece, size=2.0 * box.half_extents, frame=box,
-        open_up=(table.normal[faces, 2] > UPWARD) & _open_above(corners, area),
+        open_up=(normal[:, 2] > UPWARD) & is_open,
     )  # fmt: skip
+
+
+def _outward(
+    normal: NDArray[np.float64], component: NDArray[np.int64], highest: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """-1 for faces of components that are wound inwards, else 1, shape (k,): from above one sees the upper sides of
+    level faces. Of a component without any the rest of the thing decides."""
+    level = highest[np.abs(normal[highest, 2]) > UPWARD]
+    number = renumbered(component)
+    vote = np.bincount(number[level], np.sign(normal[level, 2]), int(number.max(initial=-1)) + 1)
+    return np.where(vote == 0.0, vote.sum() < 0.0, vote < 0.0)[number] * -2.0 + 1.0
 
 
 def _pieces(table: FaceTable, faces: NDArray[np.int64], area: NDArray[np.float64]) -> NDArray[np.int64]:
@@ -159,8 +173,8 @@ def _without_specks(piece: NDArray[np.int64], center: NDArray[np.float64]) -> ND
     return renumbered(result)
 
 
-def _open_above(corners: NDArray[np.float64], area: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Faces most of which are the highest thing at their place, shape (k,).
+def _open_above(corners: NDArray[np.float64], area: NDArray[np.float64]) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
+    """Faces most of which are the highest thing at their place, shape (k,), and the highest face at each place.
 
     A height map: points on all faces, their highest per cell of a grid. A face is open if half its points come within
     a cell's width of the map.
@@ -170,7 +184,10 @@ def _open_above(corners: NDArray[np.float64], area: NDArray[np.float64]) -> NDAr
     points, owner = surface_points(corners, area, 0.5 * cell)
     column = np.floor((points[:, :2] - low[:2]) / cell).astype(np.int64)
     number = column[:, 0] * (MAP_CELLS + 2) + column[:, 1]
+    order = np.lexsort((points[:, 2], number))
+    last = order[np.append(number[order][1:] != number[order][:-1], True)] if len(order) else order
     highest = np.full((MAP_CELLS + 2) ** 2, -np.inf)
-    np.maximum.at(highest, number, points[:, 2])
+    highest[number[last]] = points[last, 2]
     is_open = points[:, 2] > highest[number] - cell
-    return np.asarray(np.bincount(owner, is_open, len(area)) >= 0.5 * np.bincount(owner, minlength=len(area)))
+    mostly = np.bincount(owner, is_open, len(area)) >= 0.5 * np.bincount(owner, minlength=len(area))
+    return np.asarray(mostly), np.asarray(owner[last])

@@ -129,6 +129,7 @@ def _sofa_faces(
     # Where back and arm meet, what is higher than the arms is back.
     arm_top = _arm_top(center, arm & ~rear, height)
     names[rear & (~arm | (center[:, 2] > arm_top))] = "back"
+    names[(names == "base") & (center[:, 2] > level + SEAT_BAND * height)] = "back"  # of a corner sofa's other wing
     return names
 
 

@@ -49,3 +49,16 @@ def test_a_cushion_that_is_most_of_the_seat_is_the_seat_alone() -> None:
     named = names == "seat cushion"
     assert abs(seat_area(surface, names) - 0.55**2) < 0.1 * 0.55**2
     assert surface.center[named, 2].min() > LEVEL - 0.01
+
+
+def test_both_wings_of_a_corner_sofa_have_a_back() -> None:
+    """What stands up beside the seat, 0.2 m over it, is back or arm, and never what the seat stands on."""
+    shape = joined([
+        block((-1.2, -0.4, 0.0), (1.2, 0.5, LEVEL)), block((-1.2, -1.3, 0.0), (-0.4, -0.4, LEVEL)),
+        block((-1.2, 0.3, LEVEL), (1.2, 0.5, 0.85)), block((-1.2, -1.3, LEVEL), (-1.0, 0.3, 0.85)),
+    ])  # fmt: skip
+    table = FaceTable.of(shape)
+    box = OrientedBox(np.array([0.0, -0.4, 0.425]), np.eye(3), np.array([1.2, 0.9, 0.425]))
+    surface = instance_surface(table, np.arange(len(table.area)), box)
+    names = sofa_parts(surface.with_pieces(np.zeros(len(table.area), dtype=np.int64))).names
+    assert set(names[surface.center[:, 2] > LEVEL + 0.1]) <= {"back", "arm"}
