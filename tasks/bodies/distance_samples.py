@@ -1,6 +1,6 @@
 """Signed distances as the drop reads them: sampled around a body, within a budget."""
 
-from math import inf
+from math import cbrt, inf
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,4 +22,5 @@ def distance_samples(
 def affordable_spacing(box: NDArray[np.float64], spacing: float, margin: float, most: float) -> float:
     """Distance of samples over a box (2, 3) and a margin [m] around it: `spacing` [m], or more where that would take
     more than `most` of them."""
-    return max(spacing, float(np.prod(np.ptp(box, axis=0) + 2.0 * margin) / most) ** (1.0 / 3.0))
+    volume = float(np.prod(np.ptp(box, axis=0) + 2.0 * margin))
+    return max(spacing, cbrt(volume / most))
