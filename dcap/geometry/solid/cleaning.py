@@ -165,7 +165,9 @@ def split_at_junctions(mesh: Mesh) -> tuple[Mesh, int]:
     if not gone:
         return mesh, 0
     kept = np.delete(mesh.faces, sorted(gone), axis=0)
-    return Mesh(mesh.vertices, np.concatenate([kept, np.array(faces, dtype=np.int32).reshape(-1, 3)]), mesh.colors), len(gone)
+    return Mesh(
+        mesh.vertices, np.concatenate([kept, np.array(faces, dtype=np.int32).reshape(-1, 3)]), mesh.colors
+    ), len(gone)
 
 
 def between(vertices: FloatArray, candidate: IntArray, a: FloatArray, b: FloatArray) -> IntArray:
