@@ -95,16 +95,17 @@ def cut_to(area: Region, one: RegionConstraint, bounds: Bounds) -> list[Region]:
 def from_things(area: Region, one: RegionConstraint, rings: Sequence[Array]) -> list[Region]:
     """An area at a least or largest distance from things, or at an exact distance from one of several."""
     assert one.metres is not None
-    nearest = max(one.metres - TOLERANCE, 0.0)
     if one.kind == "at_least":
-        return [with_exclusions(area, [grown(ring, nearest) for ring in rings])]
-    found = []
+        return [with_exclusions(area, [grown(ring, one.metres) for ring in rings])]
+    nearest, found = max(one.metres - TOLERANCE, 0.0), []
     for ring in rings:
         off = [grown(ring, nearest)] if one.kind == "exactly" and nearest > 0.0 else [ring]
         within = clipped(area.polygon, grown(ring, one.metres + TOLERANCE))
-        found.append(
-            with_exclusions(replace(area, polygon=within), [*off, *(other for other in rings if other is not ring)])
-        )
+        target, line = area.target, grown(ring, one.metres)
+        if one.kind == "exactly" or len(clipped(line, grown(target[None], SPOT))) < 3:
+            target = nearest_on(line, area)
+        cut = replace(area, polygon=within, target=target)
+        found.append(with_exclusions(cut, [*off, *(other for other in rings if other is not ring)]))
     return found
 
 
@@ -125,21 +126,33 @@ def from_edges(area: Region, one: RegionConstraint, bounds: Bounds) -> list[Regi
 
 
 def cut_to_band(area: Region, edges: Sequence[tuple[int, int]], one: RegionConstraint, bounds: Bounds) -> Region:
-    """The area in which the object's free gap to each of these edges is as requested."""
-    polygon, frame = area.polygon, bounds.frame
+    """The area in which the object's free gap to each of these edges is as requested; an exact one is aimed at."""
+    polygon, target, frame = area.polygon, area.target, bounds.frame
     for x, y in edges:
         axis, sign = (0, x) if x else (1, y)
         outward = sign * (frame.right, frame.front)[axis]
         half, reach = float(frame.half[axis]), float((bounds.footprint @ outward).max())
         metres = one.metres if one.metres is not None else min(AWAY_FROM_EDGE, 0.5 * max(half - reach, 0.0))
         at = frame.center + outward * (half - reach - metres)
+        missing = float((at - target) @ outward)
+        if one.kind == "exactly" or (one.kind == "at_most" and missing > 0.0):
+            target = target + outward * missing
         if one.kind != "at_most":
-            polygon = clipped_half_plane(polygon, at + TOLERANCE * outward, outward)
+            slack = TOLERANCE if one.kind == "exactly" else 0.0
+            polygon = clipped_half_plane(polygon, at + slack * outward, outward)
         if one.kind in ("exactly", "at_most") and len(polygon) >= 3:
             polygon = clipped_half_plane(polygon, at - TOLERANCE * outward, -outward)
         if len(polygon) < 3:
             break
-    return aimed_inside(replace(area, polygon=polygon))
+    return aimed_inside(replace(area, polygon=polygon, target=target))
+
+
+def nearest_on(ring: Array, area: Region) -> Array:
+    """The place on a ring (k, 2), inside an area where possible, that is nearest to its aim [m], shape (2,)."""
+    places = np.linspace(ring, np.roll(ring, -1, axis=0), 17)[:-1].reshape(-1, 2)
+    inside = [place for place in places if len(clipped(area.polygon, grown(place[None], SPOT))) >= 3]
+    places = np.array(inside) if inside else places
+    return np.asarray(places[np.linalg.norm(places - area.target, axis=1).argmin()])
 
 
 def with_aim(area: Region, kind: str, rings: Sequence[Array], bounds: Bounds) -> Region:

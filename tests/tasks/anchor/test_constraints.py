@@ -9,11 +9,10 @@ from dcap.geometry.placement.named_regions import ViewerFrame, edge_at
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.outcome import Infeasible, Reason
 from dcap.scene.types.segmentation import Segmentation
-from tasks.anchor.constraints import TOLERANCE
 
 OFFLINE = Stages()
-SLACK = TOLERANCE + 0.005
-"""A distance holds to its tolerance and to a grid of places 3 mm apart [m]."""
+SLACK = 0.005
+"""A distance holds to the grid of places, 3 mm apart [m]."""
 
 
 def plan(prompt: str, room: Segmentation = ROOM) -> tuple[str, np.ndarray, np.ndarray]:
