@@ -1,4 +1,4 @@
-"""What well-kept libraries get wrong for us, the reasons of decisions 023 and 111: where a test fails, one is mended.
+"""What well-kept libraries get wrong for us, the reasons of decision 023: where a test fails, one is mended.
 
 Each test shows the library's answer beside ours; the day that it fails, our own code of that kind may go.
 """
