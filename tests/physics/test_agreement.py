@@ -5,6 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from flows.methods import PAPER_STEP_SECONDS
+from solver.config import SolverConfig
+from solver.model.bodies import Model
+from solver.settle import settle
+from tasks.bodies.proof import proven
+
 H = 0.0125  # cell [m]
 RESOLVED = 0.05 * H  # what springs give way and cells differ by
 
@@ -59,3 +65,25 @@ def test_a_ball_on_a_slab(lab):
     ring &= slab.vertices[:, 2] > 0.1 - 1e-9
     around = [r.bodies[1].vertices[ring, 2].mean() for r in results]
     assert abs(around[0] - around[1]) < RESOLVED
+
+
+@pytest.mark.slow
+@pytest.mark.long
+@pytest.mark.parametrize("step", [{}, {"mls_step_seconds": PAPER_STEP_SECONDS}], ids=["mls", "paper"])
+def test_the_dent_of_a_ball_is_as_large_as_by_tl(lab, step):
+    """A steel ball of 3 kg on foam at the paper's least modulus: depth within 15 %, contact area within 25 %, and no
+    force farther than 1 mm from a surface."""
+    slab = lab.soft("slab", lab.Box(np.array([0.2, 0.2, 0.06])), [0, 0, -0.03], E=5e4, cell=H, fixed=True,
+                    held=np.s_[:, :, 0], loaded=True)  # fmt: skip
+    ball = lab.rigid("ball", lab.Capsule(0.05, 0.0), [0, 0, 0.0505], mass=3.0, rolling=1e-3, edge=0.004)
+    model = Model((ball, slab), np.array([0.0, 0.0, -9.81]))
+    depth, area = [], []
+    for config in (SolverConfig(threads=2), SolverConfig(threads=2, method="mls", **step)):
+        result = proven(model, settle(model, config))
+        assert result.verdict == "at_rest"
+        assert result.certificate.proof.gap_m.value < 1e-3
+        depth.append(-result.bodies[0].vertices[:, 2].min())
+        area.append(sum(row.area_m2 for row in result.contacts))
+    assert depth[0] > 2e-3
+    assert depth[1] == pytest.approx(depth[0], rel=0.15)
+    assert area[1] == pytest.approx(area[0], rel=0.25)
