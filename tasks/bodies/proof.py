@@ -33,8 +33,7 @@ COUNTED = 0.9
 """Share of the force between two bodies whose points are force-carrying [-]: where a rim bends a surface, its triangles
 are chords, some tenths of a millimetre beside it."""
 SIDE_SHARE = 0.03
-"""Largest distance between a triangle of a soft body and the curved surface that contact sees, over its side [-]: an
-eighth of the angle with the adjacent triangles, but no more at a sharp edge."""
+"""Largest distance between a triangle of a soft body and the curved surface that contact sees, over its side [-]."""
 STRAIN = 0.2
 """How far a place inside a soft body may have moved beside what its surface there did, over its depth [-]."""
 FARTHEST_M = 1e-3
@@ -153,8 +152,7 @@ def places(model: Model, surfaces: Sequence[Mesh], forces: PointForces, largest_
             at.start[row, mine] = started(body, surface, points, near)
             at.distance[mine] = np.maximum(at.distance[mine], near.distance)
             if isinstance(body, SoftBody):
-                chord = np.minimum(SIDE_SHARE, sides[index].bend[near.face] / 8.0) * near.side
-                at.allowed[mine] = np.maximum(at.allowed[mine], np.minimum(chord, FARTHEST_M))
+                at.allowed[mine] = np.maximum(at.allowed[mine], np.minimum(SIDE_SHARE * near.side, FARTHEST_M))
     return at
 
 

@@ -79,8 +79,6 @@ class Sides:
     """Unit normals, out of closed pieces, as wound elsewhere, shape (m, 3)."""
     known: NDArray[np.bool_]
     """Whether the outside is: by the volume that a closed piece encloses, shape (m,)."""
-    bend: Array
-    """Largest angle with the normal of an adjacent face [rad], shape (m,)."""
     corner: NDArray[np.int64]
     """Distinct corners, shape (m, 3)."""
 
@@ -96,19 +94,4 @@ def sides_of(start: Mesh, end: Mesh) -> Sides:
     normal = np.cross(b - a, c - a)
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
     corner = welded(start.vertices)[start.faces]
-    return Sides(np.where(turned[:, None], -normal, normal), known, bends(corner, normal), corner)
-
-
-def bends(corner: NDArray[np.int64], normal: Array) -> Array:
-    """The largest angle between each face's normal (m, 3) and that of a face with a common edge [rad], shape (m,);
-    faces by their distinct corners (m, 3)."""
-    edge = np.sort(np.stack([corner, np.roll(corner, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
-    face = np.repeat(np.arange(len(corner)), 3)
-    order = np.lexsort(edge.T)
-    same = (edge[order][1:] == edge[order][:-1]).all(axis=1)
-    one, other = face[order][:-1][same], face[order][1:][same]
-    cosine = np.clip(np.abs(np.einsum("ki,ki->k", normal[one], normal[other])), 0.0, 1.0)
-    angle = np.zeros(len(corner))
-    np.maximum.at(angle, one, np.arccos(cosine))
-    np.maximum.at(angle, other, np.arccos(cosine))
-    return angle
+    return Sides(np.where(turned[:, None], -normal, normal), known, corner)
