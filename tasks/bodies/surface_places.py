@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import nnls
 from scipy.sparse import csr_matrix
 
 from dcap.geometry.boundary import welded
@@ -53,9 +54,12 @@ def nearest(mesh: Mesh, points: Array) -> Nearest:
 
 
 def largest_push(sides: "Sides", near: Nearest, force: Array) -> Array:
-    """The largest part of forces (k, 3) along an inward normal of the faces that meet at the nearest places, shape
-    (k,): one face inside a triangle, all of them at an edge or a corner. Where the outside is not known, either
-    direction counts as inward."""
+    """The largest part of forces (k, 3) along an inward normal at the nearest places, shape (k,).
+
+    Inside a triangle there is one. At an edge or a corner any direction between the normals of the faces that meet is
+    one, so the part is the length of the force's projection onto their cone. Where the outside is not known, either
+    direction of a face counts as inward.
+    """
     corner = sides.corner
     count, faces = int(corner.max()) + 1, len(corner)
     around = csr_matrix((np.ones(3 * faces), (corner.ravel(), np.repeat(np.arange(faces), 3))), shape=(count, faces))
@@ -64,10 +68,17 @@ def largest_push(sides: "Sides", near: Nearest, force: Array) -> Array:
     corners = csr_matrix((np.ones(len(point)), (point, corner[near.face][on])), shape=(len(on), count))
     shared = (corners @ around).tocoo()
     meets = shared.data > on.sum(axis=1)[shared.row] - 0.5
-    point, face = shared.row[meets], shared.col[meets]
+    order = np.argsort(shared.row[meets], kind="stable")
+    point, face = shared.row[meets][order], shared.col[meets][order]
     along = -np.einsum("ki,ki->k", force[point], sides.normal[face])
+    inward = np.where((sides.known[face] | (along > 0.0))[:, None], -1.0, 1.0) * sides.normal[face]
+    along = np.where(sides.known[face], along, np.abs(along))
     push = np.full(len(on), -np.inf)
-    np.maximum.at(push, point, np.where(sides.known[face], along, np.abs(along)))
+    np.maximum.at(push, point, along)
+    first = np.searchsorted(point, np.arange(len(on) + 1))
+    for index in np.flatnonzero((np.diff(first) > 1) & (push > 0.0)):
+        normals = inward[first[index] : first[index + 1]]
+        push[index] = np.linalg.norm(normals.T @ nnls(normals.T, force[index])[0])
     return push
 
 

@@ -17,6 +17,7 @@ from solver.model.bodies import Body, Model, SoftBody
 from solver.settle import settle
 from tasks.bodies.overlap import overlap_row
 from tasks.bodies.proof import contact_proof, largest_gap, proven
+from tasks.bodies.surface_places import largest_push, nearest, sides_of
 
 Points = NDArray[np.float64]
 
@@ -345,3 +346,16 @@ def test_a_block_may_not_end_in_a_wall_that_it_does_not_push(lab, start: float, 
     assert proof.holds == holds
     if not holds:
         assert proof.overlap_m.value == pytest.approx(3e-3, rel=0.01)
+
+
+def test_a_tip_is_pushed_by_any_force_between_the_normals_of_its_faces() -> None:
+    """An octahedron on its tip: no face of it looks straight down, but a force that holds it up pushes in full."""
+    vertices = np.concatenate([np.eye(3), -np.eye(3)])
+    faces = np.array([[0, 1, 2], [1, 3, 2], [3, 4, 2], [4, 0, 2], [1, 0, 5], [3, 1, 5], [4, 3, 5], [0, 4, 5]], np.int32)
+    mesh = Mesh.of(vertices, faces)
+    force = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
+    near = nearest(mesh, np.tile([0.0, 0.0, -1.0], (3, 1)))
+    up, down, along = largest_push(sides_of(mesh, mesh), near, force)
+    assert up == pytest.approx(1.0)
+    assert down == pytest.approx(-1.0 / np.sqrt(3.0))
+    assert along == pytest.approx(np.sqrt(0.5))
