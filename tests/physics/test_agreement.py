@@ -81,6 +81,7 @@ def test_the_dent_of_a_ball_is_as_large_as_by_tl(lab, step):
     for config in (SolverConfig(threads=2), SolverConfig(threads=2, method="mls", **step)):
         result = proven(model, settle(model, config))
         assert result.verdict == "at_rest"
+        assert result.certificate.proof is not None
         assert result.certificate.proof.gap_m.value < 1e-3
         depth.append(-result.bodies[0].vertices[:, 2].min())
         area.append(sum(row.area_m2 for row in result.contacts))
