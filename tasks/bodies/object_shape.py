@@ -36,7 +36,7 @@ class ObjectShape:
     """At its pose before the drop."""
     report: RepairReport
     notes: tuple[str, ...] = ()
-    """What was done to close it, one sentence each."""
+    """Steps that closed it, one sentence each."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -69,7 +69,7 @@ def object_shape(item: Segmentation, intent: Intent, anchor: Anchor) -> ObjectSh
 
 
 def closed_holes(mesh: Mesh) -> tuple[str, ...]:
-    """What to say of the holes of a mesh whose faces are kept, which caps make a solid."""
+    """Sentence about the holes of a mesh whose faces are kept, which caps make a solid."""
     if is_closed(mesh):
         return ()
     size = float(np.ptp(mesh.bounds, axis=0).max())

@@ -43,7 +43,7 @@ class ThinProfile:
 
 
 class Limit(StrEnum):
-    """What keeps cells coarser than something thin needs."""
+    """Reason why cells are coarser than something thin needs."""
 
     BUDGET = "budget"
     """With more cells in all there would be enough."""
@@ -160,7 +160,7 @@ def interval_at(planes: Array, place: Array) -> Array:
 
 
 def limit_of(thickness: float, interval: float, least: float) -> Limit:
-    """What keeps something of a thickness from having enough cells, where they are `interval` long with any budget
+    """Reason why something of a thickness has too few cells, where they are `interval` long with any budget
     and may be no finer than `least` [m]."""
     if thickness >= NAMED * THROUGH * interval:
         return Limit.BUDGET

@@ -59,7 +59,7 @@ class BaseBodies:
     footprint: Footprint
     """The object's predicted contact with it."""
     column: tuple[ColumnLayer, ...]
-    """What lies under the predicted contact, from the top down; empty without a soft part."""
+    """Layers under the predicted contact, from the top down; empty without a soft part."""
 
     @property
     def bodies(self) -> list[SimulationBody]:

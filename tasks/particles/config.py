@@ -1,10 +1,10 @@
-"""What is simulated in the drop, and how finely."""
+"""Extent and resolution of the simulation."""
 
 from pydantic import BaseModel, NonNegativeFloat, PositiveFloat, PositiveInt
 
 
 class ParticlesConfig(BaseModel, frozen=True, extra="forbid"):
-    """What is simulated and how finely."""
+    """Extent and resolution of the simulation."""
 
     crop_margin: PositiveFloat = 0.75
     """The base is cut this far around the object, in units of its larger horizontal side [-]."""

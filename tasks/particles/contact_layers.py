@@ -1,4 +1,4 @@
-"""What the predicted contact presses on: the layers of the object above it and those of the base below it."""
+"""Layers at the predicted contact: those of the object above it and those of the base below it."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from tasks.particles.object_parts import part_at
 Array = NDArray[np.float64]
 
 RIGID: Layer = (np.inf, 0.0)
-"""What carries the base."""
+"""Support of the base."""
 
 
 def footprint_on(setup: DropSetup, base: list[Layer]) -> Footprint:

@@ -1,4 +1,4 @@
-"""What the drop is set up from: the inputs of stage 7 together, the region that takes part, the predicted contact."""
+"""Setup of the drop: the inputs of stage 7 together, the region that takes part, the predicted contact."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -66,7 +66,7 @@ class DropSetup:
     beside: "tuple[DropSetup, ...]" = ()
     """Of further things that lie on the base: their contact counts too, where its cells are chosen."""
     borne: float = 0.0
-    """What lies on the object [kg]."""
+    """Mass that lies on the object [kg]."""
     reach: Array | None = None
     """Where any of several free bodies may touch anything [m], shape (2, 3); None: where the object may."""
     torn: bool = False
@@ -103,7 +103,7 @@ class DropSetup:
         return np.asarray(faces[((corner.max(axis=1) >= low) & (corner.min(axis=1) <= high)).all(axis=1)])
 
     def beside_base(self, margin: float) -> list[Mesh]:
-        """What is not the base but at most `margin` [m] from its box in plan, thing by thing: the floor around a
+        """Things other than the base that are at most `margin` [m] from its box in plan: the floor around a
         rug."""
         faces = np.flatnonzero(self.scene.face_instance != self.base_index)
         corner, box = self.scene.mesh.corners(faces)[:, :, :2], self.base.box.corners[:, :2]
@@ -178,7 +178,7 @@ def lifted_out(mesh: Mesh, ended: EndPose, beneath: Raycaster) -> Mesh:
 
 
 def mended_here(surface: MendedSurface, mesh: Mesh) -> list[str]:
-    """What was mended of the base where it matters to the object `mesh`, in words; empty: nothing there."""
+    """Repairs of the base where they matter to the object `mesh`, in words; empty: none there."""
     notes: list[str] = []
     if holes := holes_under(surface, mesh):
         size = f"{1e2 * holes[0].sides[0]:.2g} x {1e2 * holes[0].sides[1]:.2g} cm under the object"

@@ -48,7 +48,7 @@ class BaseLayers:
     beneath: Mapping[int, Sequence[int]]
     """The covers under each cover, from the top down."""
     mesh: Mesh
-    """What is seen of them in the crop."""
+    """Their visible surfaces in the crop."""
     part: NDArray[np.int32]
     """Of each face, shape (m,)."""
     nearest: MeshDistance
@@ -139,7 +139,7 @@ class BaseLayers:
 
 
 def surface_of(mesh: Mesh, own: NDArray[np.bool_], out: NDArray[np.bool_]) -> MeshDistance:
-    """What is open of a part's own faces (m,), else all of them."""
+    """Open ones of a part's own faces (m,), otherwise all of them."""
     return MeshDistance(mesh.submesh(np.flatnonzero(own & out if (own & out).any() else own)))
 
 

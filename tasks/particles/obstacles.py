@@ -1,4 +1,4 @@
-"""What stands around the soft part of the base: its rigid parts and other things in reach, as fixed rigid bodies."""
+"""Obstacles around the soft part of the base: its rigid parts and other things in reach, as fixed rigid bodies."""
 
 from dataclasses import replace
 

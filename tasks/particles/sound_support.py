@@ -35,7 +35,7 @@ class SoundSupport:
     part: NDArray[np.int32]
     """The part that each belongs to, shape (m,)."""
     bottom: Array
-    """What each is solid down to [m], shape (m,)."""
+    """Height down to which each is solid [m], shape (m,)."""
 
 
 def sound_support(

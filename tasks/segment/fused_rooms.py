@@ -18,11 +18,11 @@ from dcap.language.offline.rough_shapes import Evidence, evidence
 from dcap.language.offline.shapes import colour_measures, labels, shapes
 
 PER_THING = 8.5
-"""What one thing more must explain [nats]: position and size, each to a few per cent of what a room allows."""
+"""Evidence that one more thing needs [nats]: position and size, each to a few per cent of what a room allows."""
 BURIED = 4.0
-"""What it speaks against a thing that something else grows out of all of its top [nats]: a board is no stool."""
+"""Evidence against a thing if another one grows out of all of its top [nats]: a board is no stool."""
 CUT = 0.4
-"""What a metre of surface must explain that goes on as another thing [nats/m]: things touch along short edges."""
+"""Evidence that a metre of surface needs to go on as another thing [nats/m]: things touch along short edges."""
 COMMON = {"dry": 1.0, "wet": 1.0 / 8.0}
 """How many bathrooms there are for every other room that is scanned [-]: an estimate."""
 
@@ -47,7 +47,7 @@ def likely_things(unions: Sequence[Union], rough: Sequence[RoughShape]) -> list[
 
 
 def room_labels(measures: Sequence[Mapping[str, float]], holders: Sequence[str]) -> tuple[str, ...]:
-    """What things of these measures, held by these, may be called: what stands in such a room."""
+    """Possible names of things with these measures and supports, in such a room."""
     room = max(COMMON, key=lambda room: explained(room, _worthy(evidence(measures, holders, room, ONLY_PARTS))))
     odd = {shape.label for shape in shapes() if shape.room not in ("", room)}
     return tuple(label for label in labels() if label not in odd)

@@ -36,7 +36,7 @@ FLAT = 0.06
 
 @dataclass(frozen=True, slots=True)
 class GivenGroups:
-    """What labels say of a scan."""
+    """Labels of a scan."""
 
     groups: list[Group]
     parts: dict[str, Parts]

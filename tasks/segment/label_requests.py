@@ -1,4 +1,4 @@
-"""What is asked about the things found in a room without annotations: one request per thing, carriers first."""
+"""Questions about the things found in a room without annotations: one request per thing, carriers first."""
 
 from collections.abc import Mapping, Sequence
 

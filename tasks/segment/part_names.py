@@ -1,4 +1,4 @@
-"""What the parts are called: geometry proposes, a client names.
+"""Names of parts: geometry proposes, a client names.
 
 In: a divided scene or object. Out: the same with the client's names; faces, boxes and the number of parts stay, so two
 parts that get one name remain two.

@@ -56,7 +56,7 @@ def floor_below(room: DecomposedRoom, number: int) -> float | None:
 
 
 def fused_labels(room: DecomposedRoom, traits: tuple[Traits, ...]) -> tuple[str, ...]:
-    """What may stand in a fused room: by all that is known of what looks like things there."""
+    """Things that may stand in a fused room, by everything known of the candidates there."""
     likely = [i for i, one in enumerate(room.fused) if one.likely]
     measures = [measures_of(label_request(i, traits, {}, (), labels())) for i in likely]
     return room_labels(measures, [traits[i].held_by for i in likely])
