@@ -1,1 +1,1 @@
-"""What a sentence means and which of the listed choices it picks: one seam, several clients, a lexicon in files."""
+"""Meaning of sentences and choices among what is listed: one seam, several clients, a lexicon in files."""

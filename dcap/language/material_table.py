@@ -166,7 +166,7 @@ def sources_of(text: str, where: str, sourced: Sequence[str] = SOURCED) -> dict[
 
 
 def words_of(row: Mapping[str, str]) -> set[str]:
-    """What a row is called: its id and its synonyms, lower case."""
+    """Names of a row: its id and its synonyms, lower case."""
     return {row["id"].replace("_", " "), *(word for word in row["synonyms"].lower().split("|") if word)}
 
 

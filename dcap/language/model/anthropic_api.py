@@ -127,13 +127,13 @@ def told_in_a_line(model: str, timeout: float | None = None) -> Iterator[None]:
 
 
 def no_access(error: Exception) -> RefusedError:
-    """What is said where the SDK finds no key, or cannot use what it found."""
+    """Error for an SDK that finds no key, or cannot use the one it found."""
     why = one_line(str(error)) if any(_access()[:2]) else "there is no key"
     return RefusedError(f"no access to Anthropic: {why}; set ANTHROPIC_API_KEY")
 
 
 def failed(model: str, status: int, said: str) -> LanguageError:
-    """What an HTTP status says of a call; RefusedError: nothing was done."""
+    """Error of a call by its HTTP status; RefusedError: nothing was done."""
     refused = 400 <= status < 500 and status not in PASSING
     return (RefusedError if refused else LanguageError)(f"{model} answered HTTP {status}: {said}")
 
@@ -145,7 +145,7 @@ def unanswered(model: str, timeout: float | None) -> LanguageError:
 
 
 def unreachable(model: str, error: Exception, variable: str) -> LanguageError:
-    """What is said where no try reached the server, whose address a variable of the environment may name."""
+    """Error of a call that never reached the server, whose address a variable of the environment may name."""
     given = os.environ.get(variable, "")
     address = f"{redacted_url(given)} ({variable})" if given else f"the usual address ({variable} names another)"
     return LanguageError(f"{model} cannot be reached at {address}: {one_line(str(error))}")
@@ -164,7 +164,7 @@ def one_line(text: str) -> str:
 
 
 def _access() -> tuple[str, ...]:
-    """What decides the connection: tests and long processes may change it."""
+    """Environment values that decide the connection: tests and long processes may change them."""
     names = ("ANTHROPIC_API_KEY", "ANTHROPIC_AUTH_TOKEN", "ANTHROPIC_BASE_URL")
     return tuple(os.environ.get(name, "") for name in names)
 

@@ -34,7 +34,7 @@ ASK_AGAIN_S = 20.0
 MOST_BYTES = 100_000_000
 """Largest batch; the API takes 256 MB."""
 OPEN = "batches"
-"""Folder of the open batches, beside the kept replies."""
+"""Folder of the open batches, next to the kept replies."""
 CLOSED = "closed"
 """File by which a queue says that it answers no more."""
 
@@ -230,7 +230,7 @@ class BatchQueue:
         )
 
     def give_up(self, questions: Mapping[str, Any], error: DcapError, *, own: bool) -> None:
-        """What a batch of ours did not answer fails; what one of a run that is gone did not is asked anew."""
+        """Fail the questions that a batch of ours left open; those that a run that is gone left open are asked anew."""
         if not own:
             return
         for question in questions.values():

@@ -188,7 +188,7 @@ def turn_of(message: Message) -> list[dict[str, Any]]:
 
 
 def text_of(message: Message) -> str:
-    """What the model says, without what it thinks."""
+    """Text of a model's message, without its thinking."""
     return "".join(block.get("text", "") for block in message.get("content", []) if block.get("type") == "text")
 
 
@@ -201,7 +201,7 @@ def json_of(text: str) -> Any:
 
 
 def reason_of(error: ValueError) -> str:
-    """What is wrong, in one line."""
+    """Reason of an error, in one line."""
     if isinstance(error, ValidationError):
         first = error.errors()[0]
         return f"{'.'.join(str(part) for part in first['loc']) or 'answer'}: {first['msg']}"

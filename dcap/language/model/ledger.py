@@ -1,4 +1,4 @@
-"""What a run asks and spends: a line of JSON per reply, and a budget that nothing is asked beyond.
+"""Requests and spending of a run: a line of JSON per reply, and a budget beyond which nothing is asked.
 
 Before a question is asked, the most that it can cost is set aside; if that does not fit into what is left,
 BudgetError. When the reply is there, the line of its true cost takes its place. A call that is lost on the way stays
@@ -31,7 +31,7 @@ BATCH_FACTOR = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Price:
-    """What a model costs [USD per million tokens]."""
+    """Prices of a model [USD per million tokens]."""
 
     input: float
     output: float
@@ -57,7 +57,7 @@ class Usage:
         return cls(*(int(told.get(name) or 0) for name in names))
 
     def cost(self, price: Price) -> float:
-        """What they cost [USD]."""
+        """Cost of the tokens [USD]."""
         spent = self.input_tokens * price.input + self.output_tokens * price.output
         cached = self.cache_write_tokens * price.cache_write + self.cache_read_tokens * price.cache_read
         return (spent + cached) / MILLION
@@ -110,7 +110,7 @@ class ReleaseLine:
     settles: str
     """Name of its reservation."""
     usd: float
-    """What it cost: nothing [USD]."""
+    """Its cost: nothing [USD]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,7 +130,7 @@ class ReplyLine:
     cache_write_tokens: int
     cache_read_tokens: int
     usd: float | None
-    """What it cost [USD]; None where the model's price is not known."""
+    """Its cost [USD]; None where the model's price is not known."""
     digest: str = ""
     """Of what was asked, under which the reply is kept; empty in ledgers of earlier versions."""
 
@@ -141,7 +141,7 @@ LedgerLine: TypeAlias = ReservationLine | ReleaseLine | ReplyLine
 
 @dataclass(frozen=True, slots=True)
 class Spending:
-    """What a run has taken in all; tokens and cost are those of the replies that were not kept from before."""
+    """Totals of a run; tokens and cost are those of the replies that were not kept from before."""
 
     models: tuple[str, ...]
     """Names, in alphabetical order."""
@@ -235,7 +235,7 @@ def spending_of(path: Path) -> Spending:
 
 
 def total_cost(replies: Sequence[ReplyLine]) -> float | None:
-    """What replies cost [USD]; None where a model's price is not known."""
+    """Cost of replies [USD]; None where a model's price is not known."""
     known = [one.usd for one in replies if one.usd is not None]
     return round(sum(known, 0.0), 6) if len(known) == len(replies) else None
 

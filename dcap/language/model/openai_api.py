@@ -1,8 +1,8 @@
 """OpenAI's chat completions through the official SDK, for any server that speaks them: a local vLLM or Ollama too.
 
 An extra: `pip install 'dcap[openai]'`. The key comes from the environment only (OPENAI_API_KEY; a server of one's own,
-OPENAI_BASE_URL, may need none). A completion is kept as it came, beside the form of the Messages API in which the rest
-of this package reads replies, so that ledger, kept replies and recordings are the same for both. A rate limit, an
+OPENAI_BASE_URL, may need none). A completion is kept as it came, along with the form of the Messages API in which the
+rest of this package reads replies, so that ledger, kept replies and recordings are the same for both. A rate limit, an
 overload or a lost connection is tried again by the SDK.
 """
 

@@ -159,7 +159,7 @@ def strict_schema(tree: Mapping[str, Any], definitions: Mapping[str, Any]) -> di
 
 
 def items_of(array: Mapping[str, Any]) -> Mapping[str, Any]:
-    """What the entries of an array are; those of a fixed tuple must all be the same."""
+    """Schema of the entries of an array; those of a fixed tuple must all be the same."""
     prefix = array.get("prefixItems")
     if prefix is None:
         items: Mapping[str, Any] = array["items"]

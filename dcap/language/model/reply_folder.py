@@ -90,7 +90,7 @@ class ReplyFolder:
 
 
 def write_whole(path: Path, tree: Mapping[str, object]) -> None:
-    """Write a JSON file beside its place, then rename it."""
+    """Write a JSON file next to its place, then rename it."""
     path.parent.mkdir(parents=True, exist_ok=True)
     draft = path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}")
     draft.write_text(json.dumps(tree, indent=1, ensure_ascii=False, sort_keys=True) + "\n", encoding="utf-8")

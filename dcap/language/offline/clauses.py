@@ -32,7 +32,7 @@ def check(prompt: str, clauses: list[Clause]) -> None:
 
 
 def themes(clauses: list[Clause]) -> list[Noun]:
-    """What is moved, clause by clause."""
+    """Nouns of the things that are moved, clause by clause."""
     nouns = [clause.theme for clause in clauses if clause.kind != "other"]
     known = any(noun is not None and not noun.is_unknown and noun.pronoun != "it" for noun in nouns)
     return [noun for noun in nouns if noun is not None and noun.pronoun != "it" and not (known and noun.is_unknown)]

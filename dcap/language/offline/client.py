@@ -162,7 +162,7 @@ def holodeck(request: RelationsRequest) -> RelationsReply:
 
 
 def understood(request: LayoutRequest | RelationsRequest) -> IntentReply:
-    """What our own method's intent would be."""
+    """Intent that our own method would read from the prompt."""
     return intent(IntentRequest(request.prompt, request.item, request.instances, request.room_center))
 
 

@@ -45,11 +45,11 @@ from dcap.language.protocol.requests import (
 )
 
 NEAR, NEXT_TO, TOUCHING, OFF = 0.2, 0.1, 0.02, 0.02
-"""What near, next to, against and not on mean [m]."""
+"""Distances that near, next to, against and not on mean [m]."""
 AT_EDGE = 0.05
-"""What is at an edge is this near to it [m]."""
+"""Distance from an edge within which a thing is at it [m]."""
 AWAY, FARTHEST = 0.5, 3.0
-"""What away from and as far as possible from mean [m]."""
+"""Distances that away from and as far as possible from mean [m]."""
 HALF, END, MIDDLE = 0.5, 0.75, 0.45
 """How far from the opposite side what is in a half or at an end is, as shares of the extent [-]: the areas that the
 placement by drop means by the same words. And from all sides what is in the middle: farther than it can be, so that it
@@ -66,14 +66,14 @@ MARGIN_STEP = 0.02
 WORSE, MUCH_WORSE = 2.0, 0.05
 """Placements with more than so many times the least loss, and so much beyond it, are pruned [-]."""
 MOST_OVERHANG = 0.3
-"""What reaches farther over the rim is about to fall [-]."""
+"""Share over the rim beyond which an object is about to fall [-]."""
 
 Fields = dict[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
 class Support:
-    """What a sentence puts the object on."""
+    """Support that a sentence puts the object on."""
 
     base: InstanceView
     part: PartView
@@ -260,7 +260,7 @@ def side_towards(request: OutlinesRequest, support: Support, reference: str) -> 
 
 
 def direction_outlines(request: OutlinesRequest, support: Support, pose: PoseView, facing: str) -> list[Fields]:
-    """What its front looks at; where nothing is said, how such a thing is usually turned."""
+    """Outlines of what its front looks at; where nothing is said, of how such a thing is usually turned."""
     if facing:
         away = facing.startswith("away:")
         own = "back" if away else "front"
@@ -293,7 +293,7 @@ def across(support: Support, pose: PoseView) -> list[Fields]:
 
 
 def faced(request: OutlinesRequest, support: Support, name: str) -> Fields | None:
-    """What is looked at: a thing, a part, the nearest wall or door, the room."""
+    """Target that is looked at: a thing, a part, the nearest wall or door, the room."""
     if name.startswith("part:") or any(one.id == name for one in request.instances):
         return whole(support, name)
     word = "floor" if name == "room" else name

@@ -42,17 +42,17 @@ COLOURS: dict[str, tuple[float, float, float]] = {
 SHADE = 0.1
 """Difference of two distances from a colour word's value that tells things apart by their colour [sRGB]."""
 HAND = 0.3
-"""A distance that still counts as beside [m]: at it a thing is half as likely to be meant as one that touches."""
+"""A distance that still counts as "next to" [m]: at it a thing is half as likely to be meant as one that touches."""
 SAME_SIZE = 1.05
 """Things whose sizes differ by less than this factor are equally large [-]."""
 SAME_PLACE = 0.05
 """Distances and heights that differ by less than this are alike [m]."""
 SIZES = frozenset({"largest", "smallest", "tallest", "shortest", "widest", "narrowest"})
-"""What words of size ask for, be they compared or not."""
+"""Sizes that words ask for, be they compared or not."""
 POSITIVE = frozenset({"big", "large", "small", "little", "tiny", "tall", "low", "high"})
 """Those that compare with nothing."""
 NAMELESS = "thing"
-"""The label of what neither the source nor its shape names."""
+"""Label of a thing that neither the source nor its shape names."""
 NEAREST = 3
 """So many things are told of those that are too unlikely to be meant [-]."""
 SIDED_RELATIONS = frozenset({"left_of", "right_of", "front_of", "behind"})
@@ -103,7 +103,7 @@ def near_miss(noun: Noun, instances: Sequence[InstanceView]) -> str:
 
 
 def unlikely(noun: Noun, instances: Sequence[InstanceView]) -> Found:
-    """What comes nearest to a noun that names nothing here, by what things may be: not likely enough to be taken."""
+    """Instances nearest to a noun that names nothing here, by what things may be: not likely enough to be taken."""
     scored = [(likelihood(noun, i), i) for i in instances]
     left = sorted((one for one in scored if one[0] > 0.0), key=lambda one: (-one[0], one[1].id))[:NEAREST]
     return Found(tuple(i for _, i in left), tuple(round(score, 6) for score, _ in left))
@@ -137,7 +137,7 @@ def candidates(noun: Noun, instances: Sequence[InstanceView]) -> tuple[InstanceV
 
 
 def describes(noun: Noun) -> bool:
-    """Whether its size is that of one thing, as of "the little table", not beside another's: "the smaller table"."""
+    """Whether its size is absolute, as in "the little table", and not relative, as in "the smaller table"."""
     return SIZES.issuperset(noun.sides) and not POSITIVE.isdisjoint(label_words(noun.text))
 
 
@@ -237,7 +237,7 @@ def guessed_side(
 
 
 def viewer_of(thing: InstanceView, room_center: Sequence[float]) -> Vector:
-    """Unit vector towards who looks at a thing, as for places beside it, shape (2,)."""
+    """Unit vector towards who looks at a thing, as for places next to it, shape (2,)."""
     half = 0.5 * np.subtract(thing.high, thing.low)
     box = OrientedBox(np.array(thing.center, dtype=float), np.eye(3), half)
     front = None if thing.front is None or thing.structure else np.array(thing.front)
@@ -250,7 +250,7 @@ def nearest_of(thing: InstanceView, others: Sequence[InstanceView]) -> InstanceV
 
 
 def of_colour(found: Sequence[InstanceView], colour: str) -> list[float]:
-    """How well each fits a colour word beside the one that fits best, 0..1."""
+    """How well each fits a colour word compared with the one that fits best, 0..1."""
     away = [colour_distance(i, colour) for i in found]
     return [float(np.exp(-0.5 * ((one - min(away)) / SHADE) ** 2)) for one in away]
 
@@ -302,7 +302,7 @@ def by_load(found: Sequence[InstanceView], place: Place, others: Sequence[Instan
 def by_place(
     found: Sequence[InstanceView], relation: str, others: Sequence[InstanceView], room_center: Sequence[float]
 ) -> list[float] | None:
-    """How well each is beside, far from, on one side of or under the nearest of other things; None if none is."""
+    """How well each is next to, far from, on one side of or under the nearest of other things; None if none is."""
     gaps = [min(gap(i, o) for o in others) for i in found]
     if relation in ("away", "farthest", "opposite"):
         return [float(one > max(gaps) - SAME_PLACE) for one in gaps]
@@ -386,7 +386,7 @@ def gap(a: InstanceView, b: InstanceView) -> float:
 
 
 def carrier(thing: InstanceView, instances: Sequence[InstanceView]) -> InstanceView | None:
-    """What a thing stands on: the highest instance below its middle; the floor as the last resort."""
+    """Instance that a thing stands on: the highest instance below its middle; the floor as the last resort."""
     below = [i for i in instances if i.id != thing.id and stands_on(thing, i)]
     below.sort(key=lambda i: (i.structure, -i.high[2], i.id))
     return next(iter(below), None) or floor_of(instances)
@@ -406,6 +406,6 @@ def floor_of(instances: Sequence[InstanceView]) -> InstanceView | None:
 
 
 def inventory(instances: Sequence[InstanceView]) -> str:
-    """What there is, in words, for a person."""
+    """Labels of the things in a scene, in words, for a person."""
     labels = sorted({i.label for i in instances if not (i.structure and label_thing(i) in ("wall", "ceiling"))})
     return ", ".join(labels) or "nothing"

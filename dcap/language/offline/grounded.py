@@ -1,4 +1,4 @@
-"""What a sentence asks for in a given scene, while it is worked out: filled by `target`, `where` and `limits`."""
+"""Target of a sentence in a given scene, while it is worked out: filled by `target`, `where` and `limits`."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -12,7 +12,7 @@ from dcap.language.protocol.requests import InstanceView
 
 @dataclass(slots=True)
 class Target:
-    """What was found."""
+    """Base, regions, references and constraints found so far."""
 
     base: InstanceView | None = None
     missing: str = ""
@@ -28,9 +28,9 @@ class Target:
     used: list[Place] = field(default_factory=list)
     """Places that chose the base and say nothing more."""
     candidates: tuple[Candidate, ...] = ()
-    """What the base's noun may mean, the base first."""
+    """Candidates for the base's noun, the base first."""
     reference_candidates: tuple[Candidate, ...] = ()
-    """What a reference may mean, if that is open."""
+    """Candidates for a reference, if that is open."""
     constraints: list[Constraint] = field(default_factory=list)
     lean_on: str = ""
 
@@ -44,11 +44,11 @@ class Target:
 
 
 def as_candidates(found: Found) -> tuple[Candidate, ...]:
-    """What a noun may mean, as the reply has it; what is not likely at all is left out."""
+    """Candidates for a noun, as the reply lists them; instances that are not likely at all are left out."""
     pairs = zip(found.instances, found.scores, strict=True)
     return tuple(Candidate(id=one.id, likelihood=score) for one, score in pairs if score > 0.0)
 
 
 def is_any(instance: InstanceView) -> bool:
-    """Whether one of it is as good as another: walls, beside or against any of which a thing may be."""
+    """Whether one of it is as good as another: walls, next to or against any of which a thing may be."""
     return instance.structure and label_thing(instance) in ("wall", "floor", "ceiling")

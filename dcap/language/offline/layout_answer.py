@@ -21,11 +21,11 @@ from dcap.language.protocol.requests import AnchorRequest, InstanceView, PartVie
 
 Array = NDArray[np.float64]
 TOUCHES = 0.02
-"""What rises less above the support is not in the way [m]."""
+"""Things that rise less above the support are not in the way [m]."""
 WIDE = 1.2
 """Things longer than this are faced at their nearest point, smaller ones at their middle [m]."""
 COVER, WELL_COVERED = 0.1, 0.25
-"""What rises less above the support [m] and covers more of it [-] is a cover, on which things stand too."""
+"""Things that rise less above the support [m] and cover more of it [-] are covers, on which things stand too."""
 RIM = "rim"
 """The part that is a ring."""
 VESSEL = 0.15
@@ -137,7 +137,7 @@ def middle_of(request: LayoutRequest, meant: IntentReply, reference: str) -> Arr
 def in_the_way(
     request: LayoutRequest, meant: IntentReply, support: PlanRectangle, height: float
 ) -> list[PlanRectangle]:
-    """What stands where a box of that height on the support would be: other things, the base's other parts, and what
+    """Obstacles to a box of that height on the support: other things, the base's other parts, and what
     the sentence excludes."""
     lines = rectangles(request)
     owners = {one.thing for one in lines if one.part >= 0}

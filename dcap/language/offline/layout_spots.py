@@ -1,5 +1,5 @@
-"""Where on a rectangle a sentence wants a box: the middle, a side, an edge, beside another thing; then the nearest free
-spot.
+"""Where on a rectangle a sentence wants a box: the middle, a side, an edge, next to another thing; then the nearest
+free spot.
 
 In: what was read of the sentence and the rectangles of a layout. Out: the middle of the box, seen from above. Sides are
 those of who looks at the front.
@@ -21,7 +21,7 @@ QUARTER, THIRD = 0.5, 0.65
 BRINK = 0.02
 """Rim left free at an edge [m]."""
 BESIDE = 0.05
-"""Gap left to what a thing is put beside [m]."""
+"""Gap to the thing next to which a new one is put [m]."""
 RINGS, TURNS = 12, 16
 """Spots tried around the wanted one: so many distances, and directions at each."""
 AS_FREE = 1e-4
@@ -43,7 +43,7 @@ def wanted_spot(
         names: region names.
         references: what "near", "between" ... refer to.
         half: half extents of the box along the base's right and front [m], shape (2,).
-        view: whose left and front are meant beside a reference; the base's unless given.
+        view: whose left and front are meant next to a reference; the base's unless given.
         taken: what is in the way there.
     """
     sides = [SIDES[name] for name in names if name in SIDES]

@@ -1,8 +1,8 @@
-"""The words that the offline reader knows: things with sizes and masses, parts, and phrases, from CSV files beside it.
+"""The words that the offline reader knows: things with sizes and masses, parts, and phrases, from CSV files next to it.
 
 In: `lexicon/*.csv`. Out: frozen rows, and one vocabulary that maps word sequences to what they may mean. Every word
 that means something to the grammar stands in those files; its code knows kinds of words. Where one word needs a rule of
-its own (a container's opening, the sRGB value of a colour), the table stands beside that rule.
+its own (a container's opening, the sRGB value of a colour), the table stands next to that rule.
 """
 
 import csv
@@ -212,7 +212,7 @@ def split_words(text: str) -> list[str]:
 
 @cache
 def vocabulary() -> Mapping[Words, frozenset[Meaning]]:
-    """What every known phrase may mean."""
+    """Possible meanings of every known phrase."""
     found: dict[Words, set[Meaning]] = {}
 
     def add(text: str, kind: str, value: str, *, is_plural: bool = False) -> None:

@@ -45,7 +45,7 @@ KIND_BY_SHAPE, KIN_BY_SHAPE = 0.6, 0.3
 LEAST_SPREAD = 1.2
 """Sizes of things that are all of one size differ by so much in a scan [-]."""
 SIZE_ALONE = 0.1
-"""What shapes know nothing of, by its size: no answer, but worth telling [-]."""
+"""Factor for a noun whose thing has no known shape, by size: no answer, but worth telling [-]."""
 ONE_SPREAD = math.exp(-0.5)
 """Factor of a size that is one standard deviation off [-]."""
 PIECE = 0.3
@@ -59,9 +59,9 @@ UNSAID = 0.45
 CONTRADICTED = 0.1
 """Factor where the label's words exclude one: "single", where the label says "double" [-]."""
 LEAST = 0.15
-"""What is less likely is not meant; it is what "did you mean" asks [-]."""
+"""Least likelihood of a thing that is meant; "did you mean" asks about less likely ones [-]."""
 PLAUSIBLE = 0.5
-"""What has at least this share of the best one's likelihood may be meant as well [-]."""
+"""Things with at least this share of the best one's likelihood may be meant as well [-]."""
 FURNITURE = "furniture"
 NO_KIND = frozenset({"", FURNITURE, "structure"})
 """Parents that hold things together that nobody would take for each other."""
@@ -120,7 +120,7 @@ def coarse() -> Mapping[tuple[str, ...], tuple[str, ...]]:
 
 
 def possible_labels(instance: InstanceView) -> tuple[tuple[str, float], ...]:
-    """What an instance may be; its label counts where its parts gave it, none of which is the whole."""
+    """Labels that an instance may have, with probabilities; its own counts where parts gave it, none the whole."""
     guessed = instance.guesses
     if instance.label in [label for label, _ in guessed] or not label_thing(instance):
         return guessed
@@ -170,7 +170,7 @@ def usual_shape(thing: str, size: Sequence[float]) -> float:
 
 @cache
 def shapes_of(thing: str) -> tuple[ShapePrior, ...]:
-    """What is usual for the shape of a thing, nothing where that is not known."""
+    """Usual shapes of a thing, nothing where none is known."""
     return tuple(one for one in shapes() if (named := thing_of(one.label)) and named.id == thing)
 
 

@@ -1,4 +1,4 @@
-"""What a place must keep to beside its region: excluded places, distances, and what the object leans on.
+"""Constraints on a place in addition to its region: excluded places, distances, and what the object leans on.
 
 In: a target whose base is found, and a place of the sentence. Out: the target with constraints in the words of the
 reply, or with the place among what was not understood.
@@ -23,7 +23,7 @@ PART_SIDES_OF = {**{side: side for side in PART_SIDES}, "1": "bottom", "last": "
                  "1 from top": "top", "shortest": "bottom", "tallest": "top"}  # fmt: skip
 """Which of several parts of one name a side means."""
 LEANED_PARTS = ("back", "headboard", "side")
-"""What one leans on that stands on something that has it: the sofa's back."""
+"""Parts that a thing leans on when it stands on something that has them: the sofa's back."""
 
 
 def limit(target: Target, place: Place, request: IntentRequest) -> None:
@@ -127,7 +127,7 @@ def keep(
 
 
 def lean(target: Target, place: Place, request: IntentRequest) -> None:
-    """What the object leans on: a part of the base, or a thing or wall beside it."""
+    """Set the support that the object leans on: a part of the base, or a thing or wall next to it."""
     assert target.base is not None
     noun = place.nouns[0]
     part = part_of(noun, target.base)

@@ -1,4 +1,4 @@
-"""What a word for a material says about the parts of a thing: "leather sofa", "glass table", "mug made of steel".
+"""Materials of the parts of a thing, by a word of its name: "leather sofa", "glass table", "mug made of steel".
 
 In: words of a label or a prompt. Out: the row of the library that a part is made of then, or nothing: a glass table
 has a top of glass and legs of something else, a leather sofa has cushions of leather over foam. Which words belong to
@@ -124,7 +124,7 @@ def without_id(words: Sequence[str], whole: str) -> list[str]:
 
 
 def said_of_thing(prompt: str, whole: str, *, last: bool) -> list[str]:
-    """What the prompt says before and after its word for a thing; the last word if it stands there twice and `last`."""
+    """Words before and after the prompt's word for a thing; around the last one if it stands there twice and `last`."""
     tokens = tokens_of(prompt)
     there = [i for i, t in enumerate(tokens) if any(in_line(v, whole) for v in t.values("thing"))]
     # an adjective may be a thing as well, "glass table": the noun is the one that no other noun follows
@@ -133,7 +133,7 @@ def said_of_thing(prompt: str, whole: str, *, last: bool) -> list[str]:
 
 
 def said_of_part(prompt: str, part: str) -> list[str]:
-    """What the prompt says before its word for a part."""
+    """Words before the prompt's word for a part."""
     tokens = tokens_of(prompt)
     return next((around(tokens, i, part) for i, t in enumerate(tokens) if part in parts_begun_by(t)), [])
 

@@ -34,7 +34,7 @@ VAGUE_PARTS = frozenset({"body", "base", "head", "handle", "top", "side"})
 
 @dataclass(frozen=True, slots=True)
 class UsualMaterial:
-    """What parts of a thing are mostly made of."""
+    """Material that parts of a thing are mostly made of."""
 
     thing: str
     """Empty: the fallback."""

@@ -21,7 +21,7 @@ AMBIGUOUS = frozenset({"foot", "feet"})
 DIRECTION = re.compile(
     r"\s*,?\s*(?:away|from|off|of|to\s+the|left|right|in\s+front|in\s+from|inside|behind|above|below|clear|apart|inwards?)\b"
 )
-"""What follows a length."""
+"""Words that follow a length."""
 PARTS_OF_ONE = {"half": 0.5, "quarter": 0.25, "third": 1.0 / 3.0}
 MULTIPLES_OF = {"halves": 0.5, "quarters": 0.25, "thirds": 1.0 / 3.0}
 MULTIPLIER = 100.0

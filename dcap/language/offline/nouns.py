@@ -46,7 +46,7 @@ class Noun:
     """The whole of "part of whole"."""
     plural: bool = False
     toward: "Noun | None" = None
-    """What it looks at: "the edge facing the sofa"."""
+    """Thing that it looks at: "the edge facing the sofa"."""
     encloses: bool = False
     """One goes into it rather than onto it: a drawer, a basket."""
     id: str = ""
@@ -180,7 +180,7 @@ def id_of(words: list[Token]) -> str:
 
 
 def name_of(words: list[Token]) -> str:
-    """What the words say apart from article, sides and colour; the last one counts as the head."""
+    """Name in the words: all but article, sides, colour and number; the last one counts as the head."""
     kept = [t for t in words[:-1] if not t.has("det", "side", "colour", "number", "both")]
     return " ".join(t.text for t in (*kept, *words[-1:]))
 

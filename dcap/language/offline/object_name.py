@@ -1,4 +1,4 @@
-"""What the object is called where a model is asked about it: by a person, by its file or folder, or by the sentence.
+"""Name of the object where a model is asked about it: by a person, by its file or folder, or by the sentence.
 
 In: what is known of its name. Out: words, never the hash, id or number that a data set may have for a file name.
 """
@@ -19,7 +19,7 @@ def object_name(path: Path, prompt: str, given: str = "") -> str:
 
 
 def noun_of_sentence(prompt: str) -> str:
-    """What the sentence calls the thing that is placed; empty where it is a pronoun, or the sentence is not read."""
+    """Name that the sentence has for the placed thing; empty where it is a pronoun, or the sentence is not read."""
     try:
         theme = read(prompt).theme
     except LanguageError:

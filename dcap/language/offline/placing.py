@@ -1,4 +1,4 @@
-"""What a sentence asks for, before any scene is looked at: an object, a relation, and what it is a relation to.
+"""Placement that a sentence asks for, before any scene is looked at: an object, a relation and its reference.
 
 In: a `Reading`. Out: a `Placing`, with the one place among the reading's that names the support; the grounding in a
 scene starts from the same place.
@@ -33,7 +33,7 @@ class Placing:
     """An object in a relation to a reference."""
 
     object: Noun | None
-    """What is moved; None if the sentence says only "it"."""
+    """Thing that is moved; None if the sentence says only "it"."""
     relation: str
     """on, in, at, under, next_to, near, nearest, distance, against, between, left_of, right_of, front_of or behind."""
     reference: Noun
@@ -44,7 +44,7 @@ class Placing:
 
 
 def placing_of(reading: Reading) -> Placing:
-    """The placement that a sentence asks for; LanguageError if it names nothing to put the object on or beside."""
+    """The placement that a sentence asks for; LanguageError if it names nothing to put the object on or next to."""
     place = support_place(reading) or neighbour_place(reading)
     if place is None:
         said = ", ".join(repr(place.text) for place in reading.places) or "it"
@@ -59,7 +59,7 @@ def support_place(reading: Reading) -> Place | None:
 
 
 def neighbour_place(reading: Reading) -> Place | None:
-    """Where no support is named: the first place beside, between or under something."""
+    """Where no support is named: the first place next to, between or under something."""
     beside = (place for place in reading.places if place.relation in BESIDE and not place.excluded)
     return next((place for place in beside if not place.restrict and names_thing(whole(place))), None)
 

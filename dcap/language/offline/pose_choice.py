@@ -50,7 +50,7 @@ def chosen_pose(request: RotationRequest, thing: Thing | None) -> tuple[PoseView
 
 
 def meant(request: RotationRequest, thing: Thing | None, default: PoseView) -> str:
-    """What the words come to for such a thing: a pose among those of the reply apart from upright."""
+    """Pose that the words mean for such a thing: one among those of the reply apart from upright."""
     wanted, rest = request.pose, thing.rest if thing else "upright"
     if wanted == "leaning":  # flat things lean on edge, upright ones as they stand
         return "any" if rest == "upright" and not is_low(default, LOW) else "standing"

@@ -27,7 +27,7 @@ TYPICAL_LENGTH = 0.25
 
 @dataclass(frozen=True, slots=True)
 class Prior:
-    """What is known of the object from its name."""
+    """Sizes and mass of the object that are known from its name."""
 
     name: str
     sizes: tuple[Size, ...]
@@ -40,7 +40,7 @@ class Prior:
 
 
 def object_thing(theme: Noun | None, label: str) -> Thing | None:
-    """What the object is: the prompt's word, or the file's where that is more specific or the prompt says none."""
+    """Thing that the object is: the prompt's word, or the file's where it is more specific or the prompt says none."""
     said = things().get(theme.thing) if theme is not None else None
     filed = thing_of(label)
     if said is None:

@@ -1,4 +1,4 @@
-"""What a sentence says, before any scene is looked at: places, poses, facings and what is moved.
+"""Content of a sentence, before any scene is looked at: places, poses, facings and the thing that is moved.
 
 Plain values; `sentence` makes them from a prompt.
 """
@@ -59,7 +59,7 @@ class Reading:
     """A sentence understood as far as it goes without a scene."""
 
     theme: Noun | None
-    """What is moved; None if only "it" or nothing was said."""
+    """Thing that is moved; None if only "it" or nothing was said."""
     places: tuple[Place, ...]
     pose: str
     """upright, seated, standing, upside_down, on_side, on_left_side, on_right_side, lying, on_back, on_front,
@@ -101,7 +101,7 @@ class Clause:
     """Its verb may mean leaning: "rest it against the wall"."""
 
     def texts(self) -> list[str]:
-        """What it says of places, poses, turns and facings."""
+        """Phrases about places, poses, turns and facings."""
         turns = [turn.text for turn in self.turns]
         facing = [self.facing.text] if self.facing is not None else []
         return [*(place.text for place in self.places), *(token.text for token in self.poses), *turns, *facing]

@@ -1,4 +1,4 @@
-"""What a thing stands on and its relations, by rules: what Holodeck's model would answer, from the same reader of
+"""Support and relations of a thing, by rules: the reply that Holodeck asks of a model, from the same reader of
 sentences.
 
 The receptacle is the support that the reader finds; the floor is none. Of the place the vocabulary says what it can:

@@ -1,4 +1,4 @@
-"""What rough shapes speak for: all labels against all unions of a fused scan at once.
+"""Labels that rough shapes speak for: all labels against all unions of a fused scan at once.
 
 In: measures of many things, some unknown. Out: for each the label that fits best and by how much better than a thing of
 which nothing is known. The rule and the table are those of `shapes`.
@@ -31,7 +31,7 @@ OUT_OF_PLACE = 0.02
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Evidence:
-    """What speaks for the best label of each of n things."""
+    """Evidence for the best label of each of n things."""
 
     label: tuple[str, ...]
     nats: Array

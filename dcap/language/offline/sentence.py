@@ -8,7 +8,7 @@ lexicon); each line is a method of `Reader`, nouns are read in `nouns`:
     element  = turn | measured | place | carried | facing | POSE | RESTRICT | EXCLUDE | VIEW | noun | FILLER
     turn                                                               see `turns`
     measured = [ BOUND ] DISTANCE ( RELATION | "of" ) noun             "20 cm from the left edge", "10 cm left of it"
-    place    = RELATION [ noun [ "and" noun ] ]                        two nouns after "between", or beside both
+    place    = RELATION [ noun [ "and" noun ] ]                        two nouns after "between", or next to both
     carried  = ( "with" | "without" | "where" ) noun [ BE ] [ "on" IT ]  says which: "that has a lamp on it"
     facing   = [ noun ] FACE noun                                      "its screen facing the window"
 
@@ -53,7 +53,7 @@ SUPPORT = frozenset({"on", "in"})
 NEIGHBOURING = frozenset({"near", "next_to", "nearest", "away", "farthest"})
 """Relations that one can have to two things at once."""
 BESIDE_IT = frozenset({"at", "near", "next_to", "front_of", "behind", "against", "left_of", "right_of"})
-"""Relations of what a thing has beside it."""
+"""Relations of what a thing has next to it."""
 SAYS_WHICH = frozenset({"carrying", "lacking"})
 """Relations that only say which thing is meant."""
 OF_A_LENGTH = frozenset({"source", "away", "near", "left_of", "right_of", "front_of", "behind"})
@@ -64,7 +64,7 @@ MIDDLES = frozenset({"center", "middle"})
 ACROSS = frozenset({"corner", "end", "edge", "side"})
 """Regions of which one lies opposite a thing."""
 SEEN = {"back": "farthest", "front": "nearest", "nearest": "nearest"}
-"""What a side means for who looks from somewhere."""
+"""Meaning of a side for someone who looks from somewhere."""
 
 
 def read(prompt: str, scene: SceneWords = NO_SCENE) -> Reading:
@@ -91,7 +91,7 @@ class Reader(KeptWords):
     def __init__(self, tokens: list[Token]) -> None:
         super().__init__(tokens)
         self.last_noun: Noun | None = None
-        """What "it" is, after "open the drawer"."""
+        """Noun that "it" stands for, after "open the drawer"."""
         self.restrict = False
         """The next place says which one is meant."""
         self.but = ""
@@ -253,7 +253,7 @@ class Reader(KeptWords):
             return
         noun = noun_phrase(self.cursor)
         if not may and self.cursor.tokens[begin].text == "where" and self.cursor.value("verb") == "be":
-            self.cursor.take()  # "put it where the lamp is": beside it, as the lamp is there
+            self.cursor.take()  # "put it where the lamp is": next to it, as the lamp is there
             self.keep(begin)
             self.said(clause, Place("next_to", (noun,), False, self.cursor.text(begin), excluded=self.exclude))
             return
@@ -419,7 +419,7 @@ class Reader(KeptWords):
             self.keep(begin)
 
     def theme(self, clause: Clause, noun: Noun) -> None:
-        """What is moved; "the mug dead centre" is a mug and a region, "the mug and the book" are two things."""
+        """Set the moved thing; "the mug dead centre" is a mug and a region, "the mug and the book" are two things."""
         if noun.owner is not None and thing_and_region(noun):
             clause.places.append(Place("at", (replace(noun, owner=noun.owner.owner),), False, noun.text))
             noun = replace(noun.owner, owner=None)
@@ -434,7 +434,7 @@ class Reader(KeptWords):
                 clause.theme = several(noun, second)
 
     def referred(self, noun: Noun, relation: str) -> Noun:
-        """What "it" stands for: the drawer of the cabinet to put things in, the cabinet to put them on."""
+        """Noun that "it" stands for: the drawer of the cabinet to put things in, the cabinet to put them on."""
         if noun.pronoun != "it" or self.last_noun is None:
             return noun
         last = self.last_noun

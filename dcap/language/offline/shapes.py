@@ -32,7 +32,7 @@ HELD, NOT_HELD = 0.9, 0.03
 NOTHING_KNOWN = 0.2
 """How common things are that no row describes, in the unit of the column `common` [-]."""
 ROOM = frozenset({"floor", "wall", "ceiling", "nothing"})
-"""What holds a thing and is none."""
+"""Holders of things that are no things themselves."""
 BLUR = 0.05
 """Least standard deviation [-]: of a logarithm for lengths, of a share otherwise."""
 
@@ -74,7 +74,7 @@ class UsualRange:
 
 @dataclass(frozen=True, slots=True)
 class ShapePrior:
-    """What is usual for one label."""
+    """Usual shape of one label."""
 
     label: str
     """Several rows may have the same one."""
@@ -116,7 +116,7 @@ def shape_row(row: Mapping[str, str]) -> ShapePrior:
 
 
 def labels() -> tuple[str, ...]:
-    """What a thing may be called."""
+    """Labels that a thing may have."""
     return tuple(dict.fromkeys(shape.label for shape in shapes()))
 
 

@@ -42,7 +42,7 @@ from dcap.scene.types.caution import Cause, Caution
 AT_IT = 0.05
 """A thing no farther off is on it or stands at it [m]."""
 ON_ITS_SIDE = frozenset({"on the side of", "at the side of", "to the side of", "by the side of"})
-"""Words that mean beside a thing, or of what it is not beside the side that looks at it."""
+"""Words that mean "next to a thing" or, of a thing that it is not next to, the side that looks at it."""
 AROUND = 1.5
 """A thing farther off is not where a sentence says that it is, "the desk near the window" [m]."""
 
@@ -78,14 +78,14 @@ def target_of(reading: Reading, request: IntentRequest) -> Target:
     elif target.base is not None and names_support(main):
         ground_own_region(target, main, request)
     for place in reading.places:
-        if target.base is not None and leans(reading, place):  # after what else is beside it
+        if target.base is not None and leans(reading, place):  # after other things next to it
             lean(target, place, request)
     target.not_understood[:0] = still_unknown(reading.not_understood, target, request)
     return target
 
 
 def side_at(place: Place, target: Target, request: IntentRequest) -> Place | None:
-    """ "On the window side", "towards the window", and beside something "on the side nearer the window", say on which
+    """ "On the window side", "towards the window", and next to something "on the side nearer the window", say on which
     side: as near it as can be."""
     noun = place.nouns[0]
     if place.excluded:
@@ -99,7 +99,7 @@ def side_at(place: Place, target: Target, request: IntentRequest) -> Place | Non
 
 
 def is_off(noun: Noun, base: InstanceView | None, request: IntentRequest) -> bool:
-    """Whether what a noun names is neither on a piece of furniture nor beside it."""
+    """Whether what a noun names is neither on a piece of furniture nor next to it."""
     found = [one for one in named(noun, request.instances) if one is not base]
     return base is not None and not base.structure and bool(found) and all(gap(one, base) > AT_IT for one in found)
 
@@ -179,7 +179,7 @@ def by_shape_alone(text: str, found: Found) -> str:
 def unmet_load(
     found: Sequence[InstanceView], places: Sequence[Place], request: IntentRequest
 ) -> Place | None:  # fmt: skip
-    """What all of them are said to carry or lack, and none does."""
+    """Place of the load that all of them are said to carry or lack, and none does; None if there is none."""
     for place in places:
         fit = (
             fits(found, place, request.instances, request.room_center)
@@ -243,7 +243,7 @@ def narrowing(reading: Reading, support: Place, found: Sequence[InstanceView], r
 def carrying(
     reading: Reading, support: Place, found: Sequence[InstanceView], request: IntentRequest
 ) -> Sequence[InstanceView]:
-    """Of several, those that carry what a place is beside, "the table next to the lamp"; the place says where too."""
+    """Of several, those that carry what a place is next to, "the table next to the lamp"; the place says where too."""
     if whole(support).sides or whole(support).colour:
         return found
     for place in reading.places:

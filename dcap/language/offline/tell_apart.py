@@ -1,7 +1,7 @@
 """Phrases that tell several alike things apart, each tried by reading it: what a question back offers can be answered.
 
 In: the instances that a sentence may mean, and the scene. Out: for each a noun phrase that names it alone: by what
-stands on it, by what it stands beside, by its colour, its size, its side; else by its id.
+stands on it, by what it stands next to, by its colour, its size, its side; else by its id.
 """
 
 from collections.abc import Iterator, Sequence
@@ -18,7 +18,7 @@ from dcap.language.protocol.requests import InstanceView
 from dcap.scene.errors import LanguageError
 
 BESIDE = 0.6
-"""What is this near tells where a thing stands [m]."""
+"""Distance within which one thing tells where another stands [m]."""
 ORDINALS = ("first", "second", "third", "fourth", "fifth")
 NEAREST = 6
 """So many of the things around are tried [-]."""
@@ -42,7 +42,7 @@ def phrase_for(
 
 
 def phrases(one: InstanceView, found: Sequence[InstanceView], instances: Sequence[InstanceView]) -> Iterator[str]:
-    """What may be said of it, what a person would say first."""
+    """Phrases for an instance, those that a person would use first."""
     label = name_of(one)
     others = [i for i in instances if i not in found and not is_any(i) and label_words(i.label)]
     for other in others:
@@ -73,7 +73,7 @@ def phrases(one: InstanceView, found: Sequence[InstanceView], instances: Sequenc
 
 
 def name_of(instance: InstanceView) -> str:
-    """What its label says, in words."""
+    """Label of an instance in words."""
     return " ".join(label_words(instance.label)) or instance.label
 
 

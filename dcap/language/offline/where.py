@@ -1,4 +1,4 @@
-"""Where on the base: parts, regions, and places beside other things.
+"""Where on the base: parts, regions, and places next to other things.
 
 In: a target whose base is found, and a place of the sentence. Out: the target with regions and references in the words
 of the reply, and with what was not understood.
@@ -26,7 +26,7 @@ SIDE_REGIONS = {"left": "left", "right": "right", "front": "front", "back": "bac
                 "top": "back", "bottom": "front", "nearest": "front", "middle": "middle"}  # fmt: skip
 """Sides as regions of a horizontal surface, seen like a page: the top is far away."""
 REACH = 0.5
-"""Beside a second thing farther from the support than this nothing can be put [m]."""
+"""Next to a second thing farther from the support than this nothing can be put [m]."""
 PART_REGIONS = {"headboard": "head", "footboard": "foot", "back": "back"}
 """Where a part would be that the segmentation did not find."""
 
@@ -71,7 +71,7 @@ def regions_of(noun: Noun, base: InstanceView | None) -> list[str]:
 
 
 def ground_further(target: Target, place: Place, request: IntentRequest) -> None:
-    """A place beside the one that named the base."""
+    """A place next to the one that named the base."""
     noun = place.nouns[0]
     assert target.base is not None
     unclear = place.relation == "between" and any(noun.region for noun in place.nouns)
@@ -142,7 +142,7 @@ def beside(target: Target, place: Place, request: IntentRequest) -> None:
 
 
 def within_reach(noun: Noun, base: InstanceView, request: IntentRequest) -> bool:
-    """Whether a thing of that name is so near the base that one can be beside it there."""
+    """Whether a thing of that name is so near the base that one can be next to it there."""
     return any(gap(i, base) < REACH for i in named(noun, request.instances)) or part_of(noun, base) != ""
 
 
@@ -176,7 +176,7 @@ def references_of(noun: Noun, target: Target, request: IntentRequest, *, several
 
 
 def facing_of(reading: Reading, target: Target, request: IntentRequest) -> tuple[str, tuple[str, ...]]:
-    """What the front shall look at, and what of it was not understood."""
+    """Target that the front shall look at, and the phrases about it that were not understood."""
     facing = reading.facing
     if facing is None or target.base is None:
         return "", ()

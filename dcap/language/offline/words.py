@@ -27,7 +27,7 @@ NOT_BY_MISTAKE = frozenset({"negation", "exclude", "choice", "numeral"})
 
 @dataclass(frozen=True, slots=True)
 class SceneWords:
-    """What a scene calls its things."""
+    """Words that a scene has for its things."""
 
     labels: frozenset[str] = frozenset()
     """Words of its labels."""
@@ -55,7 +55,7 @@ class Token:
         return any(meaning.kind in kinds for meaning in self.meanings)
 
     def value(self, kind: str) -> str:
-        """What it means as that kind, empty if it cannot be one; the first in alphabetical order of several."""
+        """Meaning of the token as that kind, empty if it has none; the first in alphabetical order of several."""
         return next((m.value for m in sorted(self.meanings) if m.kind == kind), "")
 
     def values(self, kind: str) -> tuple[str, ...]:
@@ -86,7 +86,7 @@ class TokenCursor:
         return 0 <= index < len(self.tokens) and self.tokens[index].has(*kinds)
 
     def value(self, kind: str, ahead: int = 0) -> str:
-        """What the next token, or the one `ahead` further, means as that kind; empty if it is none."""
+        """Meaning of the next token, or of the one `ahead` further, as that kind; empty if it has none."""
         return self.tokens[self.index + ahead].value(kind) if self.here(kind, ahead=ahead) else ""
 
     def take(self) -> Token:
@@ -108,7 +108,7 @@ class Words:
     notes: tuple[str, ...] = ()
     """How measures were read that leave something open."""
     mended: dict[str, str] = field(default_factory=dict)
-    """What was typed, and what it is read as."""
+    """Words as typed, and the words that they are read as."""
 
 
 def tokens_of(text: str, scene: SceneWords = NO_SCENE) -> list[Token]:
@@ -222,7 +222,7 @@ def is_digits(word: str) -> bool:
 
 
 def of_kind(word: str, kind: str) -> str:
-    """What one word means as that kind; empty if it is none."""
+    """Meaning of one word as that kind; empty if it has none."""
     return next((m.value for m in vocabulary().get((word,), ()) if m.kind == kind), "")
 
 

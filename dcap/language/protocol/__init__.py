@@ -1,1 +1,1 @@
-"""What is asked and what may be answered: one protocol for all clients."""
+"""Questions and their possible answers: one protocol for all clients."""

@@ -1,4 +1,4 @@
-"""What the baselines ask: one line of a layout (LayoutGPT), and what a thing stands on and its relations (Holodeck).
+"""Questions of the baselines: one line of a layout (LayoutGPT), the support and relations of a thing (Holodeck).
 
 Both see the instances that our own method's intent sees, with the same ids, labels and boxes, and the whole sentence.
 """
@@ -36,7 +36,7 @@ class LayoutRequest:
     room_center: Vector
     """Middle of the scene [m]."""
     categories: str
-    """What such rooms hold, with how often."""
+    """Things that such rooms hold, with how often."""
     exemplars: tuple[str, ...]
     """Conditions and layouts of other rooms, the most similar first."""
     condition: str
@@ -44,7 +44,7 @@ class LayoutRequest:
     lines: tuple[LayoutLine, ...]
     """The room's layout so far."""
     category: str
-    """What the new line begins with."""
+    """Category that the new line begins with."""
     asset: tuple[int, int, int]
     """Length, width and height of what is placed [pixels]."""
     asset_size: Vector
@@ -57,7 +57,7 @@ class LayoutRequest:
 
 
 class LayoutReply(BaseModel, frozen=True, extra="forbid"):
-    """What the layout gains."""
+    """Line that the layout gains."""
 
     layout: str = Field(max_length=LONGEST_LAYOUT, description="the new line of the layout, in CSS style")
 
@@ -77,7 +77,7 @@ class NamedThing:
 
 @dataclass(frozen=True, slots=True)
 class RelationsRequest:
-    """What a thing stands on, and its relations to others."""
+    """Question about the support of a thing and its relations to others."""
 
     prompt: str
     item: ObjectView
@@ -90,7 +90,7 @@ class RelationsRequest:
     """The name of what is placed: `ball-0`."""
     object_size_cm: tuple[int, int, int]
     things: tuple[NamedThing, ...] = field(default=())
-    """What can be named."""
+    """Things that can be named."""
 
 
 class RelationsReply(BaseModel, frozen=True, extra="forbid"):

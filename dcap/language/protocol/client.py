@@ -14,7 +14,7 @@ from urllib.parse import quote
 from pydantic import BaseModel
 
 Idle = Callable[[], AbstractContextManager[object]]
-"""What is entered while a question waits for long, so that others can work meanwhile."""
+"""Makes the context that is entered while a question waits for long, so that others can work meanwhile."""
 
 
 class ClientName(StrEnum):

@@ -1,4 +1,4 @@
-"""What the FirePlace* baseline asks: constraint outlines, choices among few options, and which placements to prune.
+"""Questions of the FirePlace* baseline: constraint outlines, choices among few options, and which placements to prune.
 
 The three questions of a placement by constraints between surfaces: what the sentence asks for as outlines of binary
 constraints, which of several things, surfaces or placements is meant (asked in small batches), and which placements
@@ -141,7 +141,7 @@ class ChoiceRequest:
     prompt: str
     kind: ChoiceKind
     sought: str
-    """What is looked for, in words."""
+    """Thing that is looked for, in words."""
     options: tuple[ChoiceOption, ...]
     pictures: tuple[Picture, ...] = field(default=(), compare=False)
     """One for each option, in their order."""

@@ -1,4 +1,4 @@
-"""What a client may answer: validated types that choose only among what the request lists.
+"""Replies of a client: validated types that choose only among what the request lists.
 
 Shape and ranges are checked by pydantic; `check` compares with the request and raises ValueError with one sentence
 that can be shown to a model as it is. A reply that fails is no reply.
@@ -47,7 +47,7 @@ LONGEST_NAME = 80
 ROUNDED = 0.05
 """So far from 1 may the length of a quaternion be that a model wrote with few digits [-]."""
 MOST_STATES = 3
-"""Sizes of one thing beside the usual one."""
+"""Sizes of one thing in addition to the usual one."""
 OTHER = "other"
 """The label of what none of the listed ones fits."""
 
@@ -60,7 +60,7 @@ class Candidate(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
 
 
 class Constraint(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
-    """What the place must keep to beside its region."""
+    """Constraint on the place in addition to its region."""
 
     kind: ConstraintKind = Field(
         description="not_on: neither on, over nor under the reference; not_in: not in the regions; exactly, at_least, "
@@ -285,14 +285,14 @@ class MaterialsReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False
 
 
 class LabelGuess(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
-    """What a thing may be too."""
+    """Further label that a thing may have."""
 
     label: str = Field(description="one of the listed labels")
     probability: float = Field(ge=0.0, le=1.0)
 
 
 class LabelReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
-    """What a thing is."""
+    """Label of a thing, with alternatives."""
 
     reason: str = ""
     label: str = Field(description="one of the listed labels, or other")

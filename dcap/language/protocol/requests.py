@@ -1,4 +1,4 @@
-"""What a client is asked: everything that any client may need to choose, in plain values and with pictures on demand.
+"""Requests to a client: everything that any client may need to choose, in plain values and with pictures on demand.
 
 Geometry is computed by the stages; a request lists the choices by id, and a reply can only pick among them. All
 lengths in metres, world frame, z up. Text that came from files or prompts is data for the clients, never an
@@ -75,7 +75,7 @@ class InstanceView:
     """Mean sRGB colour, 0..1."""
     parts: tuple[PartView, ...]
     guesses: tuple[tuple[str, float], ...] = ()
-    """What it may be and how probable that is, the likeliest first; empty where the source names it."""
+    """Labels that it may have and their probabilities, the likeliest first; empty where the source names it."""
     confidence: float = 1.0
     """0..1, how sure the label is."""
     number: int = 0
@@ -163,9 +163,9 @@ class RotationRequest:
     """Refined: what is placed where, and what was said about orientation."""
     object_name: str
     pose: str
-    """What the prompt says: upright, upside_down ... or any."""
+    """Pose that the prompt asks for: upright, upside_down ... or any."""
     facing: str
-    """What the prompt says the front shall look at; empty: nothing."""
+    """Target that the prompt says the front shall look at; empty: nothing."""
     poses: tuple[PoseView, ...]
     facings: tuple[FacingView, ...]
     symmetry: int
@@ -225,7 +225,7 @@ class AnchorRequest:
     references: tuple[BoxView, ...] = ()
     """Of what `asked_references` name; several where a thing has several pieces."""
     neighbours: tuple[BoxView, ...] = ()
-    """Of what stands or hangs on, over and beside the base."""
+    """Of what stands or hangs on, over and next to the base."""
     pictures: tuple[Picture, ...] = field(default=(), compare=False)
     """One: the base from above, the viewer's side at the bottom."""
 
@@ -237,7 +237,7 @@ class MaterialQuestion:
     body: str
     """`object` or an instance id."""
     label: str
-    """What the whole is."""
+    """Label of the whole."""
     part: PartView
 
 
@@ -255,7 +255,7 @@ class MaterialsRequest:
 
 @dataclass(frozen=True, slots=True)
 class LabelRequest:
-    """What is a thing found in a room without annotations."""
+    """Question about the label of a thing found in a room without annotations."""
 
     id: str
     size: Vector
@@ -295,7 +295,7 @@ class LabelRequest:
     balance: float | None
     """Height of the middle of its surface within its box: 0 at the bottom, 1 at the top."""
     labels: tuple[str, ...]
-    """What it may be called, besides `other`."""
+    """Labels that it may have, besides `other`."""
     pictures: tuple[Picture, ...] = field(default=(), compare=False)
     """The room with the thing in a loud colour, and the thing from near."""
 
@@ -318,13 +318,13 @@ class ProposedPart:
 
 @dataclass(frozen=True, slots=True)
 class PartsRequest:
-    """What the parts of one instance are called."""
+    """Question about the names of the parts of one instance."""
 
     id: str
     label: str
-    """What the whole is."""
+    """Label of the whole."""
     parts: tuple[ProposedPart, ...]
     names: tuple[str, ...]
-    """What a part may be called; the proposed names are among them."""
+    """Names that a part may have; the proposed names are among them."""
     pictures: tuple[Picture, ...] = field(default=(), compare=False)
     """The instance alone, each part in its paint and with its index."""

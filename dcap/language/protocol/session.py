@@ -30,7 +30,7 @@ class Session:
     ledger: str = ""
     """File that gets a line per reply with its tokens and cost."""
     max_cost: float | None = None
-    """What the run may spend at most [USD]."""
+    """Most that the run may spend [USD]."""
     fresh: bool = False
     """Ask although a reply is kept."""
     batch: str = ""
