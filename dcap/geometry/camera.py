@@ -22,7 +22,7 @@ class Camera:
     position: Array
     """Centre of projection [m], shape (3,)."""
     target: Array
-    """What is in the middle of the picture [m], shape (3,)."""
+    """Point in the middle of the picture [m], shape (3,)."""
     world_from_camera: Array
     """Rotation; its columns are the camera's right, down and forward axes, shape (3, 3)."""
     width: int

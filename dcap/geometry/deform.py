@@ -103,7 +103,7 @@ class DisplacementField:
     def carriers(
         self, points: NDArray[np.float64]
     ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
-        """What points (n, 3) follow: three surface points each (n, 3), their weights (n, 3), and the fading (n,)."""
+        """Carriers of points (n, 3): three surface points each (n, 3), their weights (n, 3), and the fading (n,)."""
         found = self._scene.compute_closest_points(tensor(points - self._shift, np.float32))
         corner = self._faces[found["primitive_ids"].numpy().astype(np.int64)].astype(np.int64)
         u, v = found["primitive_uvs"].numpy().astype(np.float64).T

@@ -1,4 +1,4 @@
-"""What makes a shape lie or stand on end, told by its extents alone.
+"""Axes by which a shape lies or stands on end, told by its extents alone.
 
 In: a mesh. Out: the axes of the box about it, its thinnest side first looked for, and the axis by which one tells
 whether it stands on end, lies, or has no end to stand on.

@@ -32,9 +32,9 @@ BRINK = 0.02
 END = 0.3
 """Head and foot begin this far from the middle, over the half extent [-]."""
 BESIDE = {"near": 0.5, "next_to": 0.15, "between": 0.0, "under": 0.0}
-"""How far from the reference's box a place beside it ends, plus the object's radius [m]."""
+"""How far from the reference's box a place next to it ends, plus the object's radius [m]."""
 OFF = frozenset({"near", "next_to"})
-"""Relations in which a thing is beside another and not over or under it."""
+"""Relations in which a thing is next to another and not over or under it."""
 VIEWER = 0.03
 """Of places all around a thing that on the viewer's side is taken: the aim lies this far towards him [m]."""
 SIDES = {"left": (-1, 0), "right": (1, 0), "front": (0, 1), "back": (0, -1), "head": (0, -1), "foot": (0, 1)}
@@ -99,9 +99,9 @@ def regions(
     """Areas for the names, best first; the whole part where nothing is asked.
 
     `reach`: half extents of the object along the frame's right and front [m], shape (2,).
-    `view`: whose left and front are meant beside references; the part's unless given.
+    `view`: whose left and front are meant next to references; the part's unless given.
     `footprint`: corners of the object's outline from its origin [m], shape (k, 2): near and next to things it stays off
-    them then, neither over nor under them. `farther`: at least so far a place beside things reaches [m].
+    them then, neither over nor under them. `farther`: at least so far a place next to things reaches [m].
     """
     radius = float(reach.max())
     beside = [n for n in names if n in BESIDE]
@@ -276,7 +276,7 @@ def distance_beside(
     reach: Array,
     view: ViewerFrame | None = None,
 ) -> float:
-    """How far a place beside other things lies from the part, where `regions` finds none on it [m]."""
+    """How far a place next to other things lies from the part, where `regions` finds none on it [m]."""
     relation = next(n for n in names if n in BESIDE)
     polygon, _ = beside_area(view or frame, relation, names, references, float(reach.max()))
     # both left and right of a thing is nowhere: then the thing itself
@@ -334,7 +334,7 @@ def outline(frame: ViewerFrame) -> Array:
 
 
 def both(areas: Sequence[Region]) -> list[Region]:
-    """What all areas have in common, aimed at in its middle; nothing where they do not overlap."""
+    """Intersection of all areas, aimed at in its middle; nothing where they do not overlap."""
     polygon = areas[0].polygon if areas else np.zeros((0, 2))
     for area in areas[1:]:
         polygon = clipped(polygon, area.polygon)

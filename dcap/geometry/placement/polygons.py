@@ -57,14 +57,14 @@ def area_without(polygon: Array, holes: Sequence[Array]) -> float:
 
 
 def clipped(polygon: Array, window: Array) -> Array:
-    """What two convex polygons have in common, shape (k, 2)."""
+    """Intersection of two convex polygons, shape (k, 2)."""
     if len(polygon) < 3 or len(window) < 3:
         return np.zeros((0, 2))
     return ring_of(shapely.intersection(shapely.Polygon(polygon), shapely.Polygon(window)))
 
 
 def clipped_half_plane(polygon: Array, point: Array, outward: Array) -> Array:
-    """What of a convex polygon lies behind the line through a point across `outward`, shape (k, 2)."""
+    """Part of a convex polygon behind the line through a point across `outward`, shape (k, 2)."""
     away = outward / np.linalg.norm(outward)
     along = np.array([-away[1], away[0]])
     reach = 2.0 * float(np.linalg.norm(polygon - point, axis=1).max(initial=0.0)) + 1.0

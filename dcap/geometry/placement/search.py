@@ -31,7 +31,7 @@ LOWEST = 0.08
 SHARES = (0.97, 0.85, 0.7, 0.5)
 """Shares of the underside that shall be over the support, best first; with less than half the object tips."""
 DROP = 0.05
-"""Where the support lies this far below the contact it does not carry [m]: a seat beside its arm, a lid before its
+"""Where the support lies this far below the contact it does not carry [m]: a seat next to its arm, a lid before its
 cistern; scans of soft things are uneven by less."""
 STEADY = float(np.tan(np.radians(4.0)))
 """A place is steady where the object does not come down more steeply than this, however it is moved a little [-]: no
@@ -205,7 +205,7 @@ class PlacementSearch:
 
         `level`: the support must be no further than DROP below the contact to count; `steady`: the object must not come
         down when it is moved a little, and the spot must be nearby. On a narrow support, where the nearest spot has
-        the edge beside it, no steady one is searched: a request for a ridge means the ridge. `anywhere`: nobody asked
+        the edge next to it, no steady one is searched: a request for a ridge means the ridge. `anywhere`: nobody asked
         for a place, and a steady one may be far off, on a narrow support too, if it is held on all sides there.
         """
         nearest = True
@@ -218,7 +218,7 @@ class PlacementSearch:
                 if away.min() > farthest:
                     return None
                 good = good[away[good] <= farthest]
-                if anywhere:  # where the support ends beside it, it may tip without coming down
+                if anywhere:  # where the support ends next to it, it may tip without coming down
                     good = good[self._held(seen.index[good])]
                 descent, broad = self._surroundings(seen.index[good], seen.height[good])
                 if nearest and len(good) and not (broad[0] or anywhere):

@@ -27,11 +27,11 @@ from dcap.scene.types.mesh import Mesh
 
 Array = NDArray[np.float64]
 CONTACT_BAND = 0.01
-"""What is this near to the lowest point touches the ground, over the largest extent [-]: scans are not flat."""
+"""Points this near to the lowest one touch the ground, over the largest extent [-]: scans are not flat."""
 LEAST_CONTACT = 0.02
 """Share of the plan below which a contact is an edge or a tip, nothing to stand on [-]."""
 BESIDE = 0.05
-"""How far the centre of mass may lie beside the footprint, over the largest extent [-]: plush toys are hollow."""
+"""How far the centre of mass may lie outside the footprint, over the largest extent [-]: plush toys are hollow."""
 RAYS = 24
 """Rays along each side of the plan that look for a hollow [-]."""
 INNER = 0.4
@@ -59,7 +59,7 @@ ROUND_SLACK = 0.05
 
 @dataclass(frozen=True, eq=False, slots=True)
 class StandingFeatures:
-    """What speaks for one direction as down."""
+    """Evidence for one direction as down."""
 
     down: Array
     """In the mesh frame, unit, shape (3,)."""

@@ -29,7 +29,7 @@ Array = NDArray[np.float32]
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Picture:
-    """What a camera sees."""
+    """Camera view: colours, depths and meshes."""
 
     rgb: NDArray[np.uint8]
     """sRGB, shape (h, w, 3)."""
@@ -118,7 +118,7 @@ def exposed(
     meshes: Sequence[Mesh | PaintedMesh] | PreparedMeshes, camera: Camera, *, shadows: bool = True,
     low_light: bool = False,
 ) -> Exposure:  # fmt: skip
-    """What the camera sees of the meshes, and the light there."""
+    """View of the meshes from the camera, and the light there."""
     prepared = meshes if isinstance(meshes, PreparedMeshes) else PreparedMeshes(meshes)
     scene = RenderScene(prepared, camera, low_light=low_light)
     surface = scene.look(camera.pixel_centers)

@@ -90,7 +90,7 @@ class SeeThroughCaster(Raycaster):
         self._cut_out = np.concatenate(plain)
 
     def first_hits(self, packed: Packed) -> PackedHits:
-        """What rays hit first that is there."""
+        """First hits of rays, past places that are cut out."""
         found = super().first_hits(packed)
         going = np.flatnonzero(self._clear(found))
         if not len(going):

@@ -12,7 +12,7 @@ Array = NDArray[np.float32]
 
 
 def column(*values: float) -> Array:
-    """A colour beside arrays with the components first, shape (3, 1)."""
+    """A colour for use with arrays that have the components first, shape (3, 1)."""
     return np.array(values, dtype=np.float32)[:, None]
 
 

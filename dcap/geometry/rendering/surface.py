@@ -1,4 +1,4 @@
-"""What the rays of a camera meet: place, normals, colour and mesh, ready to be lit."""
+"""Surface that the rays of a camera meet: place, normals, colour and mesh, ready to be lit."""
 
 from collections.abc import Sequence
 from copy import copy
@@ -28,7 +28,7 @@ LEAN_COS = 0.1  # a shading normal that leans farther from its face would shade 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SurfaceHits:
-    """What n rays from one camera meet; zeros where they meet nothing. One component after the other: (3, n)."""
+    """Hits of n rays from one camera; zeros where they meet nothing. One component after the other: (3, n)."""
 
     direction: Array
     """Unit ray directions, shape (3, n)."""
@@ -124,7 +124,7 @@ class RenderScene:
         return caster_of(known.things, known.mesh, np.flatnonzero(near))
 
     def look(self, points: NDArray[np.float64]) -> SurfaceHits:
-        """What rays through image points (n, 2) [pixel] meet."""
+        """Hits of rays through image points (n, 2) [pixel]."""
         rays = np.empty((len(points), 6), dtype=np.float32)
         surface = SurfaceHits.empty(len(points))
 

@@ -1,4 +1,4 @@
-"""What the rays of a picture may meet: the faces in what the camera sees, and those that may shade it.
+"""Faces that the rays of a picture may meet: those in the camera's view, and those that may shade them.
 
 In: a mesh, a camera and its key light. Out: faces. It is a bound: a face left out is met by no ray of the picture, one
 that is kept may be met by none. So the acceleration structure holds a part of a room only, and is built sooner.

@@ -12,7 +12,7 @@ from dcap.geometry.segmentation.boxed import Group
 from dcap.scene.types.scan import Scan
 
 COUNTER = re.compile(r"\.\d+$")
-"""What tells two nodes of one name apart."""
+"""Suffix that tells two nodes of one name apart."""
 
 
 def annotated_groups(scan: Scan) -> tuple[list[Group], NDArray[np.int64]]:

@@ -48,7 +48,7 @@ class Group:
     confidence: float = 1.0
     """0..1, how sure the label is; below 1 where it was guessed."""
     guesses: tuple[tuple[str, float], ...] = ()
-    """What it may be and how probable that is; empty where the source names it."""
+    """Labels that it may have and their probabilities; empty where the source names it."""
     stands_at: float | None = None
     """Height at which it stands though no face of it is seen there [m]; None where its faces tell."""
 

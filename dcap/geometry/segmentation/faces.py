@@ -18,7 +18,7 @@ STRAY = 0.005
 
 @dataclass(frozen=True, eq=False, slots=True)
 class FaceTable:
-    """What segmentation needs to know of every face."""
+    """Properties of every face that segmentation needs."""
 
     corners: NDArray[np.float64]
     """Corner positions [m], shape (m, 3, 3)."""

@@ -1,4 +1,4 @@
-"""What a label means for segmentation: the category whose parts it has."""
+"""Meaning of a label for segmentation: the category whose parts it has."""
 
 from enum import StrEnum
 

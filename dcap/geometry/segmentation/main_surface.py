@@ -9,7 +9,7 @@ from dcap.scene.types.mesh import Mesh
 UPWARD = 0.8
 """Cosine to the vertical from which a face looks up [-]."""
 BAND = 0.03
-"""What lies within this is one level [m]."""
+"""Faces within this height are one level [m]."""
 
 
 def main_level(mesh: Mesh, faces: NDArray[np.integer]) -> float:

@@ -35,14 +35,14 @@ NamesThing: TypeAlias = Callable[[str], bool]
 """Whether a name has a word for a thing."""
 
 THING = "thing"
-"""What nobody could name."""
+"""Label of a thing that nobody could name."""
 ROOM = "room"
 """Label of a scan without a name that is seen from inside."""
 INSIDE = -0.5
 """Volume that faces enclose around their middle, over the sum of what each contributes, below which they are seen from
 inside: things of third parties have -0.03 to 0.64, scanned rooms and parts of them -0.94 to -0.68 [-]."""
 ROOM_SIZE = 3.2
-"""What is this long and has a floor is a room [m]."""
+"""Length from which on a scan with a floor is a room [m]."""
 FLOORED = 0.35
 """Share of a room's plan where its floor is seen at least: furniture hides the rest [-]."""
 LOOKS_UP = 0.6
@@ -69,7 +69,7 @@ def named_groups(table: FaceTable, scan: Scan, taken_apart: TakeApart, names_thi
 
 
 def _node_labels(table: FaceTable, scan: Scan, top: Sequence[str], names_thing: NamesThing) -> list[str]:
-    """What the outermost name of each node calls it, "" where it names nothing.
+    """Label that the outermost name of each node gives it, "" where it names nothing.
 
     A word for a thing does. A word that nobody knows may (a whiteboard), unless several nodes share it, as the blocks
     of a scanning device do, or it is that of a whole room.
@@ -150,7 +150,7 @@ def _is_one_thing(top: Sequence[str], label: str) -> bool:
 
 
 def _unnamed_groups(table: FaceTable, faces: Index, label: str, taken_apart: TakeApart) -> list[Group]:
-    """What is unnamed in a furnished room is taken apart; anything else is one thing."""
+    """Groups of unnamed faces: in a furnished room they are taken apart; anything else is one thing."""
     if not _is_room(table, np.arange(len(table.area)), label):
         unsaid = category_of(label) is Category.STRUCTURE or not says_something(label)  # a file called "room" or "scan"
         said = label if not unsaid else ROOM if _is_seen_from_inside(table, faces) else ""

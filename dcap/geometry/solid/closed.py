@@ -46,7 +46,7 @@ CRUMB = 8.0  # pieces of a remesh smaller than this many cells are noise
 
 @dataclass(frozen=True, slots=True)
 class RepairLimits:
-    """What a repair may do; lengths in metres."""
+    """Limits of a repair; lengths in metres."""
 
     tolerance: float = 5e-3
     """The visible surface may move this far."""
@@ -68,7 +68,7 @@ class CleanedPart:
     pieces: tuple[Mesh, ...]
     """Its connected pieces."""
     floors: tuple[float | None, ...]
-    """What each piece is solid down to [m]; None: as far as its own faces say."""
+    """Height that each piece is solid down to [m]; None: as far as its own faces say."""
     within: FloatArray | None = None
     """Where it matters how far what can be seen is from the solid [m], shape (2, 3); None: everywhere."""
 

@@ -1,7 +1,7 @@
 """Ways to close an open surface: flat caps on its holes, walls down to a floor, a thickness for a sheet.
 
-In: cleaned faces of one connected piece (`cleaning.py` beside this). Out: the piece with the faces that close it; given
-faces stay where they are. Whether the result is a good solid is for the caller to measure.
+In: cleaned faces of one connected piece (`cleaning.py` next to this). Out: the piece with the faces that close it;
+given faces stay where they are. Whether the result is a good solid is for the caller to measure.
 """
 
 import manifold3d

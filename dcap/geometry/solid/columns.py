@@ -1,6 +1,6 @@
 """The solid under what can be seen from where an object comes down: always closed, whatever the scan is like.
 
-In: the faces of a thing (mended, `mending.py` beside this) and a bottom height for each, the region in which something
+In: the faces of a thing (mended, `mending.py` next to this) and a bottom height for each, the region in which something
 may touch it, and the object that hovers there. Out: one closed surface. Each column of the region is material from the
 first surface below the object's top down to that surface's bottom; columns that the object cannot see over a surface,
 because that goes on above it, are material all the way up. What is seen carries; nothing else counts: second layers,
@@ -208,8 +208,8 @@ def reported(
 def looked_at(
     caster: Raycaster, columns: HeightMap, filled: Mask, near: FloatArray, item: Mesh, surface: Mesh
 ) -> tuple[FloatArray, FloatArray]:
-    """What may carry and is met from above near an object, (n, 3) [m], and how high each lies over the solid's surface
-    [m], below 0 under it, inf where there is none, (n,). Not what lies under closed holes (`filled` samples).
+    """Points that may carry and are met from above near an object, (n, 3) [m], and how high each lies over the solid's
+    surface [m], below 0 under it, inf where there is none, (n,). None lie under closed holes (`filled` samples).
 
     Looks are half a column apart, at random places of their squares.
     """
@@ -233,7 +233,7 @@ def looked_at(
 
 def heights_over(item: Mesh, plan: FloatArray, below: float) -> tuple[FloatArray, Mask]:
     """Where looks down at places (n, 2) begin [m], shape (n,): at the underside of the object, which is higher than
-    `below` [m], beside it as high as its top; and which are under it, shape (n,)."""
+    `below` [m], next to it as high as its top; and which are under it, shape (n,)."""
     start = np.full(len(plan), float(item.bounds[1, 2]))
     origin = np.c_[plan, np.full(len(plan), below)]
     under = Raycaster(item).cast(origin, np.broadcast_to((0.0, 0.0, 1.0), origin.shape))

@@ -1,4 +1,4 @@
-"""What is seen of a surface from straight above, and where it was torn: holes that a scan has and the thing has not.
+"""Heights of a surface from straight above, and where it was torn: holes that a scan has and the thing has not.
 
 In: faces of one thing. Out: heights on a regular grid, holes in them with their sizes, and the height of the surface
 that closes each from its rim. A hole is a pit whose rim ends in the air: faces end there that nothing joins, and from
@@ -199,7 +199,7 @@ def torn_cracks(seen: HeightMap, height: Array, number: NDArray[np.integer], tin
 
 
 def brinks(seen: HeightMap, height: Array, inner: NDArray[np.int64], outer: NDArray[np.int64]) -> Array:
-    """Where a surface goes down between places and higher ones beside them [m], shape (n, 3)."""
+    """Where a surface goes down between places and higher ones next to them [m], shape (n, 3)."""
     return np.asarray(np.c_[0.5 * (seen.world(inner) + seen.world(outer)), height[tuple(outer.T)]])
 
 
@@ -231,7 +231,7 @@ def neighbours_of(pit: Mask) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 def walls_between(
     part: HeightMap, inner: NDArray[np.int64], outer: NDArray[np.int64], drop: Array, caster: Raycaster
 ) -> Mask:
-    """Whether a wall leads down from a place to a lower one beside it, shape (n,)."""
+    """Whether a wall leads down from a place to a lower one next to it, shape (n,)."""
     way = np.c_[(outer - inner).astype(float), np.zeros(len(inner))]
     blocked = np.zeros(len(inner), dtype=int)
     for share in WALL_HEIGHTS:

@@ -1,4 +1,4 @@
-"""What was done to a surface, counted while it happens and told in sentences at the end."""
+"""Repairs of a surface, counted while they happen and told in sentences at the end."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -6,7 +6,7 @@ from enum import StrEnum
 
 
 class RepairKind(StrEnum):
-    """What can be done; the amount that goes with each is in brackets."""
+    """Kinds of repairs; the amount that goes with each is in brackets."""
 
     WELDED = "welded"  # [1]
     DEGENERATE = "degenerate"  # [1]

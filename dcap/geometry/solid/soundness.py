@@ -136,7 +136,7 @@ def unit_normals(mesh: Mesh, face: NDArray[np.int64]) -> FloatArray:
 
 
 class SurfaceVisibility:
-    """What of a thing can be seen from outside, prepared for many places; made ready when it is first asked."""
+    """Visibility of a thing's surface from outside, prepared for many places; made ready when it is first asked."""
 
     def __init__(self, given: Mesh, behind: Mesh | None = None) -> None:
         self._given = given

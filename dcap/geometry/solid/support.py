@@ -116,7 +116,7 @@ def shell_bottoms(mesh: Mesh, part_bottom: NDArray[np.float64], depth: float) ->
 
 
 def under_thin_faces(solid: MeshDistance, item: Mesh, region: NDArray[np.float64], depth: float) -> MeshDistance | None:
-    """What makes a solid at least `depth` [m] deep under what looks up in a region (2, 3) [m]; None where it is that.
+    """Solid to add so that `solid` is `depth` [m] deep under what looks up in a region (2, 3) [m]; None where it is.
 
     Samples that are farther apart than the two sides of a board see neither. An `item` comes to rest from above, so a
     board that is too thin for them is taken as deep as they need: its upper side stays where it is. What the item

@@ -75,12 +75,12 @@ class OpenRim:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class VisibleShape:
-    """What was made of an object's faces."""
+    """Solid made of an object's faces."""
 
     mesh: Mesh | None
     """Closed and wound outwards; None if that cannot be done."""
     notes: tuple[str, ...]
-    """What was done, one sentence each; of None why not."""
+    """Changes made, one sentence each; where `mesh` is None, why."""
     holes: tuple[OpenRim, ...]
     """The openings of the given faces, the largest first."""
 
@@ -235,7 +235,7 @@ def closed_piece(piece: Mesh, vessel: bool | None, size: float) -> tuple[Mesh, s
 
 
 def told_holes(piece: Mesh, size: float) -> str:
-    """What to say of a piece of a thing of that size [m] whose holes were capped; empty: there are none but cracks."""
+    """Sentence about a piece of a thing of that size [m] whose holes were capped; empty: there are none but cracks."""
     loops = [one for one in hole_loops(piece) if perimeter(piece.vertices[one]) > NOTED * size * np.pi]
     if not loops:
         return ""

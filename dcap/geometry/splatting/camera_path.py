@@ -31,7 +31,7 @@ FURNITURE = frozenset({
     Category.BED, Category.SOFA, Category.CHAIR, Category.STOOL, Category.TABLE, Category.CABINET, Category.SHELF,
     Category.STORAGE, Category.BATHTUB, Category.BASIN,
 })  # fmt: skip
-"""What things are put on or into, and what is looked at from all around."""
+"""Categories of furniture that things are put on or into and that is looked at from all around."""
 MOST_STANDS = 6000
 """Places on the floor that are considered [-]."""
 AIM_HEIGHT, AIM_AWAY = 1.2, 2.0
@@ -92,7 +92,7 @@ class CameraPath:
 
     cameras: tuple[Camera, ...]
     notes: tuple[str, ...]
-    """What was assumed or could not be done, one sentence each."""
+    """Assumptions made and things that could not be done, one sentence each."""
 
 
 def camera_path(

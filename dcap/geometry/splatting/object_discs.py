@@ -24,7 +24,7 @@ OVERLAP = 0.8
 FLATNESS = 0.1
 """Standard deviation along the normal over that along the surface [-]."""
 OPACITY = 0.99
-"""What renderers take from one Gaussian at most [-]."""
+"""Largest opacity that renderers take from one Gaussian [-]."""
 ROUNDS, NEAR_BY = 6, 8
 """How often discs are pushed apart, and by how many around each [-]."""
 PUSH, RADIUS = 0.15, 1.2

@@ -21,7 +21,7 @@ NEAR = 0.05
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RenderedSplats:
-    """What a camera sees."""
+    """Camera view of splats."""
 
     image: F32
     """sRGB colours 0 to 1 over the background, shape (rows, columns, 3)."""

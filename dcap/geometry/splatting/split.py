@@ -32,7 +32,7 @@ _DILOGARITHM = spence(1.0 - _OPACITY)
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SplatPieces:
-    """What Gaussians were split into."""
+    """Pieces that Gaussians were split into."""
 
     splats: Gaussians
     """k pieces in the given frame, those of each Gaussian together and in its order."""

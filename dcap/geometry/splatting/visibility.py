@@ -56,7 +56,7 @@ def sightings(
     config: SurfaceConfig,
     progress: Progress | None = None,
 ) -> Iterator[Sighting]:
-    """What each camera sees; `gap` is the distance of Gaussians around each [m], shape (n,)."""
+    """Sightings of Gaussians from each camera; `gap` is the distance of Gaussians around each [m], shape (n,)."""
     splats = splatter.splats
     flat = np.take_along_axis(splatter.axes, splats.log_scale.argmin(axis=1)[:, None, None], axis=2)[:, :, 0]
     for i, camera in enumerate(cameras):

@@ -188,7 +188,7 @@ def _name_head_end(
     head: NDArray[np.float64] | None,
     scale: float,
 ) -> None:
-    """What stands behind the mattress is headboard, bars and rails too, if any of it rises above the bedding."""
+    """Name the pieces behind the mattress headboard, bars and rails too, if any of them rises above the bedding."""
     if head is None or mattress is None:
         return
     edge = float(max(mattress.low @ head, mattress.high @ head)) - 0.03 * scale
@@ -262,7 +262,7 @@ def _inset(surface: InstanceSurface, piece: SurfacePiece, head: NDArray[np.float
 def _cut_headboard(
     surface: InstanceSurface, parts: PartMap, level: float, head: NDArray[np.float64] | None, scale: float
 ) -> None:
-    """What rises high at the head end is headboard, also where it is of one piece with the frame or the mattress."""
+    """Name faces high at the head end headboard, also where they are of one piece with the frame or the mattress."""
     if head is None:
         return
     axis = int(np.argmax(np.abs(head)))

@@ -1,7 +1,7 @@
 """Parts of what one sits on: sofa (base, seat cushion, back, arm), chair (seat, back, leg), stool (seat, leg).
 
 The seat is the level with most upward area in the middle; the back is the side that rises above it over most of its
-width; arms rise on the two sides beside it.
+width; arms rise on the two sides next to it.
 """
 
 import numpy as np
@@ -12,7 +12,7 @@ from dcap.geometry.segmentation.parts.instance_surface import InstanceSurface, S
 from dcap.geometry.segmentation.parts.partmap import SIDES, PartMap
 
 SEAT_BAND = 0.06
-"""What one sits on lies within this share of the height above and below the level [-]."""
+"""Sitting surfaces lie within this share of the height above and below the level [-]."""
 
 
 def _seat_level(surface: InstanceSurface) -> float:

@@ -15,9 +15,9 @@ from dcap.geometry.segmentation.rooms.traits import Traits
 
 ANY = "*"
 SLACK = 0.02
-"""What sticks out of a box by no more than this is inside [m]."""
+"""Tolerance for counting a thing as inside a box [m]."""
 FLOATING = 0.12
-"""What floats no farther than this above or below something, or around it, goes with it [m]: a shade and its lamp."""
+"""Parts that float no farther than this above, below or around something go with it [m]: a shade and its lamp."""
 
 
 class Attachment(StrEnum):
@@ -42,7 +42,7 @@ class AttachmentRule:
     whole: str
     attachment: Attachment
     becomes: str = ""
-    """What the whole is called with the part; empty: as before."""
+    """Name of the whole with the part; empty: as before."""
 
 
 ATTACHMENT_RULES = (
@@ -76,7 +76,7 @@ ATTACHMENT_RULES = (
     AttachmentRule(ANY, "box", Attachment.INSIDE),
     AttachmentRule("leg", ANY, Attachment.UNDER),
 )
-"""What belongs to what, the strongest first."""
+"""Rules that join parts to wholes, the strongest first."""
 ONLY_PARTS = frozenset(
     {
         "leg",
@@ -122,7 +122,7 @@ def composites(labels: Sequence[str], traits: Sequence[Traits], segments: Segmen
 
 
 def _called(name: Sequence[str], root: int, members: tuple[int, ...]) -> str:
-    """What a whole is called: as its main thing or, where that is only a part, as the first member that is a thing."""
+    """Name of a whole: that of its main thing or, where that is only a part, of the first member that is a thing."""
     return next((name[i] for i in (root, *members) if name[i] and name[i] not in ONLY_PARTS), "")
 
 

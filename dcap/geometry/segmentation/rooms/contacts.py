@@ -1,4 +1,4 @@
-"""What touches what: segments of a scene, sampled, and the places where two of them are close."""
+"""Contacts: segments of a scene, sampled, and the places where two of them are close."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -25,9 +25,9 @@ PARALLEL = 0.95
 FLUSH = 0.004
 """Surfaces nearer than this to a common plane are flush [m]."""
 ON_TOP = 0.03
-"""What begins no deeper than this below the top of another segment is above it [m]."""
+"""Segments that begin no deeper than this below the top of another one are above it [m]."""
 SINK = 0.012
-"""What stands on something is nowhere deeper below its surface than this [m]: noise, and soft covers."""
+"""Segments that stand on something are nowhere deeper below its surface than this [m]: noise, and soft covers."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)

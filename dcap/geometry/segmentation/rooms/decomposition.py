@@ -25,7 +25,7 @@ MAIN = 0.2
 HIGHEST = 0.75
 """A component of more surface than any thing on a wall that is this share of the room's height is fused, too [-]."""
 BY_WALL = 0.15
-"""What comes this near to a wall or the ceiling may hang there [m]: curtains do at a hand's breadth."""
+"""Things this near to a wall or the ceiling may hang there [m]: curtains do at a hand's breadth."""
 LEAST_THING = 0.015
 """Surface of the smallest thing [m^2]: a tea cup."""
 

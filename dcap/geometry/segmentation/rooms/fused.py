@@ -24,7 +24,7 @@ LEAST_LEFT = 0.1
 """Surface of the smallest piece that is a thing although it looks like none [m^2]."""
 
 HIGH = 2.0
-"""What begins higher above the floor than people reach is nothing to put things on or beside [m]."""
+"""Height above the floor out of people's reach: things that begin higher get nothing put on or next to them [m]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -26,7 +26,7 @@ Index = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 ON_FLOOR = 0.03
-"""What comes this near to the floor stands on it [m]."""
+"""Segments this near to the floor stand on it [m]."""
 CRUMB = 0.01
 """Surface of the largest crumb [m^2]."""
 COVERED = 0.55
@@ -36,20 +36,20 @@ AGAINST = 0.2
 WEDGED = 0.03
 """Less than this share is chance [-]."""
 STEADY = np.tan(np.deg2rad(8.0))
-"""What tips over when it leans by less does not stand by itself [-]."""
+"""Segments that tip over when they lean by less do not stand by themselves [-]."""
 LEVEL = 0.02
 """Points of a carrying surface lie within this of its level [m]."""
 HANGING = 0.4
 """Share of a segment's surface that is near the wall it hangs at [-]."""
 FOOT = 0.2
-"""What stands on a smaller share of its own plan does not stand there but touches it [-]."""
+"""Segments that stand on a smaller share of their own plan do not stand there but touch it [-]."""
 FALLING = 0.1
 """Certainty that a small falling segment belongs to its holder [-]: less than of the reasons that can be measured."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Surroundings:
-    """What else can hold a segment."""
+    """Floor and walls, which can hold a segment as well."""
 
     floor: float
     """Height [m]; nan where there is none."""
@@ -138,7 +138,7 @@ def _contact(segments: Segments, name: int, other: int) -> SegmentContact:
 
 
 def _continuing(segments: Segments, name: int, other: int) -> float:
-    """Certainty that a crumb is a segment of the surface beside it: what shows of a board between the books on it."""
+    """Certainty that a crumb is a segment of the surface next to it: what shows of a board between the books on it."""
     segment, touch = segments.alive[name], segments.alive[name].touches[other]
     if segment.area > CRUMB or segment.area > segments.alive[other].area:
         return 0.0
@@ -213,7 +213,7 @@ def _clamps(segments: Segments, segment: Segment, contact: SegmentContact) -> bo
 def _holder(
     segments: Segments, around: Surroundings, name: int, contacts: dict[int, SegmentContact], *, falls_off: bool
 ) -> int:  # fmt: skip
-    """What most likely holds a segment that falls (off what is below, or over on its foot); -1 if nothing does.
+    """Segment that most likely holds one that falls (off what is below, or over on its foot); -1 if nothing does.
 
     Rather what does not hang; for one that falls over rather what is not below it, for one that falls off rather what
     it does not carry; then what touches it most in its lower half. A thing never belongs to a smaller one on top of it.

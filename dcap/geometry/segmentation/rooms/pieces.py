@@ -24,13 +24,13 @@ Mask = NDArray[np.bool_]
 LEVEL = 0.8
 """Least normal z of what carries [-]: 37 degrees from the vertical."""
 SLOPE = 0.4
-"""Steepest step from one surfel of a patch to the next [-], beside NOISE."""
+"""Steepest step from one surfel of a patch to the next [-], in addition to NOISE."""
 NOISE = 0.008
 """Height by which neighbouring surfels of one level may differ [m]: what phones and headsets leave."""
 LEAST_PATCH = 0.02
 """Smallest patch, seen from above [m^2]: a stack of books."""
 FLOORING = 0.06
-"""What looks up this near to the floor is the floor, or lies flat on it [m]."""
+"""Surfels that look up this near to the floor are the floor, or lie flat on it [m]."""
 LEAST_FLAT = 0.25
 """Smallest thing that lies flat on the floor [m^2]: a bath mat."""
 RAISED = 0.005
@@ -40,16 +40,16 @@ REACH = 1.6
 CLIMB = 4.0
 """A metre up counts as so many metres of way more [-]."""
 ABOVE = 0.05
-"""What is higher than this above a patch does not hang down from it [m]."""
+"""Surfels higher than this above a patch do not hang down from it [m]."""
 OUTWARD = (0.06, 0.10)
-"""What hangs down stays over so much beside its patch: constant [m] and share of the height below it [-]."""
+"""Surfels that hang down lie no farther outside their patch: constant [m] and share of the height below it [-]."""
 LEAST_REST = 0.02
 """Surface of the smallest piece without a patch [m^2]."""
 SIDEWAYS = 0.6
 """Least normal z of what is taken for floor near the floor [-]."""
 SMOOTH = 0.7
 """Cosine between the normals of neighbours in one piece without a patch [-]: the front of a wardrobe ends at the wall
-beside it."""
+next to it."""
 APART = 0.10
 """Levels of one rough patch that differ by this much are the tops of two things, or of a thing and its back [m]."""
 BAND = 0.02
@@ -64,7 +64,7 @@ ROUNDS = 3
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Pieces:
-    """What a fused scan falls into."""
+    """Pieces that a fused scan falls into."""
 
     owner: Index
     """Number of the piece of each surfel, -1 for none, shape (n,)."""
@@ -115,7 +115,7 @@ def _patches(surfels: Surfels, floor: float) -> tuple[Index, int]:
 
 def _levelled(position: Array, pairs: Index, region: Index) -> Index:
     """The regions, shape (n,), cut where one of them has several levels: a ramp of a rough scan joins the back of a
-    sofa to the table beside it. What lies between two levels is no patch, and hangs from the higher one; what lies
+    sofa to the table next to it. What lies between two levels is no patch, and hangs from the higher one; what lies
     below or above all goes with the one that it is nearest to over the surface."""
     level = np.full(len(region), -1, dtype=np.int64)
     between = np.zeros(len(region), dtype=bool)
@@ -204,7 +204,7 @@ def _hanging(surfels: Surfels, patch: Index, level: Array) -> Index:
 
 
 def _drop_far(surfels: Surfels, owner: Index, patch: Index, level: Array) -> None:
-    """What lies too far beside its patch, seen from above, is not its own: floor and wall that the scan fused."""
+    """Drop surfels too far outside the patch of their piece, seen from above: floor and wall that the scan fused."""
     order = np.argsort(owner, kind="stable")
     order = order[np.searchsorted(owner[order], 0) :]
     for i, mine in enumerate(np.split(order, np.searchsorted(owner[order], np.arange(1, len(level))))):

@@ -1,4 +1,4 @@
-"""What can be measured of an unnamed thing in a room: how large it is, how it is built, what holds it.
+"""Measures of an unnamed thing in a room: how large it is, how it is built, what holds it.
 
 In: a room taken apart. Out: one `Traits` per thing, in the same order. Nothing is named here.
 """
@@ -21,11 +21,11 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 FLOOR, WALL, CEILING, NOTHING = "floor", "wall", "ceiling", "nothing"
-"""What of the room may hold a thing."""
+"""Parts of the room that may hold a thing, or none."""
 ON_FLOOR = 0.04
-"""What begins this near to the floor stands on it [m]."""
+"""Things that begin this near to the floor stand on it [m]."""
 NEAR_WALL = 0.15
-"""What has a point this near to a wall hangs there, if it stands nowhere [m]."""
+"""Things with a point this near to a wall hang there, if they stand nowhere [m]."""
 CELL = 0.04
 """Cell in which outlines are counted [m]: more than the distance of the points that stand for surfaces."""
 CELLS = 24
@@ -177,7 +177,7 @@ def _wall_gap(room: DecomposedRoom, position: Array) -> float:
 
 
 def _holder(segments: Segments, room: DecomposedRoom, i: int) -> tuple[int, str]:
-    """What a thing stands on, hangs on or leans against: (number of a thing or -1, name of a part of the room)."""
+    """Holder of a thing, on, at or against which it rests: (number of a thing or -1, name of a part of the room)."""
     one, levels = segments.alive[i], room.shell.levels
     position = segments.position[one.points]
     if not np.isnan(levels.floor) and one.low[2] < levels.floor + ON_FLOOR:

@@ -31,27 +31,27 @@ LEVEL_SHARE = 0.15
 STRAY = 0.5
 """So much of a piece, at either end of each axis, may be stray [per cent]."""
 TOUCHING = 8
-"""Fewer surfels of a piece beside another one are no contact [-]."""
+"""Fewer surfels of a piece next to another one are no contact [-]."""
 MOST_PIECES = 6
 """Pieces of one union [-]: a seat, a back, two arms, two cushions."""
 NEXT = 5
 """Neighbours that a union is extended by: those that touch it most [-]."""
 MOST_UNIONS = 4000
 SLACK = 0.05
-"""What sticks out of the bounds of a union by no more than this is within [m]."""
+"""Tolerance for counting a piece as inside a union's bounds [m]."""
 LONGEST = 4.0
 """Of one thing [m]: a long sofa."""
 LYING = 0.08
-"""What rises no higher above the floor lies on it like a rug: it is part of nothing, and what is on it stands on the
-floor [m]."""
+"""Pieces that rise no higher above the floor lie on it like rugs: they are part of nothing, and things on them stand on
+the floor [m]."""
 COVERED = 0.3
 """Share of its plan over a lower patch from which on a piece stands there [-]."""
 SINK = 0.08
 """So deep below a patch may what stands on it begin [m]: cushions give way, and patches are rough."""
 LOW_ENOUGH = 1.2
-"""What begins lower than this above the floor, with nothing below it, stands on the floor [m]."""
+"""Unions that begin lower than this above the floor, with nothing below them, stand on the floor [m]."""
 BY_WALL = 0.15
-"""What comes this near to a wall may hang there [m]."""
+"""Unions this near to a wall may hang there [m]."""
 ONE_COLOUR = 1.0
 """Colours that differ by less are one [CIELAB units]."""
 EYES = 1.5
@@ -60,7 +60,7 @@ EYES = 1.5
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RoughShape:
-    """What a scan tells of a union of pieces. Lengths in metres, heights above the floor."""
+    """Measures of a union of pieces in a scan. Lengths in metres, heights above the floor."""
 
     length: float
     """Longer side of its upright rectangle."""
@@ -75,7 +75,7 @@ class RoughShape:
     buried: float
     """Share of that level over which the surface goes on upwards as something else [-]."""
     cut: float
-    """Length along which its surface goes on beside it as a patch, or what hangs from one, that is not in it [m]."""
+    """Length along which its surface goes on next to it as a patch, or what hangs from one, that is not in it [m]."""
     levels: int
     """Heights at which a good part of the plan looks up."""
     wall_gap: float | None
@@ -95,7 +95,7 @@ class RoughShape:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Piece:
-    """What is kept of a piece, so that unions are measured fast."""
+    """Measures of a piece that are kept so that unions are measured fast."""
 
     corners: Array
     """Corners of its convex hull seen from above, without strays, shape (h, 2)."""
