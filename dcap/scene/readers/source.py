@@ -57,11 +57,11 @@ PAINTED: dict[str, Callable[[Path], RawMesh]] = {
 """Reader of files that may have textures and materials, with all that they say."""
 
 BROKEN = (ArithmeticError, AttributeError, LookupError, RecursionError, StopIteration, TypeError, ValueError)
-"""What decoding can raise on bytes that break their format where no check of the reader names the place."""
+"""Errors that decoding can raise on bytes that break their format where no check of the reader names the place."""
 
 
 STATED = {"up": "z", "unit": "m"}
-"""What InteriorGS and ScanNet state of their scenes."""
+"""Up axis and unit that InteriorGS and ScanNet state of their scenes."""
 
 ROOM_HEIGHT, ROOM_BREADTH = (2.0, 4.5), (2.0, 30.0)
 """Height and longer side of what is taken for a room in metres [m]."""

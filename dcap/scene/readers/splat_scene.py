@@ -20,7 +20,7 @@ from dcap.scene.types.scan import LabelBox, Room
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SplatScene:
-    """What a folder or file of splats says."""
+    """Content of a folder or file of splats."""
 
     path: Path
     """The file of splats."""
@@ -33,7 +33,7 @@ class SplatScene:
     world_from_file: NDArray[np.float64]
     """Maps the file's own coordinates to ours, shape (4, 4)."""
     notes: tuple[str, ...]
-    """What was assumed or ignored on reading, one sentence each."""
+    """Assumptions made and parts ignored on reading, one sentence each."""
 
 
 def read_splat_scene(path: Path, options: SourceOptions) -> SplatScene:

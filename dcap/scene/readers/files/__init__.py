@@ -1,1 +1,1 @@
-"""What foreign files are made of and name: JSON, pictures, companions."""
+"""Contents of foreign files and the files that they name: JSON, pictures, companions."""

@@ -21,10 +21,10 @@ MAX_PIXELS = LONGEST_SIDE * LONGEST_SIDE
 MAX_TOGETHER = 4 * MAX_PIXELS
 """Pixels of all images of one file [-]."""
 FORMATS = ("PNG", "JPEG", "WEBP", "TIFF", "TGA", "BMP", "DDS", "GIF", "PPM")
-"""What is decoded, by Pillow's names; what some cameras make of several JPEGs is one too."""
+"""Formats that are decoded, by Pillow's names; a file that a camera makes of several JPEGs counts as one too."""
 
 UNREADABLE = (OSError, SyntaxError, ValueError, LookupError, EOFError, struct.error, zlib.error)
-"""What decoding can raise on bytes that are no image, or only the beginning of one."""
+"""Errors that decoding can raise on bytes that are no image, or only the beginning of one."""
 
 # Pillow's own limit is lower and warns in several lines; ours is checked between the header and the pixels.
 Image.MAX_IMAGE_PIXELS = None
@@ -52,7 +52,7 @@ def read_rgba(data: bytes, where: str, most: int) -> NDArray[np.uint8]:
 
 
 class PixelBudget:
-    """What the images of one file may take together."""
+    """Pixels that the images of one file may have together."""
 
     def __init__(self, path: Path) -> None:
         self._path, self._left = path, MAX_TOGETHER

@@ -1,4 +1,4 @@
-"""What a name means that one file gives another: only what lies in the naming file's own folder counts.
+"""Files that another file refers to by name: only those in the naming file's own folder count.
 
 Neither hidden files nor ground truth count, and a link on the way to a file, be it to a folder, counts as what it leads
 to (decision 096).

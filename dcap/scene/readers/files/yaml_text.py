@@ -8,7 +8,7 @@ from ruamel.yaml.nodes import MappingNode
 MOST_KEYS = 10_000
 """More keys than anyone writes in one mapping; merges that repeat each other make any number of a short file."""
 BROKEN_YAML = (YAMLError, ValueError, RecursionError)
-"""What `parse_yaml` raises for text that is none."""
+"""Errors that `parse_yaml` raises for text that is not YAML."""
 
 
 class BoundedMerges(SafeConstructor):
@@ -23,7 +23,7 @@ class BoundedMerges(SafeConstructor):
 
 
 def yaml_fault(broken: Exception) -> str:
-    """What is wrong with a text that `parse_yaml` refuses, and where, in one line."""
+    """Fault in a text that `parse_yaml` refuses, and its place, in one line."""
     if not isinstance(broken, MarkedYAMLError) or broken.problem_mark is None:
         return " ".join(str(broken).split())
     mark, what = broken.problem_mark, ": ".join(one for one in (broken.context, broken.problem) if one)

@@ -29,7 +29,7 @@ WORLD_FROM_FILE = {
 
 
 class Role(StrEnum):
-    """What a mesh is used as: it decides which sizes are plausible and which option is named."""
+    """Use of a mesh: it decides which sizes are plausible and which option is named."""
 
     SCENE = "scene"
     OBJECT = "object"
@@ -94,7 +94,7 @@ def find_frame(raw: RawMesh, options: SourceOptions, role: Role) -> FileFrame:
 
 
 def _shift(raw: RawMesh, linear: NDArray[np.float64], notes: list[str]) -> NDArray[np.float64]:
-    """What brings a mesh far from the origin to it, in whole metres, shape (3,) [m]; zero for one that is near."""
+    """Shift of a mesh far from the origin back to it, in whole metres, shape (3,) [m]; zero for one that is near."""
     middle = linear @ (0.5 * (raw.vertices.min(axis=0) + raw.vertices.max(axis=0)))
     if np.linalg.norm(middle) <= FAR_M:
         return np.zeros(3)

@@ -143,7 +143,7 @@ def _upright(faces: Faces, axis: int) -> float:
 
 @dataclass(frozen=True)
 class UpEvidence:
-    """What speaks for one axis being up."""
+    """Evidence for one axis being up."""
 
     grounded: bool
     """The lowest coordinate is zero."""

@@ -17,7 +17,7 @@ LARGEST = {5120: 127.0, 5121: 255.0, 5122: 32767.0, 5123: 65535.0, 5125: 4294967
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 
 INCONSISTENT = (LookupError, TypeError, ValueError, AttributeError, OverflowError)
-"""What entries that contradict each other raise."""
+"""Errors that contradictory entries raise."""
 
 
 class Accessors:

@@ -43,7 +43,7 @@ UNDERSTOOD = {
 def read_gltf(path: Path, report: Report | None = None, *, all_maps: bool = False) -> RawMesh:
     """Read the default scene of a glTF file; with a `report`, accessors and faces that are broken are told.
 
-    `all_maps`: transparency, factors, further maps and names of materials are read too, beside their base colours.
+    `all_maps`: transparency, factors, further maps and names of materials are read too, along with their base colours.
     """
     report = report or refusing(path)
     data = read_bytes(path)
@@ -269,7 +269,7 @@ def _name(node: Entry, mesh: Entry | None, index: int) -> str:
 
 
 def _annotated_label(node: Entry) -> str | None:
-    """What a node is annotated as: `label` of its extras, as `dcap.scene.writers.glb` writes it."""
+    """Label that a node is annotated with: `label` of its extras, as `dcap.scene.writers.glb` writes it."""
     extras = node.get("extras")
     label = extras.get("label") if isinstance(extras, dict) else None
     return " ".join(label.lower().split()) if isinstance(label, str) else None

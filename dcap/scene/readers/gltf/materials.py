@@ -33,7 +33,7 @@ OLDER = "KHR_materials_pbrSpecularGlossiness"
 
 @dataclass
 class PrimitiveLook:
-    """What the faces of one primitive look like."""
+    """Appearance of the faces of one primitive."""
 
     color: tuple[int, int, int]
     """Base colour (sRGB)."""

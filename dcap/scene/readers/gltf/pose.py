@@ -40,7 +40,7 @@ def is_hidden(node: Entry) -> bool:
 
 
 def extension(entry: Entry, name: str) -> Entry:
-    """What an entry says in an extension, empty where it says nothing."""
+    """Values of an entry's extension, empty where it has none."""
     found = (entry.get("extensions") or {}).get(name)
     return found if isinstance(found, dict) else {}
 

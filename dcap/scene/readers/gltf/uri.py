@@ -1,4 +1,4 @@
-"""What URIs of a glTF file stand for: data of their own, or a file beside the document."""
+"""Content that URIs of a glTF file stand for: data of their own, or a file next to the document."""
 
 import base64
 from pathlib import Path
@@ -10,7 +10,7 @@ from dcap.scene.readers.files.references import absence, beside
 
 
 def uri_bytes(path: Path, uri: str) -> bytes:
-    """Bytes of a data URI, or of a file beside the document at `path`."""
+    """Bytes of a data URI, or of a file next to the document at `path`."""
     if uri.startswith("data:"):
         try:
             return base64.b64decode(uri.partition(",")[2], validate=True)

@@ -1,1 +1,1 @@
-"""Labels beside a scene: a list of its things, ids of its vertices, a phone's plan of the room."""
+"""Labels next to a scene: a list of its things, ids of its vertices, a phone's plan of the room."""

@@ -44,7 +44,7 @@ def is_roomplan(document: Mapping[str, object]) -> bool:
 
 
 def items(room: Mapping[str, object]) -> Iterator[tuple[str, Mapping[str, object]]]:
-    """What a room lists, with the name of the list."""
+    """Rows of a room's lists, each with the name of its list."""
     for name in LISTS:
         rows = room.get(name)
         yield from ((name, row) for row in (rows if isinstance(rows, list) else []) if isinstance(row, dict))

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 VERSION = 1
 KEYS = ("number", "id", "label", "guess", "confidence", "structure", "size_m", "surface_m", "box", "parts", "faces",
         "guesses")  # fmt: skip
-"""What an entry may have."""
+"""Keys that an entry may have."""
 
 
 def read_things(path: Path, document: Mapping[str, object]) -> GivenLabels:

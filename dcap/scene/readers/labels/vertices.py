@@ -1,7 +1,7 @@
 """The thing of each vertex: numbers as .npy or .txt, or JSON; ScanNet's segments with their groups.
 
 `.npy`: whole numbers of shape (n,). `.txt`: one per line. `.json`: `{"vertex_instance": [...], "labels": {...}}`.
-Numbers below 0 are nothing. Names are `{"3": "sofa"}`; those for `.npy` and `.txt` stand beside them, in
+Numbers below 0 are nothing. Names are `{"3": "sofa"}`; those for `.npy` and `.txt` stand next to them, in
 `NAME.labels.json`.
 `*.segs.json` and `*.aggregation.json` of ScanNet go together; either may be named.
 """
@@ -29,7 +29,7 @@ LONGEST_NUMBER = 30
 MAGIC = b"\x93NUMPY"
 """How a file of one array begins; archives and pickles begin otherwise."""
 BROKEN_ARRAY = (ValueError, EOFError, SyntaxError, OverflowError, MemoryError, RecursionError)
-"""What numpy raises for bytes that are no array."""
+"""Errors that numpy raises for bytes that are no array."""
 SHOWN = 200
 """Characters of what numpy says that are shown."""
 
@@ -49,7 +49,7 @@ def read_numpy(path: Path) -> VertexLabels:
 
 
 def one_line(error: Exception) -> str:
-    """What numpy says, in a line."""
+    """Message of numpy's error in one line."""
     return " ".join(str(error).split())[:SHOWN]
 
 

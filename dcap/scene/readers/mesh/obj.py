@@ -50,9 +50,9 @@ class Lines:
 
 
 def read_obj(path: Path, report: Report | None = None, *, all_maps: bool = False) -> RawMesh:
-    """Read an OBJ file and the MTL and images beside it; with a `report`, broken lines are told and left out.
+    """Read an OBJ file and the MTL and images next to it; with a `report`, broken lines are told and left out.
 
-    `all_maps`: transparency, factors, further maps and names of materials are read too, beside their colours.
+    `all_maps`: transparency, factors, further maps and names of materials are read too, along with their colours.
     """
     report = report or refusing(path)
     data = read_bytes(path)
@@ -136,7 +136,7 @@ def _numbers(report: Report, data: bytes, keyword: str, rows: list[bytes], least
 
 
 def _broken(row: bytes, least: int) -> str:
-    """What is wrong with a row of at least `least` numbers, with a place for its keyword; empty if it is sound."""
+    """Fault in a row of at least `least` numbers, with a place for its keyword; empty if it is sound."""
     words = row.split()
     if len(words) < least:
         return f"'{{}}' has {len(words)} values, expected {least}"

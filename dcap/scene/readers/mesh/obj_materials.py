@@ -1,4 +1,4 @@
-"""What the materials of an OBJ say beyond colours and diffuse textures, put on its faces."""
+"""Properties of the materials of an OBJ beyond colours and diffuse textures, put on its faces."""
 
 from collections.abc import Mapping
 from dataclasses import replace

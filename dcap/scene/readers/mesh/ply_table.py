@@ -39,7 +39,7 @@ Table = dict[str, Column]
 
 @dataclass(frozen=True, eq=False)
 class PlyHeader:
-    """What a file says of itself."""
+    """Header of a PLY file."""
 
     elements: dict[str, PlyElement]
     """By name in file order, without data."""

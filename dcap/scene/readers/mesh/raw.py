@@ -1,6 +1,6 @@
-"""What a mesh file says, before units, axes and colours are settled.
+"""Content of a mesh file, before units, axes and colours are settled.
 
-`RawMesh` is what every format reader returns; `paint.py` beside this bakes its textures and `frame.py`
+`RawMesh` is what every format reader returns; `paint.py` next to this bakes its textures and `frame.py`
 brings it to metres and z up. Invariant: finite vertices, indices in range, at least one face.
 """
 
@@ -45,7 +45,7 @@ class RawMesh:
     """Length unit by the format's standard [m]; 0 if the format has none."""
     notes: tuple[str, ...]
     node_labels: tuple[str | None, ...] = ()
-    """What each node's instance is annotated as, as in `Scan`; empty: the file annotates nothing."""
+    """Label that each node's instance is annotated with, as in `Scan`; empty: the file annotates nothing."""
     of_splats: bool = False
     """Faces that only stand for Gaussians: they tell where and which way, not which side is out."""
 

@@ -102,7 +102,7 @@ def _decoded(path: Path, name: bytes) -> str:
 
 
 def _checked(path: Path, make: Callable[[], Row]) -> Row:
-    """What a row makes, with the file's name where it breaks a promise."""
+    """Object made from a row; FormatError with the file's name where it breaks a promise."""
     try:
         return make()
     except GeometryError as error:

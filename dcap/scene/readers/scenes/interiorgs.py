@@ -22,7 +22,7 @@ from dcap.scene.types.scan import LabelBox, Room
 LABELS, STRUCTURE = "labels.json", "structure.json"
 
 UNBOXED = ("room", "wall")
-"""What is annotated without a box, as a rule."""
+"""Labels that are annotated without a box, as a rule."""
 
 OPENINGS = ("window", "door", "opening")
 """Kinds of holes in walls."""
@@ -63,7 +63,7 @@ class LabelEntry:
 
 
 def label_entries(document: object, report: Report) -> tuple[LabelEntry, ...]:
-    """What labels.json holds, entry by entry; ids that are missing or repeated are made new."""
+    """Entries of labels.json; ids that are missing or repeated are made new."""
     root: Place = ("labels",) if isinstance(document, dict) else ()
     entries = document.get("labels") if isinstance(document, dict) else document
     if not isinstance(entries, list):
@@ -167,7 +167,7 @@ def read_structure(folder: Path) -> tuple[tuple[Room, ...], tuple[LabelBox, ...]
 
 
 def structure_of(document: object, report: Report) -> tuple[tuple[Room, ...], tuple[LabelBox, ...]]:
-    """What structure.json holds."""
+    """Rooms of structure.json, and the boxes of its walls and holes."""
     if not isinstance(document, dict):
         report(error(f"not an object, but {short(document)}"))
         return (), ()

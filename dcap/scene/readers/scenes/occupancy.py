@@ -84,7 +84,7 @@ def _mappings(cells: NDArray[np.uint8], extent: MapExtent) -> dict[str, Occupanc
 
 
 def map_extent(document: object, report: Report) -> MapExtent | None:
-    """What occupancy.json says; None where it does not tell where the map lies."""
+    """Extent of the map by occupancy.json; None where it does not tell where the map lies."""
     if not isinstance(document, dict):
         report(error(f"not an object, but {short(document)}"))
         return None

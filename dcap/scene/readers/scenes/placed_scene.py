@@ -34,7 +34,7 @@ VERSION = 1
 DEFORMED = "deformed_*.ply"
 """Names of the files of deformed surfaces."""
 OBJECT_NODE = "object"
-"""What the node of the thing that was placed last is called in scene.glb."""
+"""Name in scene.glb of the node of the thing that was placed last."""
 
 Vector = Annotated[list[FiniteFloat], Field(min_length=3, max_length=3)]
 Share = Annotated[FiniteFloat, Field(ge=0.0, le=1.0)]
@@ -48,7 +48,7 @@ class Entry(BaseModel, frozen=True, extra="forbid"):
 
 
 class LayerEntry(Entry, frozen=True):
-    """What layers add to a material."""
+    """Constants that layers add to a material."""
 
     youngs_modulus: Positive
     poisson_ratio: FiniteFloat
@@ -56,7 +56,7 @@ class LayerEntry(Entry, frozen=True):
 
 
 class MaterialEntry(Entry, frozen=True):
-    """What a part is made of, as it was simulated."""
+    """Material of a part, as it was simulated."""
 
     id: str
     model: Literal["rigid", "mpm"]
@@ -92,7 +92,7 @@ class PartEntry(Entry, frozen=True):
 
 
 class PlacedEntry(Entry, frozen=True):
-    """What makes an instance one that may move."""
+    """Entry of an instance that may move: its mass, carriers and prompt."""
 
     mass: Positive
     carried_by: list[str]
@@ -245,7 +245,7 @@ def box_of(entry: BoxEntry) -> OrientedBox:
 
 
 def material_of(body: str, index: int, part: PartEntry) -> PartMaterial:
-    """What a part of scene.json is made of."""
+    """Material of a part of scene.json."""
     entry = part.material
     assert entry is not None
     layers = None

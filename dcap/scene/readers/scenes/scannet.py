@@ -109,7 +109,7 @@ class AnnotatedInstance:
 
 
 def instances_of(document: object, segments_name: str, report: Report) -> tuple[list[AnnotatedInstance], int]:
-    """What an aggregation file holds for the segments of a file of that name, and how many groups are skipped."""
+    """Instances in an aggregation file for the segments of a file of that name, and how many groups are skipped."""
     groups = document.get(GROUPS) if isinstance(document, dict) else None
     if not isinstance(document, dict) or not isinstance(groups, list):
         report(error(f"no list {GROUPS!r}"))

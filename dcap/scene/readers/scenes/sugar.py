@@ -16,7 +16,7 @@ from dcap.scene.readers.usd.usd import USD_SUFFIXES
 MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", *USD_SUFFIXES, *SPLAT_SUFFIXES, *POINT_SUFFIXES)
 
 COMPRESSED_NAME = "3dgs_compressed.ply"
-"""What InteriorGS calls the splats of a scene."""
+"""Name of the splats of a scene in InteriorGS."""
 
 GENERIC_STEMS = {
     "textured",
@@ -58,7 +58,7 @@ def find_mesh(folder: Path) -> tuple[Path, tuple[str, ...]]:
     splats = None if meshes else find_splats(folder)
     if splats is not None:
         return splats, ()
-    meshes = meshes or stages or shapes  # a stage beside others shows what they do, and needs a library
+    meshes = meshes or stages or shapes  # a stage next to others shows what they do, and needs a library
     if len(meshes) == 1:
         return meshes[0], ()
     if meshes:
@@ -119,7 +119,7 @@ def is_generic(path: Path) -> bool:
 
 
 def describe(path: Path, folder: str = "") -> str:
-    """What a mesh is, by its name: the file's stem, or the folder's where the stem says nothing; empty where neither is
+    """Name of a mesh: the file's stem, or the folder's where the stem says nothing; empty where neither is
     more than a number or an id.
 
     `folder` is the name of the folder that the file was given in, where it does not lie there any more; of a file that

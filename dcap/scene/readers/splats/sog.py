@@ -37,12 +37,12 @@ TAG = 252
 PALETTE_ROW = 64
 """Entries of the palette per row."""
 BROKEN_ZIP = (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError, EOFError, OSError)
-"""What reading a zip that is none can raise."""
+"""Errors that reading a file as a zip can raise where it is none."""
 
 
 @dataclass(frozen=True, slots=True)
 class SogFiles:
-    """What the parts of a file are read from."""
+    """Source that the parts of a file are read from."""
 
     path: Path
     """For messages."""
@@ -167,7 +167,7 @@ def _pixels(files: SogFiles, meta: Mapping[str, object], name: str, index: int, 
 
 
 def _values(path: Path, meta: Mapping[str, object], name: str, pixels: U8, version: int) -> Array:
-    """What the bytes (n, k) of a picture stand for, shape (n, k)."""
+    """Values that the bytes (n, k) of a picture stand for, shape (n, k)."""
     if version == 2:
         return np.asarray(_numbers(path, meta, name, "codebook", 256)[pixels])
     low, high = (_numbers(path, meta, name, key, pixels.shape[1]) for key in ("mins", "maxs"))

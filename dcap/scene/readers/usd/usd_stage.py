@@ -24,7 +24,7 @@ from dcap.scene.srgb import srgb_from_linear
 
 Stage = Any
 Prim = Any
-"""What the library, which has no types, calls so."""
+"""Object of that name in the library, which has no types."""
 
 REFUSED = 3
 """Exit code where a line says what is wrong."""
@@ -32,7 +32,7 @@ REFUSED = 3
 FLATTEN = "flatten it into one file: `usdcat --flatten in.usd -o out.usdc`"
 
 GREY = 200
-"""Of meshes without a colour beside others that have one [sRGB]."""
+"""Of meshes without a colour next to others that have one [sRGB]."""
 
 
 def main(path: Path, cpu_seconds: int, memory: int) -> int:

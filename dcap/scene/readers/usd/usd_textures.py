@@ -1,7 +1,7 @@
 """Base-colour textures of a USD stage, read by Pixar's library within the process of `usd_stage`.
 
 Read are `UsdUVTexture` nodes at the `diffuseColor` of a `UsdPreviewSurface`, with the coordinates that their
-`UsdPrimvarReader_float2` names, through a `UsdTransform2d` if there is one. Only images beside the stage or within its
+`UsdPrimvarReader_float2` names, through a `UsdTransform2d` if there is one. Only images next to the stage or within its
 package count.
 Source: Pixar, "UsdPreviewSurface Specification", version 2.6.
 """
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from dcap.scene.srgb import CLAMP, MIRROR, REPEAT, Wrap
 
 Prim = Any
-"""What the library, which has no types, calls so."""
+"""Object of that name in the library, which has no types."""
 
 WRAPS = {"repeat": REPEAT, "mirror": MIRROR, "clamp": CLAMP, "black": CLAMP}
 COORDINATES = "st"
@@ -91,7 +91,7 @@ class StageTextures:
         return self._textures[key]
 
     def _read(self, material: Any) -> Texture | None:
-        """What is connected to the diffuse colour of a material's surface."""
+        """Texture that is connected to the diffuse colour of a material's surface."""
         surface = material.ComputeSurfaceSource()[0]
         node = _source(surface, "diffuseColor") if surface else None
         if node is None or node.GetIdAttr().Get() != "UsdUVTexture":
