@@ -51,6 +51,7 @@ REPEATS = {
 """And where a drop is repeated."""
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_wrong_wiring_is_a_type_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each mistake in the flow is an error of mypy in its own file; the flow as it is has none."""

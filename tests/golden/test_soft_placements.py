@@ -212,6 +212,7 @@ def test_a_heavy_pillow_and_a_mattress_give_each_by_its_own_stiffness(place: Pla
     assert 0.97 * reference - error <= sink <= 1.03 * reference + PENETRATION
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_folded_towel_on_a_table_is_pressed_together_by_its_own_weight(place: Place) -> None:
     """Soft on rigid: a stack of height h is shorter by rho g h^2 / (2 E_t), and its underside lies flat on a table."""

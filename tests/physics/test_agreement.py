@@ -20,6 +20,7 @@ def both(lab, *bodies):
     return [lab.drop(*bodies, method=method, kick_speed=0.0, kick_angular_speed=0.0) for method in ("tl", "mls")]
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_soft_cube_on_a_plane(lab):
     """Own weight, a fifth of its height sunk in: top, bottom, width and carried weight agree."""

@@ -236,6 +236,7 @@ def test_a_bond_carries_what_hangs_on_it(lab):
     assert result.bodies[0].vertices[:, 2].max() == pytest.approx(-0.0005, abs=2e-4)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_light_pad_under_a_heavy_weight_comes_to_rest(lab):
     """A body moves as a whole with its true mass, and all of its springs together may not throw that."""
@@ -258,6 +259,7 @@ def test_a_contact_that_cells_cannot_tell_is_named(lab):
     assert ["contact of blob and floor" in line for line in said] == [True]
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_light_plate_is_not_thrown_by_its_many_springs(lab):
     """20 g on 2400 points, each as stiff as one alone may be."""
@@ -309,6 +311,7 @@ def test_a_pair_is_stiffened_until_its_mean_penetration_is_the_one_aimed_at(lab)
     assert np.all(touch.memory.stiffness <= touch.allowed)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_what_springs_give_back_does_not_drive_a_ball_that_rolls(lab):
     """Nothing resists rolling but the foam, and part of each force comes late: the ball still gets slower."""

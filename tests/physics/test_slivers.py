@@ -125,6 +125,7 @@ def test_a_heavy_block_does_not_fold_the_cells_that_an_oblique_face_cuts(lab, sh
     assert smallest > 0.1
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_depth_does_not_jump_where_cells_become_slivers(lab):
     """A block on a face that lies 0.2 to 20 % of a cell above a plane of the grid: within 2 % as deep as on one that

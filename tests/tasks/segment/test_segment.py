@@ -373,6 +373,7 @@ def cut_into_blocks(mesh: Mesh, names: Sequence[str]) -> Scan:
     return Scan(mesh, node, tuple(names), (), (), "", np.eye(4), "z", 1.0, "format", ())
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_the_blocks_of_a_device_are_one_scan() -> None:
     """Whatever they are called, a room in blocks is taken apart as it is in one piece."""
