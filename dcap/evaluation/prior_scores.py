@@ -35,7 +35,7 @@ class Published:
 
     name: str
     extents: tuple[float, ...]
-    """Those that it states, largest first [m]."""
+    """Extents that the source states, largest first [m]."""
     mass: float | None
     """[kg]."""
     source: str

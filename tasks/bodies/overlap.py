@@ -1,6 +1,7 @@
 """How deep bodies have gone into each other, measured on their surfaces at the start and at the end."""
 
 from collections.abc import Sequence
+from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,42 +29,41 @@ STEP_U, STEP_V = 0.7548776662466927, 0.5698402909980532
 
 
 def overlap_row(model: Model, surfaces: Sequence[Mesh], least: float, most: float) -> CertificateRow:
-    """How much deeper than at the start a surface lies in a closed piece of another one [m], where that exceeds what is
-    allowed by most: a quarter of the thickness there, within the bounds `least` and `most` [m].
+    """How much deeper than at the start a surface lies in a closed piece of another one, where that is largest over its
+    bound [m]: a quarter of the thickness there, but at least `least` and at most `most`.
 
     Pairs of which nothing can move do not count, nor do bonded ones, which may lie in each other.
     """
     bonded = {frozenset(pair) for pair in model.bonds}
-    worst = CertificateRow.at_most(0.0, most)
+    rows = [CertificateRow.at_most(0.0, most)]
     for other, end in zip(model.bodies, surfaces, strict=True):
-        pairs = [
-            (body, surface)
+        closed = closed_pieces(end)
+        if len(closed.faces) == 0:
+            continue
+        found = [
+            points_in(surface, body.vertices, closed)
             for body, surface in zip(model.bodies, surfaces, strict=True)
             if body is not other
             and not (body.fixed and other.fixed)
             and frozenset((body.name, other.name)) not in bonded
         ]
-        closed = closed_pieces(end)
-        found = [points_in(surface, body.vertices, closed) for body, surface in pairs if len(closed.faces)]
-        place, start = (np.concatenate(one) for one in zip(*found, strict=True)) if found else (np.zeros((0, 3)),) * 2
-        if len(place) == 0:
-            continue
-        deep = -MeshDistance(closed)(place)
-        inside = deep > least
-        if inside.any():
-            before = MeshDistance(Mesh.of(other.vertices, closed.faces))
-            deeper = deep[inside] - np.maximum(-before(start[inside]), 0.0)
-            allowed = np.clip(THICKNESS_SHARE * thickness(closed, place[inside]), least, most)
-            largest = int(np.argmax(deeper / allowed))
-            worst = min(worst, CertificateRow.at_most(float(deeper[largest]), float(allowed[largest])), key=margin)
-        else:
-            worst = min(worst, CertificateRow.at_most(max(float(deep.max()), 0.0), most), key=margin)
-    return worst
+        points = np.concatenate([np.zeros((0, 6)), *found])
+        if len(points):
+            rows.append(deepest(closed, Mesh.of(other.vertices, closed.faces), points, least, most))
+    return min(rows, key=attrgetter("margin"))
 
 
-def margin(row: CertificateRow) -> float:
-    """By which rows are compared."""
-    return row.margin
+def deepest(closed: Mesh, before: Mesh, points: Array, least: float, most: float) -> CertificateRow:
+    """The overlap of points (k, 6), where they are and where they were, with a closed surface that was `before`, where
+    it is largest over its bound [m]."""
+    deep = -MeshDistance(closed)(points[:, :3])
+    inside = deep > least
+    if not inside.any():
+        return CertificateRow.at_most(max(float(deep.max()), 0.0), most)
+    deeper = deep[inside] - np.maximum(-MeshDistance(before)(points[inside, 3:]), 0.0)
+    allowed = np.clip(THICKNESS_SHARE * thickness(closed, points[inside, :3]), least, most)
+    largest = int(np.argmax(deeper / allowed))
+    return CertificateRow.at_most(float(deeper[largest]), float(allowed[largest]))
 
 
 def closed_pieces(surface: Mesh) -> Mesh:
@@ -79,16 +79,16 @@ def thickness(closed: Mesh, inside: Array) -> Array:
     return near.distance + Raycaster(closed).cast(inside, inward).distance
 
 
-def points_in(surface: Mesh, start: Array, closed: Mesh) -> tuple[Array, Array]:
-    """Points of a surface in the box of a closed one, close together, and where they were when its vertices (n, 3) were
-    at `start`, shape (k, 3) each [m]."""
+def points_in(surface: Mesh, start: Array, closed: Mesh) -> Array:
+    """Points of a surface in the box of a closed one, close together, each with its place when the vertices (n, 3) were
+    at `start` [m], shape (k, 6)."""
     from trimesh.remesh import subdivide_to_size
 
     low = np.maximum(closed.triangles.min(axis=(0, 1)), surface.triangles.min(axis=(0, 1)))
     high = np.minimum(closed.triangles.max(axis=(0, 1)), surface.triangles.max(axis=(0, 1)))
     across = float(np.linalg.norm(high - low))
     if (low > high).any() or across < LEAST_M:
-        return np.zeros((0, 3)), np.zeros((0, 3))
+        return np.zeros((0, 6))
     both, faces, step = np.hstack([surface.vertices, start]), surface.faces, SPACING * across
     while True:  # halve edges that are longer than the box, and drop triangles outside of it at once
         faces = faces[in_box(both[faces, :3], low, high)]
@@ -104,7 +104,7 @@ def points_in(surface: Mesh, start: Array, closed: Mesh) -> tuple[Array, Array]:
     u, v = (STEP_U * number) % 1.0, (STEP_V * number) % 1.0
     u, v = np.where(u + v > 1.0, [1.0 - u, 1.0 - v], [u, v])
     within = a[face] + u[:, None] * (b - a)[face] + v[:, None] * (c - a)[face]
-    points = np.concatenate([both[np.unique(faces)], within])
+    points: Array = np.concatenate([both[np.unique(faces)], within])
     points = points[((points[:, :3] >= low) & (points[:, :3] <= high)).all(axis=1)]
-    points = points[np.unique(np.floor((points[:, :3] - low) / step), axis=0, return_index=True)[1]]
-    return points[:, :3], points[:, 3:]
+    _, first = np.unique(np.floor((points[:, :3] - low) / step), axis=0, return_index=True)
+    return np.asarray(points[first])

@@ -7,6 +7,7 @@ the solver uses while it computes.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,7 +64,7 @@ def proven(model: Model, result: SettledModel) -> SettledModel:
 
 
 def smallest_area(model: Model, result: SettledModel) -> float | None:
-    """Of the contacts that carry force between two bodies of which one is soft [m^2]; None where there are none."""
+    """Smallest area of a contact that carries force and has a soft body on one side [m^2]; None if there is none."""
     soft = {body.name for body in model.bodies if isinstance(body, SoftBody)}
     areas = [row.area_m2 for row in result.contacts if row.normal_force_n > 0.0 and {row.a, row.b} & soft]
     return min(areas, default=None)
@@ -184,7 +185,7 @@ def largest_gap_row(forces: PointForces, at: Places, largest_gap: float) -> Cert
         before = np.cumsum(size[order]) - size[order]
         last = order[before < COUNTED * size[order].sum()][-1]
         rows.append(CertificateRow.at_most(float(at.distance[last]), float(at.allowed[last])))
-    return min(rows, key=lambda row: row.margin)
+    return min(rows, key=attrgetter("margin"))
 
 
 def started(body: Body, surface: Mesh, points: Array, near: Nearest) -> Array:

@@ -63,7 +63,7 @@ class BaseBodies:
 
     @property
     def bodies(self) -> list[SimulationBody]:
-        """Those that there are."""
+        """The soft and the rigid body, as far as there are any."""
         return [b for b in (self.soft, self.rigid) if b is not None]
 
 

@@ -12,9 +12,7 @@ CYLINDER, BALL, COVER = "a flat cylinder", "a ball, E 2e4", "a ball on a bonded 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "name", [pytest.param(one, marks=[pytest.mark.long] * (one != BALL)) for one in REFERENCES]
-)
+@pytest.mark.parametrize("name", [pytest.param(one, marks=[pytest.mark.long] * (one != BALL)) for one in REFERENCES])
 def test_it_sinks_as_deep_as_the_reference(name: str, tmp_path: Path) -> None:
     """The cells follow the shape's own patch, and are finest where it ends at an edge."""
     one = REFERENCES[name]

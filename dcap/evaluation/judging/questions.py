@@ -64,7 +64,7 @@ class PairRequest:
 # The rubric may have no metric of an axis; a model has seen the pictures and must judge it. So null is not in the
 # schema
 # for a model and is refused in its answers; only the rubric, whose replies are not parsed, returns it.
-def given(value: AnswerT | None) -> AnswerT:
+def require_answer(value: AnswerT | None) -> AnswerT:
     """An answer that is not null; ValueError otherwise."""
     if value is None:
         raise ValueError("null is no answer; each axis must be judged")
@@ -75,10 +75,12 @@ POINTS_SCHEMA = {
     "type": "number", "minimum": 1.0, "maximum": 10.0, "description": "1 to 10; halves are allowed",
 }  # fmt: skip
 JudgedScorePoints = Annotated[
-    Annotated[float, Field(ge=1.0, le=10.0, strict=True)] | None, AfterValidator(given), WithJsonSchema(POINTS_SCHEMA)
+    Annotated[float, Field(ge=1.0, le=10.0, strict=True)] | None,
+    AfterValidator(require_answer),
+    WithJsonSchema(POINTS_SCHEMA),
 ]
 ANSWER_SCHEMA = {"type": "string", "enum": [one.value for one in PairAnswer]}
-JudgedAnswer = Annotated[PairAnswer | None, AfterValidator(given), WithJsonSchema(ANSWER_SCHEMA)]
+JudgedAnswer = Annotated[PairAnswer | None, AfterValidator(require_answer), WithJsonSchema(ANSWER_SCHEMA)]
 
 
 class ScoreReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):

@@ -131,11 +131,11 @@ def cell(metric: ShownMetric, values: Sequence[float], of: int) -> str:
     if not values:
         return NOTHING
     middle = mean(values) if metric.share else median(values)
-    rest = "" if metric.share else f" ({shown(metric.factor * mean(values))})"
-    return f"{shown(metric.factor * middle)}{rest}" + (f", n {len(values)}" if len(values) < of else "")
+    rest = "" if metric.share else f" ({format_number(metric.factor * mean(values))})"
+    return f"{format_number(metric.factor * middle)}{rest}" + (f", n {len(values)}" if len(values) < of else "")
 
 
-def shown(value: float) -> str:
+def format_number(value: float) -> str:
     """A number for people; less than a millionth of its unit is rounding and shown as 0."""
     return f"{round(value, 6) + 0.0:.3g}"
 

@@ -53,7 +53,7 @@ class ColumnSolid:
     top: Mask
     """Which of its faces are what is seen, shape (m,)."""
     holes: tuple[TornHole, ...]
-    """Those that were closed."""
+    """Holes that were closed."""
     report: RepairReport
 
 

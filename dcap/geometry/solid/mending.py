@@ -62,7 +62,7 @@ class MendedSurface:
     turned: int
     """Faces that were wound inwards."""
     holes: tuple[TornHole, ...]
-    """Those that were closed."""
+    """Holes that were closed."""
 
     @property
     def changed(self) -> bool:

@@ -227,7 +227,7 @@ def entries(box: OrientedBox, origins: Array, directions: Array, margin: float) 
 
 
 def worthwhile(cameras: Iterable[Camera], cells: FilledCells, config: PathConfig) -> Iterator[Camera]:
-    """Those that stand free, with something to see that is not right before them."""
+    """Yield the cameras that stand free and have something to see farther away than right in front of them."""
     for camera in cameras:
         columns, rows = (
             np.floor((np.arange(count) + 0.5) * size / count) + 0.5

@@ -177,4 +177,4 @@ ANSWERS: Mapping[str, Callable[[Any], Any]] = {
     HOLODECK.name: holodeck,
     **FIREPLACE_ANSWERS,
 }
-"""Who answers which question."""
+"""The function that answers each question."""

@@ -50,7 +50,7 @@ SAME_PLACE = 0.05
 SIZES = frozenset({"largest", "smallest", "tallest", "shortest", "widest", "narrowest"})
 """Sizes that words ask for, be they compared or not."""
 POSITIVE = frozenset({"big", "large", "small", "little", "tiny", "tall", "low", "high"})
-"""Those that compare with nothing."""
+"""Sizes that compare with nothing."""
 NAMELESS = "thing"
 """Label of a thing that neither the source nor its shape names."""
 NEAREST = 3

@@ -53,7 +53,7 @@ def wanted_spot(
     if references and "under" in names:
         return references[0].center
     if references and not {"corner", "edge", "end"} & set(names):
-        return beside(base, references, sides, half, view or base, taken)
+        return spots_next_to(base, references, sides, half, view or base, taken)
     if references and not sides:  # the edge or corner that looks at them
         toward = base.local(np.mean([one.center for one in references], axis=0)) / np.maximum(base.half, 1e-9)
         if "corner" in names:
@@ -75,7 +75,7 @@ def wanted_spot(
     return base.world(np.clip(way * share * base.half, -room, room))
 
 
-def beside(
+def spots_next_to(
     base: PlanRectangle,
     references: Sequence[PlanRectangle],
     sides: Sequence[tuple[int, int]],

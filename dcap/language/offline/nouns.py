@@ -231,7 +231,7 @@ def several(one: Noun, other: Noun) -> Noun:
 
 
 def belongs(theme: Noun | None, whole: Noun) -> bool:
-    """Whether what is moved is what such a thing usually has: a blanket at the foot of the bed lies on the bed."""
+    """Whether the moved thing usually belongs to such a thing: a blanket at the foot of the bed lies on the bed."""
     owners = {one for part in theme.parts for one in part_words()[part].owners} if theme is not None else set()
     return any(is_a(whole.thing, one) for one in owners)
 

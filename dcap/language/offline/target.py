@@ -99,7 +99,7 @@ def side_at(place: Place, target: Target, request: IntentRequest) -> Place | Non
 
 
 def is_off(noun: Noun, base: InstanceView | None, request: IntentRequest) -> bool:
-    """Whether what a noun names is neither on a piece of furniture nor next to it."""
+    """Whether the things that a noun names are neither on a piece of furniture nor next to it."""
     found = [one for one in named(noun, request.instances) if one is not base]
     return base is not None and not base.structure and bool(found) and all(gap(one, base) > AT_IT for one in found)
 
@@ -203,7 +203,7 @@ def set_topmost(target: Target) -> None:
 
 
 def is_so(base: InstanceView, place: Place, request: IntentRequest) -> bool:
-    """Whether what a place says of the base, which is meant anyway, holds of it."""
+    """Whether the base, which is meant anyway, is as the words of a place describe it."""
     noun = place.nouns[0]
     if place.relation not in ("carrying", "lacking"):
         others = [one for one in candidates(noun, request.instances) if one is not base]

@@ -84,7 +84,7 @@ def ground_further(target: Target, place: Place, request: IntentRequest) -> None
     ):
         region_words(target, noun, request, place.text)
     else:
-        beside(target, place, request)
+        add_neighbour_regions(target, place, request)
 
 
 def ground_on_again(target: Target, place: Place, request: IntentRequest) -> None:
@@ -98,7 +98,7 @@ def ground_on_again(target: Target, place: Place, request: IntentRequest) -> Non
     elif noun.region or noun.is_region or bare_region(noun):
         owner = named(noun.owner, request.instances) if noun.owner is not None else ()
         if owner and target.base not in owner:
-            beside(
+            add_neighbour_regions(
                 target, Place(f"{(noun.sides or ('near',))[0]}_of", (noun.owner or noun,), False, place.text), request
             )
         else:
@@ -109,7 +109,7 @@ def ground_on_again(target: Target, place: Place, request: IntentRequest) -> Non
         target.not_understood.append(place.text)  # a second support
 
 
-def beside(target: Target, place: Place, request: IntentRequest) -> None:
+def add_neighbour_regions(target: Target, place: Place, request: IntentRequest) -> None:
     """Near, next to, between, under: regions with references."""
     assert target.base is not None
     references: list[str] = []

@@ -1,4 +1,4 @@
-"""Who answers a stage's questions, as its configuration says.
+"""The client that answers a stage's questions, as its configuration says.
 
 `offline` needs nothing, `anthropic` and `openai` ask a model, `replay` gives recorded answers again. What does not
 decide a result (where replies are kept, what may be spent) is no part of a stage's configuration: see
@@ -18,7 +18,7 @@ Idle = Callable[[], AbstractContextManager[object]]
 
 
 class ClientName(StrEnum):
-    """Who answers."""
+    """The clients."""
 
     OFFLINE = "offline"
     ANTHROPIC = "anthropic"
@@ -33,7 +33,7 @@ Effort = Literal["", "none", "minimal", "low", "medium", "high", "xhigh", "max"]
 
 
 class LanguageConfig(BaseModel, frozen=True, extra="forbid"):
-    """Who answers a stage's questions: the same in all stages of a run."""
+    """The client that answers a stage's questions: the same in all stages of a run."""
 
     client: ClientName = ClientName.OFFLINE
     model: str = DEFAULT_MODEL

@@ -47,7 +47,7 @@ class Question(Generic[RequestT, ReplyT]):
     unseen: tuple[str, ...] = ()
     """Fields of the request that no model is shown: what only the stand-in answers from."""
     stand_in: Callable[[RequestT], ReplyT] | None = None
-    """Who answers offline, where that is not the reader of sentences."""
+    """The function that answers offline, where that is not the reader of sentences."""
 
     def parsed(self, answer: object, request: RequestT) -> ReplyT:
         """An answer as a reply that fits the request; ValueError otherwise."""

@@ -11,7 +11,7 @@ from pathlib import Path
 from urllib.parse import unquote
 
 from dcap.scene.errors import FormatError
-from dcap.scene.readers.files.references import MTL_TEXTURES, beside, library_names, material_lines, texture_beside
+from dcap.scene.readers.files.references import MTL_TEXTURES, find_file, library_names, material_lines, texture_beside
 from dcap.scene.readers.gltf.document import read_document, uris
 from dcap.scene.readers.splats.sog import is_sog_meta, picture_names
 
@@ -39,7 +39,7 @@ def companions(path: Path) -> Iterator[str]:
 
 def _of_obj(path: Path, data: mmap) -> Iterator[str]:
     for name in library_names(path.parent, data):
-        library = beside(path.parent, name)
+        library = find_file(path.parent, name)
         if library is None:
             continue
         yield library
@@ -53,7 +53,7 @@ def _of_gltf(path: Path, data: mmap) -> Iterator[str]:
     if text_size > LARGEST_TEXT:
         raise FormatError(f"{path}: {text_size} bytes of glTF text > {LARGEST_TEXT}; save it as GLB with its buffers")
     for uri in uris(path, read_document(path, data)[0]):
-        found = beside(path.parent, unquote(uri))
+        found = find_file(path.parent, unquote(uri))
         if found is not None:
             yield found
 
@@ -62,11 +62,11 @@ def _of_usda(path: Path, data: mmap) -> Iterator[str]:
     """Names between @ in the text form; the binary one hides its names, and a package holds what it needs."""
     if data[:5] == b"#usda":
         for name in dict.fromkeys(USD_ASSET.findall(data[:LARGEST_TEXT])):
-            found = beside(path.parent, name.decode("utf-8", "replace"))
+            found = find_file(path.parent, name.decode("utf-8", "replace"))
             if found is not None:
                 yield found
 
 
 def _of_sog(path: Path, data: mmap) -> Iterator[str]:
     if is_sog_meta(path):
-        yield from (one for name in picture_names(path, bytes(data)) if (one := beside(path.parent, name)))
+        yield from (one for name in picture_names(path, bytes(data)) if (one := find_file(path.parent, name)))

@@ -126,7 +126,7 @@ def _wish(
 
 
 def _contact(segments: Segments, name: int, other: int) -> SegmentContact:
-    """Who stands on whom: a pair of segments of which each has points above the other is decided by their number."""
+    """Contact of two segments. The one with more points above the other stands on it."""
     on, under = segments.standing(name, other), segments.standing(other, name)
     if on.sum() < under.sum():
         on = np.zeros_like(on)

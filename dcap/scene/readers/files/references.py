@@ -26,7 +26,7 @@ GROUND_TRUTH = ("truth", "ground_truth", "groundtruth", "ground-truth")
 """Stems of files that no stage may see."""
 
 
-def beside(folder: Path, name: str, base: str = "") -> str | None:
+def find_file(folder: Path, name: str, base: str = "") -> str | None:
     """The file in `folder` that `name` means, relative to it; None if there is none.
 
     `base` is where in the folder the name was written. A name that leads out of the folder (absolute, or with `..`) was
@@ -63,7 +63,7 @@ def may_be_seen(name: Path) -> bool:
 
 
 def absence(name: str, base: str = "") -> str:
-    """Why `beside` found nothing, to end a sentence with."""
+    """Why `find_file` found nothing, to end a sentence with."""
     tidy = _tidy(name, base)
     if _leads_out(tidy):
         return "lies outside of the file's folder"
@@ -91,11 +91,11 @@ def library_names(folder: Path, data: bytes | mmap) -> list[str]:
 
 def _names_of(folder: Path, line: str) -> list[str]:
     meant = meanings(line)
-    whole = next((name for name in meant if beside(folder, name) is not None), None)
+    whole = next((name for name in meant if find_file(folder, name) is not None), None)
     if whole is not None:
         return [whole]
     words = meant[-1].split()
-    return words if any(beside(folder, word) is not None for word in words) else [line]
+    return words if any(find_file(folder, word) is not None for word in words) else [line]
 
 
 def meanings(text: str) -> list[str]:
@@ -115,4 +115,4 @@ def texture_beside(folder: Path, library: str, text: str) -> str | None:
     word where options precede it."""
     base = posixpath.dirname(library)
     names = (text, text.split()[-1]) if text else ()
-    return next((found for name in names if (found := beside(folder, name, base))), None)
+    return next((found for name in names if (found := find_file(folder, name, base))), None)

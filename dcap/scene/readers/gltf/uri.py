@@ -6,7 +6,7 @@ from urllib.parse import unquote
 
 from dcap.scene.errors import FormatError
 from dcap.scene.readers.files.content import read_bytes
-from dcap.scene.readers.files.references import absence, beside
+from dcap.scene.readers.files.references import absence, find_file
 
 
 def uri_bytes(path: Path, uri: str) -> bytes:
@@ -16,7 +16,7 @@ def uri_bytes(path: Path, uri: str) -> bytes:
             return base64.b64decode(uri.partition(",")[2], validate=True)
         except ValueError as error:
             raise FormatError(f"{path}: a data URI is broken: {error}") from None
-    found = beside(path.parent, unquote(uri))
+    found = find_file(path.parent, unquote(uri))
     if found is None:
         raise FormatError(f"{path}: the file {unquote(uri)!r} that it names {absence(unquote(uri))}")
     return read_bytes(path.parent / found)
@@ -24,6 +24,6 @@ def uri_bytes(path: Path, uri: str) -> bytes:
 
 def missing(path: Path, uri: str) -> str:
     """Why the file that a URI names is not there, to end a sentence with; empty if it is, or if the URI is data."""
-    if uri.startswith("data:") or beside(path.parent, unquote(uri)) is not None:
+    if uri.startswith("data:") or find_file(path.parent, unquote(uri)) is not None:
         return ""
     return absence(unquote(uri))

@@ -16,7 +16,7 @@ from PIL import Image
 from dcap.scene.errors import FormatError
 from dcap.scene.readers.files.content import read_bytes
 from dcap.scene.readers.files.image import PixelBudget, read_image, read_transparent
-from dcap.scene.readers.files.references import MTL_TEXTURES, absence, beside, material_lines, texture_beside
+from dcap.scene.readers.files.references import MTL_TEXTURES, absence, find_file, material_lines, texture_beside
 from dcap.scene.srgb import linear_from_srgb
 from dcap.scene.types.surface_material import AlphaMode
 
@@ -77,7 +77,7 @@ class MtlImages:
 
 def read_mtl(folder: Path, name: str, notes: list[str], *, all_maps: bool = False) -> dict[str, MtlMaterial]:
     """Materials by name of the library that an OBJ in `folder` names; `all_maps`: what is more than colour too."""
-    library = beside(folder, name)
+    library = find_file(folder, name)
     if library is None:
         notes.append(f"{name} {absence(name)}: materials are ignored")
         return {}

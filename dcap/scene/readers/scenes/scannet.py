@@ -44,7 +44,7 @@ class SceneFiles:
 
     @property
     def present(self) -> tuple[Path, ...]:
-        """Those that there are."""
+        """The files that exist."""
         return tuple(path for path in (self.mesh, self.segments, self.groups, self.about) if path is not None)
 
 

@@ -22,7 +22,7 @@ from dcap.scene.problems import Report, refusing, short
 from dcap.scene.readers.files.content import read_bytes
 from dcap.scene.readers.files.image import read_rgba
 from dcap.scene.readers.files.json_text import parse_json
-from dcap.scene.readers.files.references import beside
+from dcap.scene.readers.files.references import find_file
 from dcap.scene.readers.splats.splats import MOST_SPLATS, Fields, check_count, gaussians_of, logit_of
 from dcap.scene.types.gaussians import COEFFICIENTS, Gaussians
 
@@ -78,7 +78,7 @@ def read_sog(path: Path, report: Report | None = None) -> Gaussians:
 
 
 def _beside(path: Path, name: str) -> bytes:
-    found = beside(path.parent, name)
+    found = find_file(path.parent, name)
     if found is None:
         raise FormatError(f"{path}: {name} is missing beside it")
     return read_bytes(path.parent / found)

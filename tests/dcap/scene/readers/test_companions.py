@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from dcap.scene.readers.companions import companions
-from dcap.scene.readers.files.references import absence, beside
+from dcap.scene.readers.files.references import absence, find_file
 from dcap.scene.readers.frame.frame import Role
 from dcap.scene.readers.source import read_scan
 from dcap.scene.types.sample import SourceOptions
@@ -103,7 +103,7 @@ def test_a_glb_takes_its_files_along(tmp_path: Path) -> None:
 
 def test_names_that_no_file_can_have_are_missing(tmp_path: Path) -> None:
     """A name that is too long, holds a zero byte or is empty is not found, and nothing is raised."""
-    assert [beside(tmp_path, name) for name in ("x" * 5000, "a\0b", "", "..", "/")] == [None] * 5
+    assert [find_file(tmp_path, name) for name in ("x" * 5000, "a\0b", "", "..", "/")] == [None] * 5
     assert absence("x") == "is missing"
 
 
