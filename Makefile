@@ -15,6 +15,7 @@ DATA := $(or $(DCAP_DATA),data)
 OUT ?= $(DATA)/runs/demo
 # Two tests at a time; a third would only fight with the kernels' own threads.
 PARALLEL := -n 2 --dist worksteal
+COUNTED := flows tasks solver dcap/scene dcap/geometry dcap/language dcap/evaluation dcap/synthetic tests
 # What `make check` runs; `make test` runs this and what is slow or needs third-party data.
 FAST := not slow and not long and not sweep and not third_party and not gpu
 
@@ -23,7 +24,7 @@ said = $(filter command,$(origin $(1)))
 option = $(if $(call said,$(2)),--$(1) "$($(2))")
 
 .DEFAULT_GOAL := help
-.PHONY: setup node-tools test test-all types fast clusters sweep check benchmark paper demo ui worker perf perf-peers docs docs-serve docs-pictures clean help lock system-libraries
+.PHONY: setup node-tools test test-all types count fast clusters sweep check benchmark paper demo ui worker perf perf-peers docs docs-serve docs-pictures clean help lock system-libraries
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-18s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -73,10 +74,17 @@ check: $(READY) ## format, lint, types, imports and fast tests
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/lint-imports --no-logo
+	@$(MAKE) --no-print-directory count
 	@$(MAKE) --no-print-directory --jobs 2 types fast
 
 types: $(READY)
 	$(BIN)/mypy
+
+count: ## lines and files of Python per folder, and words of documentation: a report, not a limit
+	@for folder in $(COUNTED); do \
+		printf '%-16s %7d lines %5d files\n' $$folder $$(find $$folder -name '*.py' -exec cat {} + | wc -l) $$(find $$folder -name '*.py' | wc -l); \
+	done
+	@printf '%-16s %7d words\n' docs $$(find docs README.md CONTRIBUTING.md -name '*.md' -exec cat {} + | wc -w)
 
 fast: $(READY)
 	$(BIN)/pytest $(PARALLEL) -m "$(FAST)"
