@@ -23,17 +23,15 @@ from dcap.geometry.camera import Camera, looking_at
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.rendering.picture import picture
 from dcap.scene.settings import data_root, runs_root
-from dcap.scene.types.intent import Intent
-from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.paint import PaintedMesh
+from dcap.scene.types.choices import Intent
+from dcap.scene.types.mesh import Mesh, PaintedMesh
 from dcap.scene.types.particles import SoftSimulationBody
 from dcap.scene.types.segmentation import Segmentation
 from dcap.synthetic.dataset import make_dataset
 from flows.map_output import automatic_camera
 from flows.placement_json import Values
 from flows.run_files import finished_placement
-from tasks.anchor.base_picture import base_from_above
-from tasks.anchor.request import neighbours
+from tasks.anchor.request import base_from_above, neighbours
 from tasks.artifact import Store
 from tasks.render.config import RenderConfig
 from tasks.render.maps import conditioning_maps, placed
@@ -46,7 +44,6 @@ from tasks.rotation.pose_pictures import three_flips
 
 plt.switch_backend("Agg")
 
-Array = NDArray[np.float64]
 Rgb = NDArray[np.uint8]
 
 IMAGES = Path(__file__).resolve().parent / "images"

@@ -10,8 +10,7 @@ from pathlib import Path
 
 from dcap.language.offline.lexicon import is_a, thing_of, things
 from dcap.scene.errors import InputError
-from dcap.scene.given_text import LONGEST_WORDS, unfit
-from dcap.scene.spelling import did_you_mean
+from dcap.scene.text import LONGEST_WORDS, did_you_mean, unfit
 
 ASSETS = "assets.csv"
 COLUMNS = ("file", "name", "category")

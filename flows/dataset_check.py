@@ -11,17 +11,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dcap.evaluation.outcome_table import read_truth
-from dcap.language.offline.deformable import deformable_supports
+from dcap.language.offline.kinds import deformable_supports
 from dcap.language.offline.lexicon import is_a, thing_of
-from dcap.scene.checks.findings import Finding, Findings
-from dcap.scene.checks.layout import layout_of
-from dcap.scene.checks.places import yaml_lines
-from dcap.scene.checks.scene_folder import SceneFacts, check_scene
-from dcap.scene.errors import InputError
-from dcap.scene.problems import Place, Report, Severity, error, short, warning
+from dcap.scene.checks.findings import Finding, Findings, yaml_lines
+from dcap.scene.checks.scene_folder import SceneFacts, check_scene, layout_of
+from dcap.scene.errors import InputError, Place, Report, Severity, error, short, warning
 from dcap.scene.readers.scenes.sugar import MESH_SUFFIXES
 from dcap.scene.settings import data_root
-from dcap.scene.spelling import did_you_mean
+from dcap.scene.text import did_you_mean
 from dcap.scene.types.sample import Sample
 from flows.samples import EMBEDDED, TRUTH, find, load_yaml, samples_of
 

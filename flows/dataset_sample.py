@@ -22,19 +22,17 @@ from dcap.evaluation.supports_table import supports_table
 from dcap.geometry.placement.poses import front_of
 from dcap.geometry.placement.upright import stands_as_read
 from dcap.language.connect import Client, connect
-from dcap.language.offline.deformable import deformable_supports
-from dcap.language.offline.fronts import front_side
+from dcap.language.offline.kinds import deformable_supports, front_side, prior_of
 from dcap.language.offline.lexicon import label_words, thing_of
-from dcap.language.offline.priors import prior_of
 from dcap.language.protocol.requests import IntentRequest, ObjectView, vector
 from dcap.scene.checks.findings import Findings
-from dcap.scene.checks.layout import layout_of
+from dcap.scene.checks.scene_folder import layout_of
 from dcap.scene.errors import BudgetError, InputError, LanguageError
+from dcap.scene.json_tree import draft_folder
 from dcap.scene.readers.scenes.sugar import MESH_SUFFIXES
 from dcap.scene.settings import runs_root
 from dcap.scene.types.sample import Sample, SourceOptions
 from dcap.scene.types.segmentation import Segmentation
-from dcap.scene.whole_files import draft_folder
 from flows.asset_names import ASSETS, asset_labels
 from flows.configure import configured
 from flows.language_options import language_options

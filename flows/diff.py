@@ -19,7 +19,7 @@ from flows.output import RESULT
 from flows.run_files import PLACEMENT, UNFINISHED, sample_from_json
 from flows.scoring import pose_at_rest, scored_row
 from tasks.cache import deciding
-from tasks.why import flattened
+from tasks.upkeep import flattened
 
 TABLE = "results.parquet"
 NO_WORDS = frozenset({"sample", "method", "scene", "object", "prompt", "message", "seconds"})

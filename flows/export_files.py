@@ -10,7 +10,7 @@ from contextlib import suppress
 from pathlib import Path, PurePosixPath
 
 from dcap.scene.errors import InputError
-from dcap.scene.whole_files import draft_folder
+from dcap.scene.json_tree import draft_folder
 from flows.output import readable_json
 from flows.scene_splats import SETTLED_SPLATS
 

@@ -8,9 +8,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from dcap.scene.errors import InputError
-from dcap.scene.spelling import not_one_of
+from dcap.scene.json_tree import draft_folder
+from dcap.scene.text import not_one_of
 from dcap.scene.types.export_scene import ExportScene
-from dcap.scene.whole_files import draft_folder
 from dcap.scene.writers.mjcf import mjcf_files
 from dcap.scene.writers.urdf import urdf_files
 from dcap.scene.writers.usda import usda_files

@@ -7,7 +7,7 @@ from typing import Any
 from dcap.evaluation.run_folder import sample_folder
 from dcap.scene.errors import InputError
 from dcap.scene.settings import runs_root
-from dcap.scene.spelling import first_of
+from dcap.scene.text import first_of
 from dcap.scene.types.sample import Sample
 from flows.display import print_lines
 from flows.find_run import RUN, read_request

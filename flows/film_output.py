@@ -7,10 +7,10 @@ import imageio_ffmpeg
 import numpy as np
 
 from dcap.geometry.raycast import Raycaster
-from dcap.scene.whole_files import draft_folder
+from dcap.scene.json_tree import draft_folder
 from flows.map_output import automatic_camera
 from flows.run_files import FinishedPlacement
-from tasks.render.animation import drop_pictures
+from tasks.render.motion import drop_pictures
 from tasks.render.settled_meshes import settled_item, settled_scene, structure_faces
 from tasks.render.stage import nearby
 

@@ -8,9 +8,9 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from dcap.scene.errors import InputError
-from dcap.scene.given_text import shortened
-from dcap.scene.readers.files.json_text import read_json
+from dcap.scene.readers.files import read_json
 from dcap.scene.settings import runs_root
+from dcap.scene.text import shortened
 
 RUN = "run.json"
 """File with the request of a run."""

@@ -12,13 +12,12 @@ from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
-from dcap.scene.checks.places import yaml_lines
-from dcap.scene.errors import InputError
-from dcap.scene.problems import short
-from dcap.scene.readers.files.yaml_text import BROKEN_YAML, parse_yaml, yaml_fault
+from dcap.scene.checks.findings import yaml_lines
+from dcap.scene.errors import InputError, short
+from dcap.scene.readers.files import BROKEN_YAML, parse_yaml, yaml_fault
 from dcap.scene.settings import home
-from dcap.scene.spelling import did_you_mean
 from dcap.scene.team_server import API_URL
+from dcap.scene.text import did_you_mean
 
 FILE = "dcap.yaml"
 FILE_VARIABLE = "DCAP_CONFIG"

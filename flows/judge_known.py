@@ -11,8 +11,8 @@ from dcap.evaluation.judging.validation import JudgeAccuracy, judge_accuracy
 from dcap.language.connect import connect
 from dcap.language.protocol.client import ClientName
 from dcap.language.protocol.session import Session
+from dcap.scene.json_tree import write_whole
 from dcap.scene.settings import runs_root
-from dcap.scene.whole_files import write_whole
 from flows.find_run import find_run
 from flows.judge_run import asking
 from flows.language_options import LanguageOptions

@@ -45,13 +45,13 @@ from dcap.evaluation.statistics.comparisons import Comparison, read_comparisons
 from dcap.language.connect import connect
 from dcap.language.model.batch import batch_queue
 from dcap.language.model.ledger import Spending, spending_of
-from dcap.language.offline.object_name import object_name
+from dcap.language.offline.placing import object_name
 from dcap.language.protocol.client import ClientName, LanguageConfig
 from dcap.language.protocol.requests import Picture
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import FormatError, InputError
-from dcap.scene.types.judged_views import BEFORE, PLACED
-from dcap.scene.whole_files import whole_file
+from dcap.scene.json_tree import whole_file
+from dcap.scene.types.pictures import BEFORE, PLACED
 from flows.find_run import RUN, find_run, input_errors, read_request
 from flows.judge_views import VIEWS, take_views
 from flows.language_options import LanguageOptions

@@ -26,10 +26,8 @@ from dcap.language.protocol.client import ClientName
 from dcap.language.protocol.questions import LABEL, PARTS, Question, ReplyT, RequestT
 from dcap.language.protocol.requests import LabelRequest, PartsRequest
 from dcap.scene.errors import InputError, LanguageError, RefusedError
-from dcap.scene.types.anchor import Anchor
-from dcap.scene.types.intent import Intent
+from dcap.scene.types.choices import Anchor, Intent, Rotation
 from dcap.scene.types.materials import BodyModel, PartMaterials
-from dcap.scene.types.rotation import Rotation
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.scan import Scan
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene

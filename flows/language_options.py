@@ -13,7 +13,7 @@ from dcap.language.model.reply_folder import MARK, ReplyFolder
 from dcap.language.protocol.client import DEFAULT_MODEL, ClientName, LanguageConfig
 from dcap.language.protocol.session import MAX_TOKENS, TIMEOUT, Session
 from dcap.scene.errors import InputError
-from dcap.scene.spelling import not_one_of
+from dcap.scene.text import not_one_of
 from flows.options import Options
 
 LEDGER = "usage.jsonl"

@@ -14,12 +14,11 @@ from PIL import ExifTags, Image, ImageOps
 
 from dcap.geometry.camera import Camera, looking_at
 from dcap.geometry.camera_file import read_camera
-from dcap.geometry.rendering.composite import composite
+from dcap.geometry.rendering.coverage import composite
 from dcap.geometry.rendering.map_files import COLMAP, COMPOSITE, FILES, write_maps
 from dcap.scene.errors import InputError
-from dcap.scene.readers.files.content import read_bytes
-from dcap.scene.readers.files.image import FORMATS, read_image
-from dcap.scene.whole_files import draft_folder
+from dcap.scene.json_tree import draft_folder
+from dcap.scene.readers.files import FORMATS, read_bytes, read_image
 from flows.options import check_out
 from flows.placement_json import Values
 from flows.run_files import FinishedPlacement, finished_placement

@@ -5,9 +5,8 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from dcap.evaluation.run_folder import sample_folder
-from dcap.scene.json_tree import JsonObject, JsonValue, object_to_json
+from dcap.scene.json_tree import JsonObject, JsonValue, object_to_json, write_whole
 from dcap.scene.types.measures import Drift, Indentation, Measures, RefereeMeasures
-from dcap.scene.whole_files import write_whole
 from flows.find_run import read_keys
 from flows.output import load, readable_json
 from flows.sample_run import FinishedSample

@@ -10,9 +10,8 @@ from pathlib import Path
 
 from dcap.evaluation.methods import BASELINES, DCAP
 from dcap.scene.errors import GeometryError, InputError
-from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.choices import Anchor, Intent
 from dcap.scene.types.floor_plan import FloorPlans
-from dcap.scene.types.intent import Intent
 from dcap.scene.types.sample import Sample
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
 from flows.place import FileRefs, PlaceConfig, PlacementRefs, feasible, place
@@ -20,14 +19,18 @@ from flows.repeats import coarsened, drift_broke_down
 from tasks.anchor.stage import anchor_task
 from tasks.artifact import Ref, Store
 from tasks.baselines.fireplace import FirePlaceConfig, fireplace_task
-from tasks.baselines.floor_plan import floor_plan_task, gathered_task
-from tasks.baselines.holodeck import HolodeckConfig, holodeck_task
-from tasks.baselines.layoutgpt import LayoutGptConfig, layoutgpt_task
+from tasks.baselines.planners import (
+    HolodeckConfig,
+    LayoutGptConfig,
+    floor_plan_task,
+    gathered_task,
+    holodeck_task,
+    layoutgpt_task,
+)
 from tasks.intent.stage import intent_task
 from tasks.materials.stage import materials_task
-from tasks.measure.drift import drift_task
+from tasks.measure.drift import drift_task, indentation_task
 from tasks.measure.referee import referee_task
-from tasks.measure.sinking import indentation_task
 from tasks.measure.touch import measure_task
 from tasks.mesh.stage import mesh_scene_task
 from tasks.overview import overview_task

@@ -6,21 +6,18 @@ In: the values of a placement. Out: the files next to scene.glb. A failed placem
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dcap.arrays import Array
 from dcap.scene.readers.scenes.placed_scene import OBJECT_NODE
-from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.boxes import OrientedBox, min_area_box
 from dcap.scene.types.earlier import Deformation, EarlierPlacements, PlacedThing
 from dcap.scene.types.materials import PartMaterial
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.rectangle import min_area_box
 from dcap.scene.types.segmentation import Instance, Part, Segmentation
 from dcap.scene.types.settled import Settled
 from dcap.scene.writers.placed_scene import placed_scene_files_of
 from flows.placement_json import Values
 from tasks.render.settled_meshes import SettledScene, settled_item, settled_scene
-
-Array = NDArray[np.float64]
 
 MOVED = 1e-7
 """Displacement beyond which a vertex counts as dented [m]."""

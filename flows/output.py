@@ -14,24 +14,21 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from dcap.geometry.distance import sampler
-from dcap.geometry.rendering.normals import ShadingNormals
-from dcap.scene.json_tree import JsonObject, JsonValue
+from dcap.geometry.rendering.surface import ShadingNormals
+from dcap.scene.json_tree import JsonObject, JsonValue, draft_folder
 from dcap.scene.readers.scenes.placed_scene import DEFORMED, FACTS
-from dcap.scene.types.anchor import Anchor
-from dcap.scene.types.intent import Intent
+from dcap.scene.types.choices import Anchor, Intent
 from dcap.scene.types.materials import PartMaterials
-from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.mesh import Mesh, PaintedMesh, SourceSurface
 from dcap.scene.types.outcome import Infeasible
-from dcap.scene.types.paint import PaintedMesh, SourceSurface
 from dcap.scene.types.particles import Particles
-from dcap.scene.types.renders import Renders
+from dcap.scene.types.pictures import Renders
 from dcap.scene.types.scan import Scan
 from dcap.scene.types.segmentation import Segmentation
 from dcap.scene.types.settled import Settled
-from dcap.scene.whole_files import draft_folder
-from dcap.scene.writers.earlier_files import copy_earlier, note_files
 from dcap.scene.writers.glb import Node, glb_bytes, labelled_nodes
-from dcap.scene.writers.ply import mesh_to_ply
+from dcap.scene.writers.meshes import mesh_to_ply
+from dcap.scene.writers.placed_scene import copy_earlier, note_files
 from flows.next_scene import next_scene_files
 from flows.placement_json import AS_POSED, AT_REST, Values, placement_json
 from flows.placement_schema import placement_schema
@@ -40,10 +37,8 @@ from flows.sample_run import FinishedSample
 from flows.scene_splats import SETTLED_SPLATS, splat_artifact
 from tasks.artifact import Ref, Store
 from tasks.code import code_of
-from tasks.render.contact_surfaces import contact_nodes
 from tasks.render.particle_table import distances, iso_surface, particle_columns, soft_bodies
-from tasks.render.settled_meshes import settled_item
-from tasks.render.source_surfaces import object_at_rest, scene_at_rest
+from tasks.render.settled_meshes import contact_nodes, object_at_rest, scene_at_rest, settled_item
 
 RESULT, SCHEMA = "placement.json", "placement.schema.json"
 """The result, and the JSON Schema of its keys."""

@@ -13,7 +13,7 @@ from pathlib import Path
 from dcap.evaluation.methods import DCAP, methods_of, split_id
 from dcap.evaluation.paper.page import PaperNotes, write_paper_page
 from dcap.evaluation.paper.scene_facts import SceneFacts
-from dcap.geometry.boundary import boundary_edges
+from dcap.geometry.pieces import boundary_edges
 from dcap.scene.errors import InputError
 from dcap.scene.settings import runs_root
 from dcap.scene.types.sample import Sample

@@ -7,19 +7,16 @@ from typing import TypeVar
 
 from pydantic import BaseModel
 
-from dcap.scene.readers.frame.frame import ANY
+from dcap.scene.readers.frame import ANY
 from dcap.scene.readers.scenes.placed_scene import is_placed_scene
-from dcap.scene.types.anchor import Anchor
-from dcap.scene.types.file_scale import FileScale
-from dcap.scene.types.intent import Intent
+from dcap.scene.types.choices import Anchor, Intent, Rotation
 from dcap.scene.types.materials import PartMaterials
 from dcap.scene.types.measures import Drift, Indentation, Measures, RefereeMeasures
-from dcap.scene.types.paint import SourceSurface
+from dcap.scene.types.mesh import SourceSurface
 from dcap.scene.types.particles import Particles
-from dcap.scene.types.renders import Overview, Renders
-from dcap.scene.types.rotation import Rotation
+from dcap.scene.types.pictures import Overview, Renders
 from dcap.scene.types.sample import Sample
-from dcap.scene.types.scan import Scan
+from dcap.scene.types.scan import FileScale, Scan
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
 from dcap.scene.types.settled import Settled
 from flows.repeats import settle
@@ -32,8 +29,14 @@ from tasks.freed.stage import freed_anchor_task, freed_scene_task, freed_task
 from tasks.intent.stage import IntentConfig, intent_task
 from tasks.materials.stage import MaterialsConfig, materials_task
 from tasks.measure.drift import DriftConfig
-from tasks.mesh.stage import MeshConfig, mesh_object_task, mesh_scene_task
-from tasks.mesh.surfaces import surface_object_task, surface_scene_task, surface_start_task
+from tasks.mesh.stage import (
+    MeshConfig,
+    mesh_object_task,
+    mesh_scene_task,
+    surface_object_task,
+    surface_scene_task,
+    surface_start_task,
+)
 from tasks.overview import OverviewConfig, overview_task
 from tasks.particles.config import ParticlesConfig
 from tasks.particles.stage import particles_task

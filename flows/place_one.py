@@ -16,9 +16,8 @@ from dcap.evaluation.methods import method_named
 from dcap.language.model.ledger import in_words, spending_of
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import InputError
-from dcap.scene.json_tree import JsonObject
+from dcap.scene.json_tree import JsonObject, write_whole
 from dcap.scene.types.sample import Sample, SourceOptions
-from dcap.scene.whole_files import write_whole
 from flows.configure import configured
 from flows.display import console_on
 from flows.export_files import clear_exports

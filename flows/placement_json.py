@@ -9,16 +9,13 @@ from scipy.spatial.transform import Rotation as Turn
 
 from dcap.evaluation.region import part_missed, region_missed
 from dcap.scene.json_tree import JsonObject, JsonValue, object_to_json, sorted_keys, to_json
-from dcap.scene.types.anchor import Anchor
-from dcap.scene.types.caution import Cause, Caution, about, cautions, explanations
-from dcap.scene.types.intent import Intent
+from dcap.scene.types.choices import Anchor, Intent
 from dcap.scene.types.materials import PartMaterial, PartMaterials
-from dcap.scene.types.outcome import Infeasible
-from dcap.scene.types.paint import SourceSurface
+from dcap.scene.types.mesh import SourceSurface
+from dcap.scene.types.outcome import Cause, Caution, Infeasible, about, cautions, explanations
 from dcap.scene.types.particles import Particles
-from dcap.scene.types.renders import Renders, Visibility
-from dcap.scene.types.repair_report import BodyGeometry
-from dcap.scene.types.scan import Scan
+from dcap.scene.types.pictures import Renders, Visibility
+from dcap.scene.types.scan import BodyGeometry, Scan
 from dcap.scene.types.segmentation import Segmentation
 from dcap.scene.types.settled import LastState, PlacementChecks, Settled, SettledBody
 from flows.sample_run import FinishedSample

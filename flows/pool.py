@@ -27,7 +27,7 @@ from dcap.cores import available_cores
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import DcapError, StoreError
 from dcap.scene.machine_errors import pass_over_server_errors
-from dcap.scene.readers.files.yaml_text import parse_yaml
+from dcap.scene.readers.files import parse_yaml
 from dcap.scene.settings import resource
 from flows.configure import with_threads
 from flows.place import PlaceConfig

@@ -20,7 +20,7 @@ from rich.console import Console
 from dcap.geometry.splatting.camera_path import PathConfig, camera_path
 from dcap.scene.errors import GeometryError, InputError
 from dcap.scene.json_tree import object_to_json
-from dcap.scene.readers.files.json_text import read_json
+from dcap.scene.readers.files import read_json
 from dcap.scene.readers.splat_scene import SplatScene, read_splat_scene
 from dcap.scene.settings import runs_root
 from dcap.scene.types.sample import SourceOptions

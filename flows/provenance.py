@@ -15,8 +15,8 @@ from dcap.evaluation.run_folder import sample_folder
 from dcap.language.model.ledger import ReplyLine, read_lines
 from dcap.language.model.reply_folder import ReplyFolder
 from dcap.scene.errors import InputError
+from dcap.scene.json_tree import digest_of_file
 from dcap.scene.settings import data_root, replies_root, runs_root
-from dcap.scene.whole_files import digest_of_file
 from flows.find_run import RUN, read_keys, read_request
 from flows.language_options import LEDGER
 from flows.place import SECTIONS, PlaceConfig
@@ -26,7 +26,7 @@ from tasks.artifact import FILES, Record, Ref, Source, Store, files_in
 from tasks.cache import deciding
 from tasks.code import changed_sources, files_behind
 from tasks.records import every_record
-from tasks.why import ABSENT, flattened
+from tasks.upkeep import ABSENT, flattened
 
 DIGEST = re.compile("[0-9a-f]{6,64}")
 """Digest of an artifact, or its beginning."""

@@ -3,9 +3,8 @@
 Each attempt calls the stages with its own configuration, and has its own record.
 """
 
-from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.choices import Anchor, Intent
 from dcap.scene.types.earlier import FreedThings
-from dcap.scene.types.intent import Intent
 from dcap.scene.types.materials import PartMaterials
 from dcap.scene.types.measures import Drift
 from dcap.scene.types.outcome import Infeasible, Reason

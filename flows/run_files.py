@@ -10,10 +10,9 @@ from pathlib import Path
 from dcap.evaluation.run_folder import sample_folder
 from dcap.language.protocol.client import LanguageConfig
 from dcap.scene.errors import InputError
-from dcap.scene.json_tree import JsonObject
+from dcap.scene.json_tree import JsonObject, write_whole
 from dcap.scene.settings import runs_root
 from dcap.scene.types.sample import GivenPlace, KnownHeight, Sample, SourceOptions
-from dcap.scene.whole_files import write_whole
 from flows.find_run import ASKED_VERSION, RUN, find_run, input_errors, read_keys, read_request
 from flows.language_options import LanguageOptions
 from flows.output import load_values, readable_json

@@ -16,7 +16,7 @@ from flows.run_names import sample_tags
 from tasks.artifact import FILES, Record, Ref, Store
 from tasks.overview import overview_task
 from tasks.run_context import Event, Mode, OnEvent, RunContext, StageEvent, use_context
-from tasks.why import why_not_cached
+from tasks.upkeep import why_not_cached
 
 STAGE_NAMES = tuple(stage.name for stage in STAGES)
 OVERVIEW = overview_task.name

@@ -14,13 +14,11 @@ from typing import TypeVar
 
 from dcap.evaluation.methods import DCAP, split_id
 from dcap.evaluation.run_folder import folder_name, same_folder
-from dcap.scene.errors import InputError
-from dcap.scene.given_text import LONGEST_ID, LONGEST_PROMPT, LONGEST_WORDS, unfit
-from dcap.scene.problems import Report, error, refusing, short
-from dcap.scene.readers.files.yaml_text import BROKEN_YAML, parse_yaml, yaml_fault
+from dcap.scene.errors import InputError, Report, error, refusing, short
+from dcap.scene.readers.files import BROKEN_YAML, parse_yaml, yaml_fault
 from dcap.scene.readers.scenes.sugar import MESH_SUFFIXES
 from dcap.scene.settings import data_root, resource
-from dcap.scene.spelling import did_you_mean
+from dcap.scene.text import LONGEST_ID, LONGEST_PROMPT, LONGEST_WORDS, did_you_mean, unfit
 from dcap.scene.types.sample import GivenPlace, KnownHeight, Sample, SourceOptions
 from flows.options import LARGEST_SEED, UNITS, UPS
 from flows.scene_hints import height_of, place_of

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from dcap.scene.errors import InputError
 from dcap.scene.readers.labels.given import read_given_labels
-from dcap.scene.types.given_labels import GivenLabels, VertexLabels
 from dcap.scene.types.sample import GivenPlace, KnownHeight
+from dcap.scene.types.segmentation import GivenLabels, VertexLabels
 from tasks.artifact import Ref, Store
 
 LOWEST, HIGHEST = 0.02, 3.0

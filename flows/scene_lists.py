@@ -11,7 +11,7 @@ from pathlib import Path, PurePosixPath
 
 from dcap.scene.errors import InputError
 from dcap.scene.readers.scenes.sugar import MESH_SUFFIXES
-from dcap.scene.spelling import did_you_mean, first_of
+from dcap.scene.text import did_you_mean, first_of
 from dcap.scene.types.sample import Sample
 
 SPLIT_SUFFIX = ".txt"

@@ -27,7 +27,7 @@ from dcap.evaluation.outcome_table import AS_POSED, AT_REST, QUADRANT_DEG, Expec
 from dcap.evaluation.region import TOLERANCE_M
 from dcap.geometry.placement.named_regions import BESIDE, regions
 from dcap.scene.json_tree import JsonObject, JsonValue
-from dcap.scene.types.intent import Intent
+from dcap.scene.types.choices import Intent
 from dcap.scene.types.sample import Sample
 from dcap.scene.types.segmentation import Segmentation
 from flows.find_run import input_errors

@@ -17,8 +17,8 @@ import viser
 
 from dcap.scene.errors import DcapError, InputError
 from dcap.scene.settings import runs_root
-from dcap.scene.types.paint import SourceSurface
-from dcap.scene.types.rotation import Rotation
+from dcap.scene.types.choices import Rotation
+from dcap.scene.types.mesh import SourceSurface
 from dcap.scene.types.scan import Scan
 from dcap.scene.types.segmentation import Segmentation
 from flows.configure import configured

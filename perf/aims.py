@@ -15,13 +15,12 @@ from dcap.evaluation.aim_scores import Aim, Marks, aim_of, marks, shares
 from dcap.evaluation.outcome_table import ExpectedOutcome, read_truth
 from dcap.language.offline.client import OfflineClient
 from dcap.scene.errors import LanguageError
-from dcap.scene.types.anchor import Anchor
-from dcap.scene.types.intent import Intent
+from dcap.scene.types.choices import Anchor, Intent
 from dcap.scene.types.outcome import Infeasible, Reason
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
 from dcap.scene.writers.objects import write_object
-from dcap.synthetic.objects import build_object
+from dcap.synthetic.dataset import build_object
 from dcap.synthetic.recipes import object_recipes
 from dcap.synthetic.rooms import BuiltRoom
 from dcap.synthetic.shapes import joined

@@ -12,7 +12,7 @@ from rich.table import Table
 
 from dcap.geometry.rendering.surface import PreparedMeshes
 from dcap.scene.settings import data_root
-from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.choices import Anchor
 from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
 from dcap.scene.types.settled import Settled
 from flows.benchmark import DATASET_SEED, ensure_dataset

@@ -18,8 +18,8 @@ from dcap.geometry.solid.closed import simulation_ready
 from dcap.geometry.solid.support import shell_bottoms
 from dcap.language.offline.client import OfflineClient
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.repair_report import RepairReport
 from dcap.scene.types.sample import SourceOptions
+from dcap.scene.types.scan import RepairReport
 from dcap.scene.types.segmentation import Segmentation
 from dcap.synthetic.recipes import room_names
 from perf.segments import read_room

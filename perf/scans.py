@@ -25,17 +25,16 @@ from ruamel.yaml import YAML
 from dcap.geometry.segmentation.labels import Category, category_of
 from dcap.language.offline.client import OfflineClient
 from dcap.scene.errors import DcapError
-from dcap.scene.types.anchor import Anchor
-from dcap.scene.types.box import OrientedBox
-from dcap.scene.types.intent import Intent
+from dcap.scene.types.boxes import OrientedBox
+from dcap.scene.types.choices import Anchor, Intent
 from dcap.scene.types.outcome import Infeasible
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.scan import Scan
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
 from dcap.scene.writers.objects import write_object
-from dcap.synthetic.depth_scan import scanned
-from dcap.synthetic.objects import build_object
+from dcap.synthetic.dataset import build_object
 from dcap.synthetic.recipes import room_names
+from dcap.synthetic.scan import scanned
 from dcap.synthetic.shapes import joined
 from perf.segments import on_mesh, read_room, without_annotations
 from tasks.anchor.stage import AnchorConfig, anchor

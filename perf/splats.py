@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from dcap.geometry.camera import looking_at
 from dcap.geometry.distance import MeshDistance
 from dcap.geometry.raycast import Raycaster
-from dcap.geometry.rendering.unlit import psnr, unlit
+from dcap.geometry.rendering.picture import psnr, unlit
 from dcap.geometry.splatting.camera_path import PathConfig, camera_path
 from dcap.geometry.splatting.config import SurfaceConfig
-from dcap.geometry.splatting.on_mesh import splats_on_mesh
+from dcap.geometry.splatting.discs import splats_on_mesh
 from dcap.geometry.splatting.render import Splatter
 from dcap.geometry.splatting.surface import mesh_of_splats
 from dcap.geometry.splatting.viewpoints import viewpoints

@@ -14,14 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from solver.arrays import Array
 from solver.config import SolverConfig
 from solver.errors import ModelError
 from solver.model.bodies import Model
 from solver.model.state import State, best_rigid_motion
 from solver.runtime import start
 from solver.tl.simulation import Simulation, StepControl
-
-Array = NDArray[np.float64]
 
 FLUSH = 1e-4
 """Depth that may remain after overlaps are pushed out [m]."""

@@ -9,10 +9,9 @@ from threadpoolctl import threadpool_limits
 
 from solver.certificate import KickCheck, NotDone, SignalRows, StabilityGrade, Verdict
 from solver.config import SolverConfig
-from solver.contact.active import Contacts
+from solver.contact.active import Contacts, contact_table, friction_margin, point_forces
 from solver.contact.bonds import bond_table
-from solver.contact.rolling import RollingLaw, law_compliant, law_stiff
-from solver.contact.table import contact_table, friction_margin, point_forces
+from solver.contact.friction import RollingLaw, law_compliant, law_stiff
 from solver.errors import ModelError
 from solver.frames import FrameRecorder
 from solver.mls import drop as mls
@@ -22,12 +21,9 @@ from solver.onward import refuse_overlap
 from solver.rest import Progress
 from solver.result import FinalState, RestBody, SettledModel, build_result, carried, has_left
 from solver.runtime import start
-from solver.tl.accuracy import depth_error
-from solver.tl.disturbance import kick
-from solver.tl.material import material_states
-from solver.tl.measure import rolling_table
+from solver.tl.measure import depth_error, material_states, rolling_table
 from solver.tl.simulation import Simulation, StepControl
-from solver.tl.stability import grade
+from solver.tl.stability import grade, kick
 from solver.tl.step import StepReport
 
 # of the tolerance, for a body that creeps: so soft that what the tolerance leaves moves it visibly

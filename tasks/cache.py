@@ -34,11 +34,11 @@ from dcap.scene.types.outcome import Infeasible
 from tasks.artifact import Record, Ref, Store
 from tasks.code import Code, check_data_files, code_at_begin, code_of, note_files
 from tasks.codec import from_tree, to_tree
-from tasks.locks import FileLocks
 from tasks.process import StageProcessError, preload, run_in_process
 from tasks.records import (
     DECODER,
     ENCODER,
+    FileLocks,
     find_record,
     key_of,
     records_root,

@@ -26,8 +26,7 @@ from typing import Any
 from dcap.packages import LOADED_NS
 from dcap.scene import settings
 from dcap.scene.errors import StoreError
-from dcap.scene.json_tree import canonical_json
-from dcap.scene.whole_files import write_whole
+from dcap.scene.json_tree import canonical_json, write_whole
 
 PACKAGES = frozenset({"dcap", "flows", "solver", "tasks"})
 MACHINERY = frozenset(
@@ -40,13 +39,13 @@ MACHINERY = frozenset(
         "dcap.language.model.reply_folder",
         "dcap.language.protocol.session",
         "dcap.packages",
-        "dcap.scene.redaction",
+        "dcap.scene.secrets",
         "dcap.scene.settings",
         "tasks.artifact",
         "tasks.cache",
         "tasks.code",
         "tasks.codec",
-        "tasks.locks",
+        "tasks.records",
         "tasks.process",
         "tasks.run_context",
         "tasks.shared_store",

@@ -26,10 +26,10 @@ from PIL import Image
 import dcap.scene.types
 from dcap.scene.errors import StoreError
 from dcap.scene.json_tree import canonical_json
-from dcap.scene.readers.files.image import MAX_PIXELS, UNREADABLE
-from dcap.scene.types.caution import Cause, Caution
+from dcap.scene.readers.files import MAX_PIXELS, UNREADABLE
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.writers.ply import mesh_from_ply, mesh_to_ply
+from dcap.scene.types.outcome import Cause, Caution
+from dcap.scene.writers.meshes import mesh_from_ply, mesh_to_ply
 
 VALUE_FILE = "value.json"
 INLINE_ITEMS = 48

@@ -15,7 +15,7 @@ STAGE = "tasks.cache.stage"
 REF = "tasks.artifact.Ref"
 VALUES = ("dcap.scene.types.", "tasks.artifact.Source")
 PLAIN = (
-    "dcap.scene.types.sample.", "dcap.scene.types.settled.EndPose", "dcap.scene.types.judged_views.Viewpoint",
+    "dcap.scene.types.sample.", "dcap.scene.types.settled.EndPose", "dcap.scene.types.pictures.Viewpoint",
 )  # fmt: skip
 OWN = "client"
 

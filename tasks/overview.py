@@ -9,19 +9,17 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 from pydantic import BaseModel, PositiveFloat, PositiveInt
 
+from dcap.arrays import Array
 from dcap.geometry.camera import Camera, looking_at
-from dcap.geometry.rendering.cutaway import cut_faces
 from dcap.geometry.rendering.picture import picture
-from dcap.scene.types.anchor import Anchor
-from dcap.scene.types.intent import Intent
+from dcap.geometry.rendering.view_volume import cut_faces
+from dcap.scene.types.choices import Anchor, Intent
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.renders import Overview
+from dcap.scene.types.pictures import Overview
 from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
 from tasks.bodies.object_shape import OpenShape, object_shape
 from tasks.cache import stage
-from tasks.requests.candidates import candidates_picture
-
-Array = NDArray[np.float64]
+from tasks.requests.marks import candidates_picture
 
 RED = (214, 40, 40)
 HOLE_DISTANCE = 1.0  # distance of the camera to a hole, over the object's diagonal [-]

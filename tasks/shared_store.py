@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from dcap.scene.errors import StoreError
-from dcap.scene.redaction import redacted_url, without_secrets
+from dcap.scene.secrets import redacted_url, without_secrets
 
 VARIABLE = "DCAP_STORE"
 MOST_BYTES = 8 << 30

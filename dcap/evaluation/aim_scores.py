@@ -9,8 +9,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from dcap.evaluation.outcome_table import same_region
-from dcap.scene.types.anchor import Anchor
-from dcap.scene.types.intent import Intent
+from dcap.scene.types.choices import Anchor, Intent
 from dcap.scene.types.outcome import BesideThePart, Infeasible, NoRoom
 
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from dcap.scene.errors import InputError
-from dcap.scene.spelling import not_one_of
+from dcap.scene.text import not_one_of
 from dcap.scene.types.sample import Sample
 
 DCAP, LAYOUTGPT = "dcap", "layoutgpt"

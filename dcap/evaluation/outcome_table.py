@@ -7,9 +7,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation as Turn
 
 from dcap.evaluation.methods import DCAP, split_id
-from dcap.scene.errors import InputError
-from dcap.scene.problems import short
-from dcap.scene.spelling import did_you_mean
+from dcap.scene.errors import InputError, short
+from dcap.scene.text import did_you_mean
 from dcap.scene.types.sample import Sample
 
 AT_REST, AS_POSED = "at_rest", "as_posed"

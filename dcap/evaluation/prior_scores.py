@@ -17,8 +17,8 @@ from pathlib import Path
 
 import numpy as np
 
+from dcap.language.offline.kinds import prior_of
 from dcap.language.offline.lexicon import Size, thing_of
-from dcap.language.offline.priors import prior_of
 from dcap.scene.errors import InputError
 
 COLUMNS = ("name", "length_m", "width_m", "height_m", "mass_kg", "source", "note")

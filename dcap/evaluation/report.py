@@ -43,8 +43,8 @@ from dcap.evaluation.run_page.supports import supports_figure
 from dcap.evaluation.run_page.tables import ShownTable, metrics_table
 from dcap.evaluation.run_summary import RunSummary
 from dcap.language.model.ledger import in_words
-from dcap.scene.types.judged_views import BEFORE
-from dcap.scene.whole_files import write_whole
+from dcap.scene.json_tree import write_whole
+from dcap.scene.types.pictures import BEFORE
 
 TEMPLATES = Path(__file__).parent / "templates"
 PICTURES = (

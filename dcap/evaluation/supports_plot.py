@@ -13,7 +13,7 @@ from matplotlib.ticker import MaxNLocator
 from matplotlib.typing import RcKeyType
 
 from dcap.scene.errors import InputError
-from dcap.scene.whole_files import whole_file
+from dcap.scene.json_tree import whole_file
 
 SUPPORTS, MATERIALS = "deformable supports", "deformable materials"
 """Counted things, as words of the plot."""

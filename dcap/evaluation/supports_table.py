@@ -5,7 +5,7 @@ import io
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 
-from dcap.language.offline.deformable import KINDS, OTHER, deformable_supports
+from dcap.language.offline.kinds import KINDS, OTHER, deformable_supports
 from dcap.language.offline.lexicon import first_part, is_a, thing_of
 
 SHOWN = (*KINDS, OTHER)

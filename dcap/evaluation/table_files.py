@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dcap.scene.whole_files import write_whole
+from dcap.scene.json_tree import write_whole
 
 TABLES = "tables"
 """Folder of a run's tables."""

@@ -6,9 +6,8 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from dcap.arrays import Array
 from dcap.scene.errors import GeometryError
-
-Array = NDArray[np.float64]
 
 FIELD_OF_VIEW_DEG = 55.0
 """Across the picture, unless another is asked for [degrees]."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.geometry.boundary import welded
+from dcap.geometry.pieces import welded
 from dcap.geometry.raycast import tensor
 from dcap.geometry.solid.repair import split_edges
 from dcap.scene.types.mesh import Mesh

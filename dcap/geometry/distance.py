@@ -18,8 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import label, map_coordinates
 
-from dcap.geometry.boundary import is_closed
-from dcap.geometry.pieces import INSIDE, outward, signed_volume
+from dcap.geometry.pieces import INSIDE, is_closed, outward, signed_volume
 from dcap.geometry.raycast import tensor
 from dcap.scene.errors import GeometryError
 from dcap.scene.types.mesh import Mesh

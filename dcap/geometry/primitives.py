@@ -9,21 +9,19 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dcap.arrays import Array
 from dcap.scene.types.mesh import Mesh
 
 if TYPE_CHECKING:
     import trimesh
-
-FloatArray = NDArray[np.float64]
 
 
 class Primitive(Protocol):
     """A solid with a known signed distance."""
 
     @property
-    def half_extents(self) -> FloatArray:
+    def half_extents(self) -> Array:
         """Half side lengths of its box [m], shape (3,)."""
 
     @property
@@ -31,10 +29,10 @@ class Primitive(Protocol):
         """[m^3]."""
 
     @property
-    def inertia_per_mass(self) -> FloatArray:
+    def inertia_per_mass(self) -> Array:
         """Diagonal inertia about the centre over the mass [m^2], shape (3,)."""
 
-    def distance(self, points: FloatArray) -> FloatArray:
+    def distance(self, points: Array) -> Array:
         """Signed distance [m] of points (..., 3)."""
 
     def surface(self, edge: float) -> Mesh:
@@ -45,11 +43,11 @@ class Primitive(Protocol):
 class Box:
     """An axis-aligned box."""
 
-    size: FloatArray
+    size: Array
     """Side lengths [m], shape (3,)."""
 
     @property
-    def half_extents(self) -> FloatArray:
+    def half_extents(self) -> Array:
         """Half side lengths [m]."""
         return np.asarray(0.5 * self.size)
 
@@ -59,12 +57,12 @@ class Box:
         return float(np.prod(self.size))
 
     @property
-    def inertia_per_mass(self) -> FloatArray:
+    def inertia_per_mass(self) -> Array:
         """(b^2 + c^2) / 12 and cyclic [m^2]."""
         squares = self.size**2
         return np.asarray((squares.sum() - squares) / 12.0)
 
-    def distance(self, points: FloatArray) -> FloatArray:
+    def distance(self, points: Array) -> Array:
         """Signed distance [m]."""
         excess = np.abs(points) - self.half_extents
         outside = np.linalg.norm(np.maximum(excess, 0.0), axis=-1)
@@ -75,7 +73,7 @@ class Box:
         counts = np.clip(np.ceil(self.size / edge).astype(int), 1, 160)
         return self.surface_on([h * np.linspace(-1, 1, n + 1) for h, n in zip(self.half_extents, counts, strict=True)])
 
-    def surface_on(self, planes: Sequence[FloatArray]) -> Mesh:
+    def surface_on(self, planes: Sequence[Array]) -> Mesh:
         """Six grids of triangles with vertices on the given planes x, y and z [m], from side to side."""
         vertices, faces, offset = [], [], 0
         for axis in range(3):
@@ -104,7 +102,7 @@ class Capsule:
     length: float
 
     @property
-    def half_extents(self) -> FloatArray:
+    def half_extents(self) -> Array:
         """Half side lengths [m]."""
         return np.array([self.radius, self.radius, self.radius + 0.5 * self.length])
 
@@ -114,7 +112,7 @@ class Capsule:
         return float(np.pi * self.radius**2 * (self.length + 4.0 / 3.0 * self.radius))
 
     @property
-    def inertia_per_mass(self) -> FloatArray:
+    def inertia_per_mass(self) -> Array:
         """Cylinder and two half spheres moved by Steiner's theorem [m^2]."""
         r, h = self.radius, self.length
         cylinder, caps = np.pi * r**2 * h, 4.0 / 3.0 * np.pi * r**3
@@ -122,7 +120,7 @@ class Capsule:
         across = cylinder * (r**2 / 4.0 + h**2 / 12.0) + caps * (0.4 * r**2 + h**2 / 4.0 + 3.0 * h * r / 8.0)
         return np.array([across, across, axial]) / (cylinder + caps)
 
-    def distance(self, points: FloatArray) -> FloatArray:
+    def distance(self, points: Array) -> Array:
         """Signed distance [m]."""
         on_axis = np.clip(points[..., 2], -0.5 * self.length, 0.5 * self.length)
         return np.asarray(np.hypot(np.hypot(points[..., 0], points[..., 1]), points[..., 2] - on_axis) - self.radius)
@@ -145,7 +143,7 @@ class Cylinder:
     height: float
 
     @property
-    def half_extents(self) -> FloatArray:
+    def half_extents(self) -> Array:
         """Half side lengths [m]."""
         return np.array([self.radius, self.radius, 0.5 * self.height])
 
@@ -155,12 +153,12 @@ class Cylinder:
         return float(np.pi * self.radius**2 * self.height)
 
     @property
-    def inertia_per_mass(self) -> FloatArray:
+    def inertia_per_mass(self) -> Array:
         """[m^2]."""
         across = self.radius**2 / 4.0 + self.height**2 / 12.0
         return np.array([across, across, self.radius**2 / 2.0])
 
-    def distance(self, points: FloatArray) -> FloatArray:
+    def distance(self, points: Array) -> Array:
         """Signed distance [m]."""
         radial = np.hypot(points[..., 0], points[..., 1]) - self.radius
         axial = np.abs(points[..., 2]) - 0.5 * self.height
@@ -197,7 +195,7 @@ def octahedral_sphere(rounds: int) -> "trimesh.Trimesh":
     return ball
 
 
-def _stretched(ball: "trimesh.Trimesh", points: FloatArray, length: float, edge: float) -> Mesh:
+def _stretched(ball: "trimesh.Trimesh", points: Array, length: float, edge: float) -> Mesh:
     """Cut a ball at its equator and insert the straight part."""
     levels = max(1, int(np.ceil(length / edge)))
     upper = points[:, 2] >= -1e-9
@@ -222,7 +220,7 @@ def _stretched(ball: "trimesh.Trimesh", points: FloatArray, length: float, edge:
     return Mesh.of(merged.vertices, merged.faces)
 
 
-def _lathe(radii: FloatArray, heights: FloatArray, half: float, count: int) -> Mesh:
+def _lathe(radii: Array, heights: Array, half: float, count: int) -> Mesh:
     """Rings of `count` vertices closed by two poles at -half and +half."""
     angle = 2.0 * np.pi * np.arange(count) / count
     ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)

@@ -11,6 +11,11 @@ A page was opened and states the number or a range that holds it; what stands in
 from the page. For soft things of many fibres or layers the modulus is an effective one in compression; the name says
 so. Of cloth in layers and of fibre fillings that is the modulus across the layers, and the `layer_` columns hold those
 in them and between them; a row whose constants together are not positive definite is refused.
+
+Covers: what is spread over other things as a layer, and how thick it usually is.
+
+In: the name of a part or the label of a thing. Out: its usual thickness, None for what is no cover. It is the role that
+makes a cover, not what it is made of: a blanket of the same fleece as a pillow is a layer, the pillow is not.
 """
 
 import csv
@@ -18,6 +23,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from functools import cache
+from importlib.resources import files
 from pathlib import Path
 
 from dcap.scene.errors import InputError
@@ -180,3 +186,21 @@ def material_words() -> dict[str, str]:
 def families() -> dict[str, str]:
     """Family of each material: wood, metal, foam ..."""
     return {row["id"]: row["family"] for _, row in rows(resource(LIBRARY))}
+
+
+@cache
+def cover_thicknesses() -> dict[str, float]:
+    """Usual thickness of each cover [m], by each of its words."""
+    with (files("dcap.language") / "covers.csv").open(encoding="utf-8") as text:
+        return {
+            word: float(row["thickness_m"]) for row in csv.DictReader(text) for word in row["words"].split("|")
+        }  # fmt: skip
+
+
+def cover_thickness(name: str) -> float | None:
+    """Usual thickness of a cover of this name [m]; None if it names none. The last words decide: a "wool blanket" is a
+    blanket, a "blanket box" is a box."""
+    known, words = cover_thicknesses(), name.lower().replace("_", " ").replace("-", " ").split()
+    endings = [" ".join(words[start:]) for start in range(len(words))]
+    singular = [one.removesuffix("s") for one in endings]
+    return next((known[one] for one in (*endings, *singular) if one in known), None)

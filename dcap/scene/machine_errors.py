@@ -15,11 +15,11 @@ from pathlib import Path
 from subprocess import SubprocessError
 
 from dcap.scene.errors import DcapError, InputError, MachineError
-from dcap.scene.given_text import shortened
+from dcap.scene.json_tree import FULL
 from dcap.scene.secrets import redacted
 from dcap.scene.settings import data_root, server_folder
 from dcap.scene.team_server import LOGIN, team_server
-from dcap.scene.whole_files import FULL
+from dcap.scene.text import shortened
 
 REFUSED = (errno.EACCES, errno.EPERM, errno.EROFS)
 NO_FOLDER = (errno.ENOTDIR, errno.ENOENT)

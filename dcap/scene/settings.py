@@ -10,7 +10,7 @@ from platformdirs import user_data_path
 
 from dcap.packages import ROOT
 from dcap.scene.errors import InputError
-from dcap.scene.redaction import redacted_url
+from dcap.scene.secrets import redacted_url
 
 PROJECT_ROOT = ROOT
 """The folder that our packages lie in: the clone with its pyproject.toml, or site-packages."""

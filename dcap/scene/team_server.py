@@ -5,7 +5,7 @@ Either stands in $PREFECT_API_URL while work runs, for this process and all that
 
 import os
 
-from dcap.scene.redaction import redacted_url
+from dcap.scene.secrets import redacted_url
 
 API_URL = "PREFECT_API_URL"
 """Prefect's variable with the address of the server to ask."""

@@ -3,11 +3,14 @@
 FOLDER/rooms/NAME/ (InteriorGS layout), FOLDER/objects/NAME.glb|obj|ply, FOLDER/truth/NAME.parquet (face by face:
 instance, label, part) and FOLDER/truth/recipes/ (the recipe of each). On demand FOLDER/splat_rooms/NAME/: the same
 rooms in InteriorGS' original form, Gaussian splats instead of a mesh. Complete files from the same recipe are kept.
+
+The things to place, by their recipes.
 """
 
 import hashlib
 import json
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -15,24 +18,43 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from dcap.geometry.splatting import on_mesh as splat_maker
-from dcap.geometry.splatting.on_mesh import splats_on_mesh
+from dcap.geometry.splatting import discs as splat_maker
+from dcap.geometry.splatting.discs import splats_on_mesh
 from dcap.scene.writers import gaussians as gaussians_write
 from dcap.scene.writers import interiorgs as interiorgs_write
+from dcap.scene.writers import meshes as ply_write
 from dcap.scene.writers import objects as object_write
-from dcap.scene.writers import ply as ply_write
 from dcap.scene.writers.interiorgs import write_interiorgs, write_interiorgs_splats
 from dcap.scene.writers.objects import write_object
-from dcap.synthetic.objects import in_file_unit
-from dcap.synthetic.recipe_files import RECIPES
-from dcap.synthetic.recipes import ObjectRecipe, RoomRecipe, object_recipes, room_names, room_recipe
+from dcap.synthetic.recipes import RECIPES, ObjectRecipe, RoomRecipe, object_recipes, room_names, room_recipe
 from dcap.synthetic.rooms import build_recipe
-from dcap.synthetic.shapes import joined
+from dcap.synthetic.shapes import Assembly, joined, union
 
 SPLAT_ROOMS = "splat_rooms"
 """Folder of the splat rooms."""
 
 Maker = Callable[[], list[Path]]
+
+
+def build_object(name: str) -> Assembly:
+    """One of the embedded objects in its file's own unit, z up."""
+    return in_file_unit(object_recipes()[name])
+
+
+def in_file_unit(recipe: ObjectRecipe) -> Assembly:
+    """The object of a recipe in its file's own unit, z up."""
+    return in_metres(recipe).transformed(np.diag([1 / recipe.unit] * 3 + [1.0]))
+
+
+def in_metres(recipe: ObjectRecipe) -> Assembly:
+    """The object of a recipe, z up, standing on z = 0, front towards +y."""
+    built = recipe.piece.build()
+    return _fused(built) if recipe.fused else built
+
+
+def _fused(item: Assembly) -> Assembly:
+    """The solids of each part grown together."""
+    return replace(item, parts=tuple(replace(p, solids=(union(p.solids),)) for p in item.parts))
 
 
 def make_dataset(

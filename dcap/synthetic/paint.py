@@ -9,8 +9,8 @@ from typing import Literal
 
 import numpy as np
 
+from dcap.arrays import Array
 from dcap.scene.types.mesh import Mesh
-from dcap.synthetic.shapes import Array
 
 Rgb = Sequence[float] | Array
 Painter = Callable[[Array], Array]

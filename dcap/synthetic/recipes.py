@@ -2,28 +2,88 @@
 
 A recipe names builders and the places of their pieces; builders are Python (dcap/synthetic/catalogue.py).
 Lengths are in metres, angles in degrees, walls are named by the compass, x runs from west to east and y to the north.
+
+Reads a YAML file of recipes into its model, or reports a mistake with its place.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, Self, TypeVar
 
-from pydantic import GetPydanticSchema, NonNegativeFloat, NonNegativeInt, PositiveFloat, model_validator
+from pydantic import (
+    GetPydanticSchema,
+    NonNegativeFloat,
+    NonNegativeInt,
+    PositiveFloat,
+    TypeAdapter,
+    ValidationError,
+    model_validator,
+)
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
 
-from dcap.scene.errors import InputError
-from dcap.scene.spelling import did_you_mean
+from dcap.scene.checks.findings import yaml_lines
+from dcap.scene.errors import InputError, Place, short
+from dcap.scene.settings import resource
+from dcap.scene.text import did_you_mean
 from dcap.synthetic.catalogue import PIECES
 from dcap.synthetic.paint import Finish, Painter
-from dcap.synthetic.recipe_files import RECIPES, check_file
 from dcap.synthetic.scan import ScanDefects
 from dcap.synthetic.schema import FIELD_TYPES, Color, PieceChoice, RecipeModel, check_known
 from dcap.synthetic.shapes import Size
 
+RECIPES = resource("data/recipes")
+"""The embedded recipes: colors.yaml, objects.yaml, and a file per room in rooms/."""
+
+
+T = TypeVar("T")
 Compass = Literal["south", "east", "north", "west"]
 SizeField = Annotated[Size, GetPydanticSchema(lambda _, handler: handler(FIELD_TYPES[Size]))]
 FinishField = Annotated[Finish, GetPydanticSchema(lambda _, handler: handler(FIELD_TYPES[Finish]))]
 PainterField = Annotated[Painter, GetPydanticSchema(lambda _, handler: handler(FIELD_TYPES[Painter]))]
 PieceField = Annotated[PieceChoice, GetPydanticSchema(lambda _, handler: handler(PIECES))]
+
+
+def check_file(path: Path, kind: type[T], palette: Mapping[str, object] | None = None) -> T:
+    """The checked content of a file; raises InputError with file, line, key and value."""
+    try:
+        text = path.read_text(encoding="utf-8")
+        tree: object = YAML(typ="safe", pure=True).load(text)
+    except OSError as broken:
+        raise InputError(f"{path}: cannot be read: {broken.strerror}") from broken
+    except (YAMLError, ValueError, RecursionError) as broken:
+        raise InputError(f"{path}: is not YAML: {' '.join(str(broken).split())}") from broken
+    try:
+        return TypeAdapter(kind).validate_python(tree, context=palette)
+    except ValidationError as broken:
+        place, what = _complaint(broken, tree)
+        where = ".".join(str(step) for step in place)
+        raise InputError(f"{path}:{yaml_lines(text)(place)}: {f'{where}: ' if where else ''}{what}") from broken
+
+
+def _complaint(broken: ValidationError, tree: object) -> tuple[Place, str]:
+    """Place and description of the first mistake."""
+    first = broken.errors(include_url=False)[0]
+    place = _in_tree(first["loc"], tree)
+    if first["type"] == "missing":
+        return place, f"key {first['loc'][-1]!r} is missing"
+    if first["type"] == "value_error":
+        return place, first["msg"].removeprefix("Value error, ")
+    return place, f"{first['msg']} (got {short(first['input'])})"
+
+
+def _in_tree(steps: Sequence[str | int], tree: object) -> Place:
+    """The steps that are keys or indices of the tree; pydantic adds some for its own branches."""
+    place: list[str | int] = []
+    for step in steps:
+        if isinstance(tree, Mapping):
+            known = step in tree
+        else:
+            known = isinstance(tree, list) and isinstance(step, int) and step < len(tree)
+        if known:
+            tree = tree[step]  # type: ignore[index]
+            place.append(step)
+    return tuple(place)
 
 
 class CurtainRecipe(RecipeModel):

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dcap.synthetic.assembly import Assembly
+from dcap.arrays import Array
 from dcap.synthetic.paint import Finish, Painter
-from dcap.synthetic.shapes import Array, columns, rotation
+from dcap.synthetic.shapes import Assembly, columns, rotation
 
 WALL_THICKNESS = 0.12
 """[m]."""

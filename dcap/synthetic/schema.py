@@ -24,11 +24,10 @@ from pydantic import (
     model_validator,
 )
 
-from dcap.scene.spelling import did_you_mean
+from dcap.scene.text import did_you_mean
 from dcap.synthetic import paint
-from dcap.synthetic.assembly import Assembly
 from dcap.synthetic.paint import Finish, Painter, Rgb, plain
-from dcap.synthetic.shapes import Size
+from dcap.synthetic.shapes import Assembly, Size
 
 
 class RecipeModel(BaseModel):

@@ -3,19 +3,21 @@
 Every solid is a closed manifold with outward normals, centred on the origin unless its docstring says otherwise, in
 metres, z up. Colours are a neutral grey until `dcap.synthetic.paint` colours them. `edge` is the wanted length
 of a triangle edge [m].
+
+A piece of furniture or an object: labelled, made of named parts, each of one or more closed solids.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import manifold3d
 import numpy as np
 from numpy.typing import NDArray
 
+from dcap.arrays import Array
 from dcap.scene.types.mesh import Mesh
 
-Array = NDArray[np.float64]
 Size = tuple[float, float, float]
 """Width, depth and height [m]."""
 
@@ -330,3 +332,46 @@ def union(meshes: Sequence[Mesh]) -> Mesh:
 def difference(mesh: Mesh, tool: Mesh) -> Mesh:
     """The solid minus `tool`."""
     return _mesh(_manifold(mesh) - _manifold(tool))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class SolidPart:
+    """A named part."""
+
+    name: str
+    """Part name in lower case, as listed in `dcap.scene.types.segmentation.Part`."""
+    solids: tuple[Mesh, ...]
+    """Closed solids; they may pass into each other and into other parts."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Assembly:
+    """One instance. Furniture: origin on the floor below the middle, front towards +y."""
+
+    label: str
+    """Category as in InteriorGS, lower case."""
+    parts: tuple[SolidPart, ...]
+
+    @property
+    def bounds(self) -> Array:
+        """Axis-aligned bounds [m], shape (2, 3)."""
+        bounds = np.array([solid.bounds for part in self.parts for solid in part.solids])
+        return np.stack([bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)])
+
+    def placed(self, x: float = 0.0, y: float = 0.0, z: float = 0.0, yaw_deg: float = 0.0) -> "Assembly":
+        """The piece turned about the vertical and then shifted [m]."""
+        pose = np.eye(4)
+        pose[:3, :3] = rotation("z", yaw_deg)
+        pose[:3, 3] = x, y, z
+        return self.transformed(pose)
+
+    def transformed(self, pose: Array) -> "Assembly":
+        """The piece under a 4x4 rigid map."""
+        moved = tuple(replace(p, solids=tuple(s.transformed(pose) for s in p.solids)) for p in self.parts)
+        return replace(self, parts=moved)
+
+
+def assembly(label: str, **parts: Mesh | list[Mesh]) -> Assembly:
+    """Shorthand: part names as keywords, underscores standing for spaces; a list for several solids."""
+    named = ((name.replace("_", " "), m if isinstance(m, list) else [m]) for name, m in parts.items())
+    return Assembly(label, tuple(SolidPart(name, tuple(solids)) for name, solids in named if solids))

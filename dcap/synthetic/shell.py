@@ -6,11 +6,11 @@ from itertools import pairwise
 
 import numpy as np
 
+from dcap.arrays import Array
 from dcap.scene.types.mesh import Mesh
-from dcap.synthetic.assembly import Assembly, SolidPart, assembly
 from dcap.synthetic.paint import blend, painted
 from dcap.synthetic.room import WALLS, FurnishedRoom, Opening, to_room, wall_length
-from dcap.synthetic.shapes import Array, columns, line, moved, rounded_box, sheet, sphere
+from dcap.synthetic.shapes import Assembly, SolidPart, assembly, columns, line, moved, rounded_box, sheet, sphere
 
 REVEAL = 0.09
 """Depth of windows in the wall [m]."""

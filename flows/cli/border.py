@@ -16,9 +16,9 @@ import typer
 from pydantic import ValidationError
 
 from dcap.scene.errors import DcapError, InputError
-from dcap.scene.given_text import LONGEST_WORDS, shortened, visible
 from dcap.scene.machine_errors import machine_error
 from dcap.scene.secrets import redacted
+from dcap.scene.text import LONGEST_WORDS, shortened, visible
 
 LACKING = {
     "int_parsing": "is not a whole number",

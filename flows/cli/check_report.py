@@ -7,10 +7,8 @@ from pathlib import Path
 
 from dcap.evaluation.supports_plot import save_supports_plot, summary
 from dcap.evaluation.supports_table import SHOWN, supports_table
-from dcap.scene.errors import InputError
-from dcap.scene.json_tree import JsonObject
-from dcap.scene.problems import Severity
-from dcap.scene.whole_files import write_whole
+from dcap.scene.errors import InputError, Severity
+from dcap.scene.json_tree import JsonObject, write_whole
 from flows.dataset_check import DatasetReport, SceneRow
 
 COLUMNS = ("scene", "instances", "objects", "deformable", "faces", "splats", "problems", "")

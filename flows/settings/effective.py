@@ -16,8 +16,7 @@ from pydantic import TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
 from dcap.scene.errors import InputError
-from dcap.scene.given_text import shortened
-from dcap.scene.spelling import did_you_mean, not_one_of
+from dcap.scene.text import did_you_mean, not_one_of, shortened
 from dcap.shared_context import SharedContext
 from flows.given_settings import (
     EXPORTED,

@@ -11,7 +11,7 @@ from functools import cache
 from pydantic import BaseModel
 from pydantic_core import to_jsonable_python
 
-from dcap.scene.redaction import redacted_url
+from dcap.scene.secrets import redacted_url
 from dcap.scene.settings import data_root
 from flows.given_settings import Origin, given_settings
 from flows.options import KEYS, AllSettings, setting_of

@@ -19,12 +19,12 @@ from dcap.geometry.raycast import Raycaster
 from dcap.geometry.rendering.picture import picture
 from dcap.geometry.rendering.surface import PreparedMeshes
 from dcap.scene.readers.scenes.placed_scene import FACTS, instance_of, read_facts
-from dcap.scene.types.judged_views import PLACED
-from dcap.scene.types.paint import PaintedMesh
+from dcap.scene.types.mesh import PaintedMesh
+from dcap.scene.types.pictures import PLACED
 from dcap.scene.types.segmentation import Instance, Segmentation
 from flows.judge_views import taken_from
-from tasks.render.scene_views import SceneViews
 from tasks.render.settled_meshes import structure_faces
+from tasks.render.views import SceneViews
 
 
 def check_pictures(

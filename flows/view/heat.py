@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from dcap.arrays import Array
 
 DEEP, LEVEL, RAISED = (24, 62, 158), (236, 236, 236), (196, 52, 38)
 """Colours of the deepest dent, of unmoved points, and of an equally large bulge."""

@@ -10,15 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.geometry.rendering.painted import own_paint, paint_from
-from dcap.scene.types.anchor import Anchor
-from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.paint import CornerPaint, PaintedMesh, SourceSurface
+from dcap.scene.types.choices import Anchor
+from dcap.scene.types.mesh import CornerPaint, Mesh, PaintedMesh, SourceSurface
 from dcap.scene.types.segmentation import Segmentation
 from dcap.scene.types.settled import Settled
 from flows.view.motion import MovingObject, MovingSurfaces
 from flows.view.page_textures import MOST_MOVING_PIXELS, MOST_STILL_PIXELS, fitted
 from flows.view.surface import thinned
-from tasks.render.source_surfaces import of_source
+from tasks.render.settled_meshes import of_source
 
 MOST_FACES = 600_000
 """Most faces of a scene that are drawn; in a larger one, vertices are merged [-]."""

@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation as Turn
 
+from dcap.arrays import Array
 from dcap.geometry.raycast import Raycaster
-from dcap.geometry.rendering.normals import ShadingNormals
-from dcap.scene.types.anchor import Anchor
+from dcap.geometry.rendering.surface import ShadingNormals
+from dcap.scene.types.choices import Anchor
+from dcap.scene.types.mesh import CornerPaint, PaintedMesh, SourceSurface
 from dcap.scene.types.outcome import Infeasible
-from dcap.scene.types.paint import CornerPaint, PaintedMesh, SourceSurface
 from dcap.scene.types.particles import SoftSimulationBody
 from dcap.scene.types.segmentation import Segmentation
 from dcap.scene.types.settled import LastState
@@ -27,8 +28,6 @@ from flows.view.motion import MovingObject, MovingSurfaces, most_frames, moving_
 from flows.view.surface import DrawnSurface, drawn, seen_from
 from tasks.overview import camera_for
 from tasks.render.motion import DropMotion, MovingScene
-
-Array = NDArray[np.float64]
 
 MOST_MOVING = 2_500_000
 """Most moving faces, summed over all frames: the page gets all of them at once, so that it plays without gaps [-]."""

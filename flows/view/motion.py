@@ -8,13 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from dcap.arrays import Array
 from dcap.geometry.deform import touching
-from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.paint import PaintedMesh
+from dcap.scene.types.mesh import Mesh, PaintedMesh
 from flows.view.surface import DrawnSurface, drawn, thinned, upright_normals, whole
 from tasks.render.motion import DropMotion, MovingPoints, MovingScene
-
-Array = NDArray[np.float64]
 
 MOVING_FACES = 40_000
 """Most drawn faces of a soft object without textures, which has its own shape in every frame [-]."""

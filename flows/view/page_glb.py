@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.geometry.boundary import welded
+from dcap.geometry.pieces import welded
 from dcap.scene.srgb import LINEAR
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.writers.glb import FLOAT, Node, glb_bytes

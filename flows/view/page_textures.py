@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from dcap.scene.srgb import CLAMP, MIRROR, REPEAT
-from dcap.scene.types.paint import CornerPaint
-from dcap.scene.types.surface_material import SurfaceMaterial
+from dcap.scene.types.mesh import CornerPaint, SurfaceMaterial
 
 LARGEST_SIDE = 2048
 """Largest side of an image [pixel]."""

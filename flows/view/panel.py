@@ -10,7 +10,7 @@ import viser
 from viser import uplot
 
 from dcap.scene.json_tree import JsonValue
-from dcap.scene.types.rotation import Rotation
+from dcap.scene.types.choices import Rotation
 from flows.view import texts
 from flows.view.model import PlacementView
 from flows.view.nodes import PieceNode, PlacementNodes, place_cameras

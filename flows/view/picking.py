@@ -7,13 +7,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dcap.arrays import Array
 from dcap.geometry.raycast import Raycaster
 from dcap.scene.types.segmentation import Segmentation
 from flows.view.model import UNASSIGNED
-
-Array = NDArray[np.float64]
 
 STEP = 1e-3
 """Rounding of coordinates [m]."""

@@ -4,12 +4,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dcap.arrays import Array
 from dcap.scene.json_tree import JsonValue
 from dcap.scene.types.settled import Settled
-
-Array = NDArray[np.float64]
 
 FLOOR, CEILING = 1e-3, 1e9
 """Drawn range of a signal over its threshold [-]: a logarithm has no zero."""

@@ -9,9 +9,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.geometry.rendering.normals import ShadingNormals
-from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.paint import CornerPaint, PaintedMesh
+from dcap.geometry.rendering.surface import ShadingNormals
+from dcap.scene.types.mesh import CornerPaint, Mesh, PaintedMesh
 
 Number = TypeVar("Number", bound=np.generic)
 MOST_ROUNDS = 20

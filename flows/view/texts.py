@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 
 from dcap.scene.json_tree import JsonValue
-from dcap.scene.types.rotation import POSE_OF_THE_FILE, Rotation
+from dcap.scene.types.choices import POSE_OF_THE_FILE, Rotation
 from flows.placement_json import AS_POSED, AT_REST
 from flows.view.heat import DEEP, LEVEL, RAISED, css
 from flows.view.model import MaterialCloud

@@ -1,17 +1,29 @@
-"""Pairs of bodies that can touch, and the points of them that do at one state, with their forces and derivatives."""
+"""Pairs of bodies that can touch, and the points of them that do at one state, with their forces and derivatives.
 
-from collections.abc import Mapping
+Which bodies can push each other, and how stiff their contact is at first.
+
+Report of the contacts of a state: a row per pair of bodies, and every force.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from solver.contact.flatness import FlatRegions
-from solver.contact.pair_friction import PairFriction
-from solver.contact.rolling import RollingTorque, Spin
-from solver.model.bodies import Body
+from solver.certificate import ContactRow, PointForces
+from solver.config import SolverConfig
+from solver.contact.flatness import FlatRegions, flat_regions
+from solver.contact.friction import PairFriction, RollingTorque, Spin
+from solver.model.bodies import Body, Model, RigidBody, SoftBody
+from solver.model.soft import SoftSystem
 from solver.model.state import ContactMemory, PointMemory
+
+CELL_STIFFNESS = 4.0  # first guess of the contact stiffness per area, in E / cell size; adapted to the target near rest
+STIFFENED = 1.25  # times the penetration that is aimed at, from which on a pair is stiffened [-]
+SAFE_DEPTH = 0.125  # of half of the largest thickness that is pushed into; past a half the way out is the other side
+LOADED_SHARE = 0.01  # gap and penetration are judged over points that carry more than this share of the peak pressure
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -142,3 +154,103 @@ def vertex_areas(body: Body) -> NDArray[np.float64]:
     area = 0.5 * np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
     weights = np.repeat(area / 3.0, 3)
     return np.bincount(body.faces.ravel(), weights=weights, minlength=len(body.vertices)).astype(np.float64)
+
+
+def contact_pairs(model: Model, soft: SoftSystem, config: SolverConfig, gravity: float) -> list[Pair]:
+    """Every ordered pair of bodies that can push each other, with its first contact stiffness per point."""
+    pairs = []
+    for a, one in enumerate(model.bodies):
+        for b, two in enumerate(model.bodies):
+            if a == b or (one.fixed and two.fixed) or model.bonded(one, two):
+                continue
+            area = vertex_areas(one)
+            stiffness = np.full(len(area), most_stiffness(one, two, config, gravity))
+            safe_depth, flat = np.inf, None
+            if isinstance(one, SoftBody) or isinstance(two, SoftBody):
+                cell, modulus = softest(one, two)
+                stiffness = np.minimum(stiffness, CELL_STIFFNESS * modulus / cell * np.minimum(area, cell**2))
+                safe_depth = -SAFE_DEPTH * float(two.distance.values.min())
+                if isinstance(one, RigidBody):
+                    flat = flat_regions(one, two, cell)
+            pairs.append(Pair(a, b, PairFriction.of(model, one, two), stiffness, area, safe_depth, flat))
+    return pairs
+
+
+def most_stiffness(one: Body, two: Body, config: SolverConfig, gravity: float) -> float:
+    """Stiffness that each of three points needs to carry the load at the target penetration [N/m]: more only makes
+    impacts hard."""
+    load = max(body.mass for body in (one, two) if not body.fixed) * max(gravity, 1.0)
+    return load / (3.0 * config.penetration_target)
+
+
+def softest(one: Body, two: Body) -> tuple[float, float]:
+    """Cell under the contact [m] and smallest Young's modulus [Pa] of a pair of which at least one is soft."""
+    parts = [b.interior for b in (one, two) if isinstance(b, SoftBody)]
+    cell = min(max(float(np.diff(p).min()) for p in s.planes) for s in parts)
+    return cell, min(float(s.youngs_modulus.min()) for s in parts)
+
+
+def contact_table(
+    model: Model, touching: Sequence[TouchingPoints], surface: Callable[[int], NDArray[np.float64]]
+) -> tuple[ContactRow, ...]:
+    """One row per touching pair of bodies, both point sets together; forces on the first named body. `surface` gives
+    the deformed surface points of a body [m], shape (n, 3)."""
+    rows = []
+    keys = sorted({(min(t.pair.a, t.pair.b), max(t.pair.a, t.pair.b)) for t in touching})
+    for a, b in keys:
+        sides = [t for t in touching if {t.pair.a, t.pair.b} == {a, b}]
+        total = sum((s.force.sum(axis=0) * (1.0 if s.pair.a == a else -1.0) for s in sides), np.zeros(3))
+        normal = sum((_normal_sum(s) * (1.0 if s.pair.a == a else -1.0) for s in sides), np.zeros(3))
+        most = [s.normal_force.max() for s in sides]
+        loaded = [s.normal_force >= min(LOADED_SHARE * n, n) for s, n in zip(sides, most, strict=True)]
+        rows.append(
+            ContactRow(
+                a=model.bodies[a].name,
+                b=model.bodies[b].name,
+                area_m2=max(facing_area(model.bodies[s.pair.a], surface(s.pair.a), s.point, s.normal) for s in sides),
+                normal_force_n=float(np.linalg.norm(normal)),
+                tangential_force_n=float(np.linalg.norm(total - normal)),
+                max_penetration_m=float(max(-s.gap[m].min() for s, m in zip(sides, loaded, strict=True))),
+                max_gap_m=float(max(0.0, *(s.gap[m].max() for s, m in zip(sides, loaded, strict=True)))),
+                points=int(sum(len(s.point) for s in sides)),
+                sliding_points=int(sum(s.sliding.sum() for s in sides)),
+            )
+        )
+    return tuple(rows)
+
+
+def facing_area(
+    body: Body, points: NDArray[np.float64], chosen: NDArray[np.int64], normal: NDArray[np.float64]
+) -> float:
+    """Area of a surface that some of its points (k,) stand for, seen along their normals (k, 3) [m^2]: a third of the
+    adjacent faces' area vectors each. Points at an edge stand for the faces that look at the other body, not for
+    adjacent ones."""
+    corner = points[body.faces]
+    vector = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]) / 6.0
+    total = np.stack(
+        [np.bincount(body.faces.ravel(), np.repeat(one, 3), minlength=len(points)) for one in vector.T], axis=1
+    )
+    return float(np.abs(np.einsum("ki,ki->k", total[chosen], normal)).sum())
+
+
+def _normal_sum(side: TouchingPoints) -> NDArray[np.float64]:
+    return np.asarray((side.normal_force[:, None] * side.normal).sum(axis=0))
+
+
+def friction_margin(touching: Sequence[TouchingPoints]) -> float:
+    """Smallest share of the static friction cone that is left over the touching pairs [-]; 0: at the cone."""
+    margins = [1.0]
+    for t in touching:
+        normal = t.normal_force
+        tangential = np.linalg.norm(t.force - normal[:, None] * t.normal, axis=1)
+        limit = float(normal @ t.friction[:, 0])
+        if limit > 0.0:
+            margins.append(1.0 - float(tangential.sum()) / limit)
+    return min(margins)
+
+
+def point_forces(contacts: Contacts) -> PointForces:
+    """The forces of contacts and bonds."""
+    touching = sum(len(one.point) for one in contacts.active)  # bonds stand behind them
+    bonded = np.arange(len(contacts.a)) >= touching
+    return PointForces(contacts.a, contacts.b, contacts.position, contacts.force, bonded)

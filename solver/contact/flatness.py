@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.spatial import cKDTree
 
+from solver.arrays import Array
 from solver.model.bodies import Body
-
-Array = NDArray[np.float64]
 
 ALIKE = np.cos(np.radians(15.0))  # faces whose normals differ by less belong to one flat region
 PRESSED = np.cos(np.radians(25.0))  # a region whose normal is nearer to the partner's presses flat on it

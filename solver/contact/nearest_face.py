@@ -12,15 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
+from solver.arrays import Array, IntArray
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class FaceGroup:
     """Faces of about one size."""
 
-    face: Index
+    face: IntArray
     """Which ones, shape (k,)."""
     middle: cKDTree
     """Their middles."""
@@ -34,11 +33,11 @@ class NearestFace:
 
     triangles: Array
     """Corners [m], shape (m, 3, 3)."""
-    label: Index
+    label: IntArray
     """Of each face, shape (m,)."""
     groups: tuple[FaceGroup, ...]
     vertices: cKDTree
-    vertex_label: Index
+    vertex_label: IntArray
     """Of the faces around each vertex, shape (n,)."""
     others: dict[int, tuple[FaceGroup, ...]]
     """Faces of all labels but one, by that one; made when it is asked for."""
@@ -46,7 +45,7 @@ class NearestFace:
     """How far around each vertex there is no other label at least [m], shape (n,); NaN until it is asked for."""
 
     @classmethod
-    def of(cls, vertices: Array, faces: NDArray[np.int32], label: Index) -> "NearestFace":
+    def of(cls, vertices: Array, faces: NDArray[np.int32], label: IntArray) -> "NearestFace":
         """Prepare a surface with a label for each face (m,)."""
         triangles, used = vertices[faces], np.unique(faces)
         place = np.searchsorted(used, faces)
@@ -55,7 +54,7 @@ class NearestFace:
         groups = groups_of(triangles, np.arange(len(faces)))
         return cls(triangles, label, groups, cKDTree(vertices[used]), vertex_label, {}, np.full(len(used), np.nan))
 
-    def label_at(self, point: Array) -> Index:
+    def label_at(self, point: Array) -> IntArray:
         """Label of the face nearest to each point (k, 3), shape (k,)."""
         away, vertex = self.vertices.query(point)
         label = self.vertex_label[vertex]
@@ -65,7 +64,7 @@ class NearestFace:
             label[unsure] = self.label[self.nearest(point[unsure])]
         return np.asarray(label)
 
-    def clear_of(self, vertex: Index) -> Array:
+    def clear_of(self, vertex: IntArray) -> Array:
         """`clear` of some vertices (k,)."""
         new = np.unique(vertex[np.isnan(self.clear[vertex])])
         for one in np.unique(self.vertex_label[new]).tolist():
@@ -78,7 +77,7 @@ class NearestFace:
                 self.clear[mine] = np.minimum(self.clear[mine], group.middle.query(place)[0] - group.radius)
         return np.asarray(self.clear[vertex])
 
-    def nearest(self, point: Array) -> Index:
+    def nearest(self, point: Array) -> IntArray:
         """Index of the face nearest to each point (k, 3), the first of several, shape (k,)."""
         best = np.full(len(point), np.inf)
         for group in self.groups:
@@ -90,7 +89,7 @@ class NearestFace:
         return np.asarray(face[order[np.unique(row[order], return_index=True)[1]]])
 
 
-def groups_of(triangles: Array, chosen: Index) -> tuple[FaceGroup, ...]:
+def groups_of(triangles: Array, chosen: IntArray) -> tuple[FaceGroup, ...]:
     """The chosen faces (k,) by powers of two of their size."""
     middle = triangles[chosen].mean(axis=1)
     radius = np.linalg.norm(triangles[chosen] - middle[:, None], axis=2).max(axis=1)
@@ -101,7 +100,7 @@ def groups_of(triangles: Array, chosen: Index) -> tuple[FaceGroup, ...]:
     )
 
 
-def near(group: FaceGroup, point: Array, reach: Array) -> tuple[Index, Index]:
+def near(group: FaceGroup, point: Array, reach: Array) -> tuple[IntArray, IntArray]:
     """Rows of points (k, 3) and faces of a group that may be within the reach (k,) of each [m], in pairs."""
     found = group.middle.query_ball_point(point, reach * (1.0 + 1e-9) + group.radius)
     row = np.repeat(np.arange(len(point)), [len(one) for one in found])

@@ -15,8 +15,7 @@ from solver.box import bounds, inside
 from solver.contact.active import ActiveContacts, Contacts, Pair, PairPoints
 from solver.contact.bonds import BondedPair
 from solver.contact.flatness import FlatRegions
-from solver.contact.friction import point_forces
-from solver.contact.rolling import RollingLaw, RollingTorque, Spin, law_stiff, resisting_torque
+from solver.contact.friction import RollingLaw, RollingTorque, Spin, law_stiff, point_forces, resisting_torque
 from solver.kernels import query
 from solver.model.bodies import Model
 from solver.model.soft import BodyGrid, SoftSystem

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.spatial import cKDTree
 
+from solver.arrays import Array
 from solver.errors import UnstableStep
 from solver.kernels import mls as kernels
 from solver.kernels.mls import (
@@ -40,8 +41,6 @@ from solver.model.soft import BodyGrid, SoftSystem, constants, locate, shape_val
 from solver.model.state import cross_matrix, rotate
 from solver.model.stress import corotated_stress, rotations, voigt
 from solver.motion import MaterialState
-
-Array = NDArray[np.float64]
 
 MARGIN = 4  # planes beyond the outermost particles: the stencil, a cell of motion, and one for the next
 BLOCK = 128  # particles that are summed together

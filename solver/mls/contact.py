@@ -21,24 +21,20 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from solver.arrays import Array, IntArray
 from solver.box import bounds
 from solver.config import SolverConfig
-from solver.contact.active import Pair, TouchingPoints
+from solver.contact.active import STIFFENED, Pair, TouchingPoints, contact_pairs
 from solver.contact.bonds import BondedPair, build_bonds
 from solver.contact.friction import point_forces
-from solver.contact.pairs import STIFFENED, contact_pairs
 from solver.contact.query import ContactQuery
 from solver.kernels import query
 from solver.mls.body import SoftParticles
 from solver.mls.damping import Acting
-from solver.mls.report import ContactReport
-from solver.mls.rigid import RigidBodies
+from solver.mls.rigid import ContactReport, RigidBodies
 from solver.model.bodies import Model
 from solver.model.soft import SoftSystem
 from solver.model.state import PointMemory, State, start_state
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 STABLE = 0.5  # stiffness of contact times the squared step and the mobility of what it acts on [-]; 4 is the limit
 CLOSING_SECONDS = 0.04  # in which an excess of penetration fades by e; coming to rest takes ten times as long
@@ -55,7 +51,7 @@ class PairTouch:
 
     pair: Pair
     memory: PointMemory
-    near: Index
+    near: IntArray
     """Points that may touch, shape (k,)."""
     counts: NDArray[np.bool_]
     """Points that count as contact at all, shape (n,)."""
@@ -301,7 +297,7 @@ class SurfaceContacts:
         ]
         return float(max(sides))
 
-    def _gaps(self, touch: PairTouch, points: Array, index: Index) -> Array:
+    def _gaps(self, touch: PairTouch, points: Array, index: IntArray) -> Array:
         """Gap of some points, in front of a rigid body 0 where its samples end."""
         if not len(points):
             return np.zeros(0)
@@ -309,7 +305,7 @@ class SurfaceContacts:
         far = gap >= query.FAR
         return np.where(far, np.inf if touch.pair.b in self.soft else 0.0, gap)
 
-    def _locate(self, touch: PairTouch, points: Array, index: Index) -> tuple[Array, Array, Array, Index, Array]:
+    def _locate(self, touch: PairTouch, points: Array, index: IntArray) -> tuple[Array, Array, Array, IntArray, Array]:
         """Gap, normal and material point of points (k, 3) in body b, and the nodes and weights of what they push."""
         b, count = touch.pair.b, len(points)
         body, state, grid = self.model.bodies[b], self.state, self.model.bodies[b].distance
@@ -349,7 +345,7 @@ class SurfaceContacts:
                 if found is not None:
                     yield found
 
-    def _points(self, index: int, chosen: Index, x: Array, pose: tuple[Array, Array] | None) -> Array:
+    def _points(self, index: int, chosen: IntArray, x: Array, pose: tuple[Array, Array] | None) -> Array:
         """Surface points of a body by their numbers [m], shape (k, 3)."""
         if index in self.soft:
             grid = self.query.soft_of[index]
@@ -415,7 +411,7 @@ class SurfaceContacts:
         gap[passed] = (touch.gap[touch.near] + np.einsum("ki,ki->k", slip, before))[passed]
         normal[passed] = before[passed]
 
-    def _moved(self, index: int, material: Array, node: Index, weight: Array) -> Array:
+    def _moved(self, index: int, material: Array, node: IntArray, weight: Array) -> Array:
         """Displacement of material points of a body since the last step [m], shape (k, 3)."""
         if index in self.soft:
             return np.asarray(np.einsum("ka,kai->ki", weight, self.state.x[node] - self.before[node]))

@@ -8,18 +8,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solver.arrays import Array
 from solver.config import SolverConfig
 from solver.contact.active import Pair
 from solver.contact.bonds import BondedPair
-from solver.contact.predict import contact_stiffness
+from solver.contact.patch import contact_stiffness
 from solver.mls.body import RigidMotion, SoftParticles
 from solver.mls.rigid import RigidBodies
 from solver.model.bodies import Body, Model, SoftBody
 from solver.model.state import cross_matrix
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, slots=True)

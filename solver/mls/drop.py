@@ -15,26 +15,23 @@ is taken away: the peak is where it passes its equilibrium), and the bounce of a
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solver.arrays import Array
 from solver.certificate import NotDone, PointForces, Verdict
 from solver.config import SolverConfig
+from solver.contact.active import contact_table, friction_margin, point_forces
 from solver.contact.bonds import bond_table
-from solver.contact.table import contact_table, friction_margin, point_forces
 from solver.errors import ModelError
 from solver.frames import FrameRecorder
 from solver.mls.body import SoftParticles
 from solver.mls.contact import SurfaceContacts
 from solver.mls.damping import PairDamping
-from solver.mls.report import ContactReport
-from solver.mls.rigid import RigidBodies
+from solver.mls.rigid import ContactReport, RigidBodies
 from solver.model import soft as soft_system
 from solver.model.bodies import Model, RigidBody
 from solver.model.state import best_rigid_motion
 from solver.rest import Progress, RestMonitor, Signals
 from solver.result import FinalState, RestBody, SettledModel, build_result, carried, has_left
-
-Array = NDArray[np.float64]
 
 STEP_SHARE = 0.5  # of the step that material could take: contact may be four times as stiff
 LEAST_CELLS = 2.0  # across a contact, for its area to be resolved

@@ -10,23 +10,25 @@ so that a light body under a heavy one stays stable at any substep. beta damps a
 critically, omega = sqrt(g / penetration target).
 
 [B98] Baraff, Witkin: Large steps in cloth simulation. SIGGRAPH 1998.
+
+Mean forces on bodies over an interval of explicit steps.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import permutations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solver.arrays import Array
+from solver.certificate import PointForces
 from solver.config import SolverConfig
-from solver.contact.active import Contacts, Pair, vertex_areas
-from solver.contact.pair_friction import PairFriction
+from solver.contact.active import Contacts, Pair, TouchingPoints, vertex_areas
+from solver.contact.bonds import BondedPair
+from solver.contact.friction import PairFriction
 from solver.contact.query import ContactQuery
 from solver.model import soft as soft_system
 from solver.model.bodies import Model, RigidBody, free_motions
 from solver.model.state import ContactMemory, State, cross_matrix, rotate, start_state
-
-Array = NDArray[np.float64]
 
 NEAR = 0.02  # rigid bodies whose spheres are farther apart than this [m] are not looked up
 
@@ -191,3 +193,27 @@ def rigid_pairs(model: Model, config: SolverConfig) -> list[Pair]:
             stiffness = np.full(count, load / (3.0 * config.penetration_target))
             out.append(Pair(a, b, PairFriction.of(model, one, two), stiffness, vertex_areas(one)))
     return out
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ContactReport:
+    """Mean forces over an interval."""
+
+    touching: list[TouchingPoints]
+    bonded: list[tuple[BondedPair, Array, Array, Array]]
+    """Bond, positions, mean forces on its first body, and stretches, shape (k, 3) each."""
+
+    def pairs(self) -> set[tuple[int, int]]:
+        """Bodies that hold each other, lower index first."""
+        found = [one.pair.key for one in self.touching] + [(bond.a.body, bond.b.body) for bond, *_ in self.bonded]
+        return {(min(key), max(key)) for key in found}
+
+    def forces(self) -> PointForces:
+        """Every force of a contact or bond, point by point."""
+        some = [(*t.pair.key, t.position, t.force, False) for t in self.touching]
+        some += [(bond.a.body, bond.b.body, position, force, True) for bond, position, force, _ in self.bonded]
+        count = [len(one[3]) for one in some]
+        a, b, bonded = (np.repeat(np.array([one[k] for one in some], dtype=kind), count)
+                        for k, kind in ((0, np.int64), (1, np.int64), (4, np.bool_)))  # fmt: skip
+        position, force = (np.concatenate([np.zeros((0, 3)), *(one[k] for one in some)]) for k in (2, 3))
+        return PointForces(a, b, position, force, bonded)

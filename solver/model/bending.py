@@ -26,7 +26,7 @@ stiffness under plane stress (no stress on the faces normal to j), for the plate
     d_j = (2 / h_i) (2 / h_k) (D_ik v_j - Q_ik n'_j)
 
 with v_j = sum_p V_p (xi_j - mean)^2 and n'_j = v_j + sum_p V_p / 12. Layers oblique to the cell couple the modes with
-each other, which this leaves out; where that would take too much, solver/tl/relief.py gives less.
+each other, which this leaves out; where that would take too much, solver/tl/ghost.py gives less.
 
 Only cells full of one material take part. In a cut cell the same modes are not bending alone: the nodes on its empty
 side hang on the shear that would be taken away.

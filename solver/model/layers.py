@@ -19,11 +19,9 @@ strain it is the law of transverse isotropy; with isotropic constants K, k_d and
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solver.arrays import Array
 from solver.errors import ModelError
-
-Array = NDArray[np.float64]
 
 ISOTROPIC = 1e-9  # constants that differ relatively by less are the isotropic ones: rounding of what was given
 UNIT = 1e-6  # of a normal's length

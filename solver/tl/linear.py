@@ -21,15 +21,14 @@ from numpy.typing import NDArray
 from scipy import sparse as scipy_sparse
 from scipy.linalg import blas
 
+from solver.arrays import Array
 from solver.contact.active import Contacts
 from solver.kernels import sparse
 from solver.model.soft import SoftSystem
-from solver.tl.coarse import CoarseSolve
-from solver.tl.contact_map import ContactMap
+from solver.tl.coarse import CoarseSolve, ContactMap
 from solver.tl.tangent import ElasticTangent
 
 Vector = tuple[NDArray[np.float64], NDArray[np.float64]]
-Flat = NDArray[np.float64]
 
 
 @dataclass(eq=False, slots=True)
@@ -106,11 +105,11 @@ class TangentSystem:
         columns = np.tile(np.arange(first, first + width), 3)
         return scipy_sparse.csr_matrix((block.ravel(), columns, width * np.arange(4)), shape=(3, self.size))
 
-    def split(self, flat: Flat) -> Vector:
+    def split(self, flat: Array) -> Vector:
         """Views of the nodes' part (n, 3) and the frames' part (b, 6)."""
         return flat[: self.nodes].reshape(-1, 3), flat[self.nodes :].reshape(-1, 6)
 
-    def expand(self, flat: Flat) -> Flat:
+    def expand(self, flat: Array) -> Array:
         """The same motion with the core nodes filled in from their frames."""
         if self.has_cores:
             flat = flat.copy()
@@ -120,7 +119,7 @@ class TangentSystem:
                     nodes[cores] = frames[f, :3] + np.cross(frames[f, 3:], self.frames.arm[f])
         return flat
 
-    def reduce(self, flat: Flat) -> Flat:
+    def reduce(self, flat: Array) -> Array:
         """Forces, in place, with those of the core nodes moved to their frames; what is held drops out."""
         nodes, frames = self.split(flat)
         if self.has_cores:
@@ -132,7 +131,7 @@ class TangentSystem:
         frames *= self.frames.movable
         return flat
 
-    def contact_forces(self) -> Flat:
+    def contact_forces(self) -> Array:
         """Forces of contact and of rolling resistance on nodes and frames, before `reduce`."""
         out = np.zeros(self.size)
         self.contact.add_forces(self.contacts.force, *self.split(out))
@@ -144,7 +143,7 @@ class TangentSystem:
         """Bring the preconditioner up to this system: once before the products."""
         self.inverse = self._preconditioner()
 
-    def multiply(self, direction: Flat) -> Flat:
+    def multiply(self, direction: Array) -> Array:
         """Matrix times vector."""
         p = self.expand(direction)
         out = self._elastic_and_inertia(p)
@@ -154,7 +153,7 @@ class TangentSystem:
             out += rows.T @ (tangent @ (rows @ p))
         return self.reduce(out)
 
-    def _elastic_and_inertia(self, p: Flat) -> Flat:
+    def _elastic_and_inertia(self, p: Array) -> Array:
         out = np.empty(self.size)
         nodes, frames = self.split(out)
         if len(nodes):
@@ -214,7 +213,7 @@ class TangentSystem:
             coupling[f] = np.stack(columns, axis=1)
         return own, coupling
 
-    def precondition(self, residual: Flat) -> Flat:
+    def precondition(self, residual: Array) -> Array:
         """A symmetric Gauss-Seidel sweep over the nodes, the frames' own blocks, and the coarse space added to both."""
         out = np.empty(self.size)
         nodes, frames = self.split(out)
@@ -231,7 +230,7 @@ class TangentSystem:
         return out
 
 
-def conjugate_gradient(system: TangentSystem, right: Flat, tolerance: float, limit: int) -> tuple[Flat, int]:
+def conjugate_gradient(system: TangentSystem, right: Array, tolerance: float, limit: int) -> tuple[Array, int]:
     """Solve system @ y = right, of a prepared system, until the preconditioned residual norm falls by `tolerance` [S94,
     B3]; returns (y, iterations). Where the matrix is not positive (the relief of bending takes a little too much from
     strained cells) y is what was found before, or the preconditioned right side: both descend [N06, Alg. 7.1]."""

@@ -10,19 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.config import SolverConfig
-from solver.contact.active import Contacts
+from solver.contact.active import STIFFENED, Contacts, contact_pairs
 from solver.contact.bonds import build_bonds
-from solver.contact.pairs import STIFFENED, contact_pairs
-from solver.contact.predict import contact_stiffness
+from solver.contact.friction import RollingLaw, law_stiff
+from solver.contact.patch import contact_stiffness
 from solver.contact.query import ContactQuery
-from solver.contact.rolling import RollingLaw, law_stiff
 from solver.errors import ModelError, UnstableStep
 from solver.model import soft as soft_system
 from solver.model.bodies import Model, free_motions
 from solver.model.state import State, best_rigid_motion, start_state
 from solver.rest import RestMonitor, Signals
+from solver.tl.ghost import with_definite_relief
 from solver.tl.measure import measure
-from solver.tl.relief import with_definite_relief
 from solver.tl.step import Stepper, StepReport
 
 Load = Callable[[float], NDArray[np.float64]]

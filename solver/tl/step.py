@@ -16,18 +16,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from solver.arrays import Array
 from solver.config import SolverConfig
 from solver.contact.active import Contacts
+from solver.contact.friction import RollingLaw, law_stiff
 from solver.contact.query import ContactQuery, StepStart
-from solver.contact.rolling import RollingLaw, law_stiff
 from solver.errors import UnstableStep
 from solver.model.bodies import Model, RigidBody, free_motions
 from solver.model.soft import SoftSystem
 from solver.model.state import State, rotate, turn_between
-from solver.tl.forces import ElasticForces, StepStrain
 from solver.tl.ghost import ghost_penalty
-from solver.tl.linear import Flat, Frames, TangentSystem, Vector, conjugate_gradient
-from solver.tl.tangent import ElasticTangent
+from solver.tl.linear import Frames, TangentSystem, Vector, conjugate_gradient
+from solver.tl.tangent import ElasticForces, ElasticTangent, StepStrain
 
 OVERSHOT = 0.3  # of the work at the start of a Newton move, against it at its end: the move went too far [-]
 SEARCHES = 5  # shares of a move that are tried
@@ -80,7 +80,7 @@ class Trial:
     state: State
     contacts: Contacts
     system: TangentSystem
-    right: Flat
+    right: Array
     """Residual: forces on nodes [N], forces [N] and torques [N m] on frames, shape (3 n + 6 b,)."""
     residual: float
     """Its size as in StepReport [-]."""
@@ -196,7 +196,7 @@ class Stepper:
         self.tangent.refresh(trial.state, self.elastic.deformation)
         trial.system.prepare()
 
-    def _after_move(self, trial: Trial, move: Flat, problem: StepProblem) -> Trial:
+    def _after_move(self, trial: Trial, move: Array, problem: StepProblem) -> Trial:
         """Trial state after a Newton move, or after a share of it where the whole goes too far.
 
         Forces derive from a potential but for the limits of friction, so what is out of balance does work along a
@@ -283,7 +283,7 @@ class Stepper:
 
     def _residual(
         self, system: TangentSystem, after: State, elastic_force: NDArray[np.float64], problem: StepProblem
-    ) -> Flat:
+    ) -> Array:
         """Force minus inertia on every degree of freedom."""
         before, dt, push = problem.before, problem.dt, problem.push
         gravity = self.model.gravity
@@ -329,7 +329,7 @@ class Stepper:
                 return np.array(trial.state.x[body.nodes][int(np.argmax((nodes**2).sum(axis=1)))])
         return np.array(trial.state.center[trial.worst])
 
-    def _capped(self, system: TangentSystem, move: Flat) -> Flat:
+    def _capped(self, system: TangentSystem, move: Array) -> Array:
         """A Newton move, shortened so that no point jumps past a contact."""
         nodes, frames = system.split(system.expand(move))
         moves = [float(np.abs(nodes).max())] if len(nodes) else []
@@ -339,7 +339,7 @@ class Stepper:
             )
         return min(1.0, self.config.longest_move / max([*moves, 1e-30])) * move
 
-    def _move(self, state: State, system: TangentSystem, move: Flat) -> State:
+    def _move(self, state: State, system: TangentSystem, move: Array) -> State:
         """Apply a Newton move."""
         nodes, frames = system.split(system.expand(move))
         after = state.copy()

@@ -2,6 +2,16 @@
 
 In: scene, base, intent, the reply and the object as it will lie. Out: a `Choice`: areas to try, and spare ones for
 the case that those have no place.
+
+Faces of the scene that can carry an object on a part: the part's own, and those of things lying flat on it.
+
+In: the scene, the base and the intended part. Out: sets of faces to try one after the other, and the owner of a face.
+On a bed both the blanket and the uncovered mattress carry, unless the prompt names one of them; on a floor the rugs do
+if the bare floor has no place.
+
+Turns the user's point into the anchor's part, area and carrying faces.
+
+In: scene, base and the point on its surface. Out: input of the search for a free spot, which stays near the point.
 """
 
 from collections.abc import Sequence
@@ -10,26 +20,83 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from dcap.arrays import Array, Mask
 from dcap.geometry.placement.named_regions import OFF, SIDES, Region, ViewerFrame, both, distance_beside, regions
 from dcap.geometry.placement.polygons import convex_hull
 from dcap.geometry.raycast import Raycaster
 from dcap.language.protocol.replies import AnchorReply, region_constraints
-from dcap.scene.types.box import OrientedBox
-from dcap.scene.types.caution import Cause, Caution
-from dcap.scene.types.intent import Intent, RegionConstraint
+from dcap.scene.types.boxes import OrientedBox
+from dcap.scene.types.choices import Intent, RegionConstraint
 from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.outcome import Cause, Caution
 from dcap.scene.types.segmentation import Instance, Segmentation
-from tasks.anchor.carriers import COVERS, Mask, carriers
 from tasks.anchor.constraints import EDGE, Bounds, constrained
-from tasks.anchor.viewpoint import side_cautions
+from tasks.anchor.no_room import side_cautions
 from tasks.requests.surroundings import horizontal_gap, is_floor, part_frame, reference_boxes, reference_frame
 
-Array = NDArray[np.float64]
+COVERS = frozenset({"blanket", "mattress"})
+"""Parts that lie on each other: whichever is on top there carries the object."""
+SEEN = 0.3
+"""Share of its box below which a named part is hidden from above, so that the thing on it carries instead [-]."""
+FLAT = 0.03
+"""Largest height of things that cover a floor [m]: rugs, mats."""
+
 HAND = 0.6
 """Largest distance of a place next to a thing on the floor [m], a hand's reach."""
 NEIGHBOUR = 1.5
 """Largest distance between a base and a thing next to it [m]: then "the chair next to the desk" identifies the
 chair."""
+ABOVE = 0.02
+"""Height above the point from which its surface is searched [m]."""
+BAND = (0.12, 0.1)
+"""Distance below and above the point within which a surface carries [m]: dents and cushions, not the board above."""
+NEAR = 0.05
+"""Largest offset from the point if that is not free, or half the object's breadth if that is larger [m]."""
+UP = np.array([0.0, 0.0, 1.0])
+REPORTED_OFFSET = 0.02
+"""Offset from the point above which it is reported [m]."""
+
+
+def carriers(scene: Segmentation, base: Instance, index: int, *, named: bool, caster: Raycaster) -> list[Mask]:
+    """Faces that may carry, best first, each of shape (faces,); `named`: the prompt asks for this part."""
+    own = faces_of(scene, base, index)
+    if base.structure:
+        flat = coverings(scene, base, index)
+        return [own, own | flat] if flat.any() else [own]
+    if base.parts[index].name not in COVERS or (named and exposed(scene, base, index, caster) > SEEN):
+        return [own]
+    parts = [number for number, part in enumerate(base.parts) if part.name in COVERS]
+    covers = (scene.face_instance == scene.index_of(base.id)) & np.isin(scene.face_part, parts)
+    return [np.asarray(covers)]
+
+
+def faces_of(scene: Segmentation, base: Instance, index: int) -> Mask:
+    """The faces of a part, shape (faces,)."""
+    return np.asarray((scene.face_instance == scene.index_of(base.id)) & (scene.face_part == index))
+
+
+def coverings(scene: Segmentation, base: Instance, index: int) -> Mask:
+    """The faces of things that lie flat on a floor, shape (faces,)."""
+    top = base.parts[index].box.top
+    flat = [not one.structure and abs(one.box.bottom - top) < FLAT and one.box.top < top + FLAT
+            for one in scene.instances]  # fmt: skip
+    return np.array([*flat, False])[scene.face_instance]
+
+
+def exposed(scene: Segmentation, base: Instance, index: int, caster: Raycaster) -> float:
+    """Share of a part's box from which a ray down meets the part first [-]."""
+    box = base.parts[index].box
+    steps = (np.arange(12) + 0.5) / 6.0 - 1.0
+    u, v = np.meshgrid(steps, steps)
+    local = np.c_[u.ravel(), v.ravel(), np.ones(u.size)] * box.half_extents + (0.0, 0.0, 0.3)
+    hits = caster.cast(box.to_world(local), np.tile([0.0, 0.0, -1.0], (u.size, 1)))
+    mine = faces_of(scene, base, index)
+    return float(np.mean((hits.face >= 0) & mine[hits.face]))
+
+
+def owner(scene: Segmentation, face: int) -> tuple[Instance, int]:
+    """The instance and the part that a face belongs to."""
+    return scene.instances[int(scene.face_instance[face])], int(scene.face_part[face])
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -164,3 +231,32 @@ def groups_of(scene: Segmentation, base: Instance, reply: AnchorReply, index: in
 def reach_of(mesh: Mesh, frame: ViewerFrame) -> Array:
     """Half extents along a frame's right and front [m], shape (2,)."""
     return np.asarray(0.5 * np.ptp(mesh.vertices[:, :2] @ np.stack([frame.right, frame.front], axis=1), axis=0))
+
+
+def reply_at(scene: Segmentation, base: Instance, at: Array, caster: Raycaster) -> AnchorReply:
+    """The part at the point; no client is asked."""
+    hit = caster.cast((at + ABOVE * UP)[None], -UP[None])
+    face = int(hit.face[0])
+    own = face >= 0 and int(scene.face_instance[face]) == scene.index_of(base.id)
+    index = max(int(scene.face_part[face]), 0) if own else 0
+    return AnchorReply(part_index=index, reason="the given point")
+
+
+def area_at(at: Array, mesh: Mesh) -> Region:
+    """A square about the point, aimed at its middle; `mesh` is the object as it will lie."""
+    half = max(NEAR, 0.25 * float(np.ptp(mesh.bounds[:, :2], axis=0).sum()))
+    ring = np.array([[-half, -half], [half, -half], [half, half], [-half, half]])
+    return Region(at[:2] + ring, at[:2].copy(), "at the point")
+
+
+def carrying_at(scene: Segmentation, base: Instance, at: Array) -> NDArray[np.bool_]:
+    """The faces of the base about as high as the point, shape (faces,)."""
+    height = scene.mesh.triangles[:, :, 2]
+    level = (height.max(axis=1) > at[2] - BAND[0]) & (height.min(axis=1) < at[2] + BAND[1])
+    return np.asarray(level & (scene.face_instance == scene.index_of(base.id)))
+
+
+def offset_note(at: Array | None, spot: Array) -> str:
+    """Note on the object's offset from the point; empty if it is small."""
+    away = 0.0 if at is None else float(np.linalg.norm(spot - at[:2]))
+    return f"; {away:.2f} m from the point, which is not free" if away > REPORTED_OFFSET else ""

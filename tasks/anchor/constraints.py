@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dcap.arrays import Array
 from dcap.geometry.placement.named_regions import (
     BESIDE,
     SIDES,
@@ -24,12 +24,11 @@ from dcap.geometry.placement.named_regions import (
     regions,
 )
 from dcap.geometry.placement.polygons import area_without, clipped, clipped_half_plane, grown, swept
-from dcap.scene.types.box import OrientedBox
-from dcap.scene.types.intent import RegionConstraint
+from dcap.scene.types.boxes import OrientedBox
+from dcap.scene.types.choices import RegionConstraint
 from dcap.scene.types.segmentation import Instance, Segmentation
 from tasks.requests.surroundings import PART, boxes_of, reference_frame
 
-Array = NDArray[np.float64]
 EDGE = "edge"
 """Region of a constraint whose reference determines the edge."""
 TOLERANCE = 0.015

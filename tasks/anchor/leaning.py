@@ -15,27 +15,24 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation as Turn
 
-from dcap.geometry.placement.clearance import Clearance
+from dcap.arrays import Array
+from dcap.geometry.placement.clearance import Clearance, Start, set_down
 from dcap.geometry.placement.named_regions import Region
 from dcap.geometry.placement.polygons import clipped, counter_clockwise, smallest_rectangle
 from dcap.geometry.placement.poses import about_z, center_of_mass
 from dcap.geometry.placement.search import PlacementSearch
-from dcap.geometry.placement.set_down import Start, set_down
 from dcap.geometry.raycast import Raycaster
 from dcap.language.protocol.replies import AnchorReply
-from dcap.scene.types.anchor import Lean
-from dcap.scene.types.box import OrientedBox
-from dcap.scene.types.caution import Cause, Caution
-from dcap.scene.types.intent import Intent
+from dcap.scene.types.boxes import OrientedBox
+from dcap.scene.types.choices import Intent, Lean
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.outcome import Infeasible
+from dcap.scene.types.outcome import Cause, Caution, Infeasible
 from dcap.scene.types.segmentation import Instance, Segmentation
 from tasks.anchor.choice import Choice, carrier_masks, choice_of
 from tasks.anchor.no_room import not_leaning
 from tasks.requests.surroundings import PART, boxes_of, parts_meant
 from tasks.requests.views import room_center
 
-Array = NDArray[np.float64]
 LEAST, MOST = np.radians(12.0), np.radians(28.0)
 """Smallest and largest tilt [rad]."""
 BEYOND = np.radians(4.0)

@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, PositiveFloat
 from scipy.spatial import cKDTree
 
-from dcap.geometry.placement.clearance import Clearance
+from dcap.arrays import Array
+from dcap.geometry.placement.clearance import Clearance, Start, set_down
 from dcap.geometry.placement.named_regions import Region
 from dcap.geometry.placement.poses import center_of_mass
 from dcap.geometry.placement.search import SHARES, PlacementSearch
-from dcap.geometry.placement.set_down import Start, set_down
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.segmentation.faces import surface_pieces, surface_points
 from dcap.geometry.solid.mending import with_mended
@@ -28,25 +28,17 @@ from dcap.language.connect import Client
 from dcap.language.protocol.client import LanguageConfig
 from dcap.language.protocol.questions import ANCHOR
 from dcap.language.protocol.replies import AnchorReply
-from dcap.scene.types.anchor import Anchor, Lean
-from dcap.scene.types.intent import Intent
+from dcap.scene.types.choices import Anchor, AskedPose, Intent, Lean, Rotation
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Infeasible
-from dcap.scene.types.rotation import AskedPose, Rotation
 from dcap.scene.types.segmentation import Instance, Segmentation, SegmentedObject, SegmentedScene
-from tasks.anchor.carriers import owner
-from tasks.anchor.choice import Choice, carrier_masks, choice_of
-from tasks.anchor.given_point import area_at, carrying_at, offset_note, reply_at
+from tasks.anchor.choice import Choice, area_at, carrier_masks, carrying_at, choice_of, offset_note, owner, reply_at
 from tasks.anchor.leaning import leaning_start
-from tasks.anchor.no_room import no_room, not_level, not_on_it, nothing_left
+from tasks.anchor.no_room import facing_cautions, no_room, not_level, not_on_it, nothing_left
 from tasks.anchor.request import anchor_request
-from tasks.anchor.viewpoint import facing_cautions
 from tasks.cache import stage
 from tasks.requests.surroundings import part_frame
 from tasks.requests.views import instance_of
-
-Array = NDArray[np.float64]
-
 
 LEVEL_COS = 0.9
 """Cosine of the largest slope of a level face."""

@@ -40,19 +40,24 @@ from dcap.language.protocol.fireplace import (
     PruningRequest,
 )
 from dcap.language.protocol.requests import ObjectView, Picture, vector
-from dcap.scene.types.anchor import Anchor
-from dcap.scene.types.intent import Intent
+from dcap.scene.types.choices import Anchor, Intent
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Infeasible, NoRoom, NotInScene, Reason
 from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
-from tasks.baselines.fireplace_anchors import AnchorResolver, Carrier, Chooser, Described, Facts
-from tasks.baselines.fireplace_pictures import placement_picture, resting_picture
+from tasks.baselines.fireplace_anchors import (
+    AnchorResolver,
+    Carrier,
+    Chooser,
+    Described,
+    Facts,
+    placement_picture,
+    resting_picture,
+)
 from tasks.cache import stage
 from tasks.requests.marks import marked, numbers_of, plan_picture, room_pictures
 from tasks.requests.surroundings import part_frame
 from tasks.requests.views import instance_views, object_view, room_center
 
-Array = NDArray[np.float64]
 UNSURE = 0.9
 """Confidence of a label below which the scene is also shown in pictures [-]."""
 LOOKED_UNDER = 0.02

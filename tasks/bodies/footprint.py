@@ -3,29 +3,100 @@
 In: the object at its pre-drop pose, what lies beneath it, its weight, and the layers that press on each other. The gap
 between the object's underside and what lies below it is measured along gravity, once the object has tilted onto it; the
 part of it that closes first touches first.
+
+How an object lies once it has tilted onto what it comes down on: contact is predicted for that pose, not for the one
+in which one end hangs higher than the other.
+
+The gap along gravity, as a surface over the plan, rests on its lower convex hull: the facet under the centre of mass
+holds the points that a rigid thing ends up on. The object turns by the facet's slope.
+
+Surfaces that contact is evaluated on: given faces, subdivided where the predicted contact needs finer ones.
+
+Every refinement has a budget of faces. Where the wanted edges do not fit, the faces of the predicted contact get them
+first, and what may touch later gets edges as short as what is left of the budget allows.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial.transform import Rotation
 
-from dcap.geometry.boundary import is_closed
+from dcap.arrays import Array
+from dcap.geometry.pieces import is_closed
 from dcap.geometry.raycast import Raycaster
-from dcap.geometry.solid.repair import subdivide_near
+from dcap.geometry.solid.repair import longest_near, subdivide_near
 from dcap.scene.errors import GeometryError
 from dcap.scene.types.mesh import Mesh
-from tasks.bodies.inertial import inertial_of_solid
-from tasks.bodies.layered_patch import Stack
-from tasks.bodies.levelling import levelling
-from tasks.bodies.plan_contact import Heights, PlanContact, plan_contact
+from tasks.bodies.discretization import inertial_of_solid
+from tasks.bodies.plan_contact import Heights, PlanContact, Stack, gap_map, plan_contact
 
-Array = NDArray[np.float64]
-
+TURNS = 3  # the facet of a turned object is another one where it is not flat
+STEEP = 0.5  # slope [-] from which an object falls over or slides rather than lie down
+LEVEL = 1e-3  # slope that changes no patch [-]
 LEAST_DEPTH, MOST_DEPTH = 5e-4, 0.06  # expected indentation [m]: below it is invisible, above it no formula holds
 WIDER = 4.0  # times the expected indentation: what may touch before the object has levelled out
 UP = (0.0, 0.0, 1.0)
 BELOW = 0.01  # a ray that looks for an underside starts this far below it [m]
+MOST_POINTS_ACROSS = 24.0  # edges across the shorter side of a rigid object's footprint
+LEAST_EDGE = 2e-3  # contact points of a rigid object are never refined beyond this [m]
+EDGES_ACROSS = 100.0  # edges along a soft object's longest side
+OBSTACLE_EDGES = 8.0  # edges of an obstacle across the shorter side of the footprint
+LEAST_OBSTACLE_EDGE = 0.01  # [m]
+OBSTACLE_FACES = 60_000  # faces that refining adds to an obstacle at most
+FAR_EDGE = 0.02  # least edge of a soft support away from the footprint [m]
+PER_CELL = 2.0  # edges per fine cell of a soft support under the footprint
+
+
+def levelling(item: Mesh, center: Array, heights_of: Callable[[Mesh], Heights]) -> Array:
+    """The turn about the centre of mass [m] after which the object lies, as a matrix (4, 4); none where it would fall
+    over. `heights_of` tells the gap under the object as it is turned."""
+    turn = Rotation.identity()
+    for _ in range(TURNS):
+        turned = item.transformed(about(center, turn))
+        x, y, gap, _ = gap_map(heights_of(turned), turned.bounds[:, :2])
+        slope = slope_below(x, y, gap, center[:2])
+        if slope is None or np.linalg.norm(slope) > STEEP:
+            return np.eye(4)
+        steepness = float(np.linalg.norm(slope))
+        if steepness < LEVEL:
+            break
+        axis = np.array([-slope[1], slope[0], 0.0]) / steepness
+        turn = Rotation.from_rotvec(np.arctan(steepness) * axis) * turn
+    return about(center, turn)
+
+
+def about(center: Array, turn: Rotation) -> Array:
+    """A turn about a point as a matrix (4, 4)."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = turn.as_matrix()
+    matrix[:3, 3] = center - turn.apply(center)
+    return matrix
+
+
+def slope_below(x: Array, y: Array, gap: Array, center: Array) -> Array | None:
+    """Slope along x and y of the facet of the gap's lower hull that a point in plan lies over, shape (2,); None where
+    it lies beside all of them. `gap` [m] is known at some of x (k,) and y (m,), shape (k, m)."""
+    point = np.stack([*np.meshgrid(x, y, indexing="ij"), gap], axis=-1).reshape(-1, 3)
+    point = point[np.isfinite(point[:, 2])]
+    if len(point) < 4 or np.linalg.matrix_rank(point[:, :2] - point[:, :2].mean(axis=0), tol=1e-9) < 2:
+        return None
+    try:
+        hull = ConvexHull(point, qhull_options="QJ")  # flat gaps span no volume
+    except QhullError:
+        return None
+    normal = hull.equations[:, :3]
+    below = normal[:, 2] < -1e-9
+    corner = point[hull.simplices[below]][:, :, :2] - center
+    after = np.roll(corner, -1, axis=1)
+    area = corner[:, :, 0] * after[:, :, 1] - corner[:, :, 1] * after[:, :, 0]
+    around = np.flatnonzero((area >= 0.0).all(axis=1) | (area <= 0.0).all(axis=1))
+    if len(around) == 0:
+        return None
+    facet = normal[below][around[0]]
+    return np.asarray(-facet[:2] / facet[2])
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -189,3 +260,58 @@ def gaps(points: NDArray[np.float64], beneath: Raycaster, fallback_height: float
 def nearest_face(mesh: Mesh, point: NDArray[np.float64]) -> int:
     """The face whose middle is nearest to a point."""
     return int(np.argmin(np.linalg.norm(mesh.triangles.mean(axis=1) - point, axis=1)))
+
+
+def rigid_object_surface(mesh: Mesh, foot: Footprint, edge: float, most_faces: int) -> Mesh:
+    """Edges of about `edge` [m] where a rigid object will touch, as far as `most_faces` more allow."""
+    margin = 0.3 * (foot.high - foot.low) + foot.depth
+    first, later = (grown(part, margin) for part in (np.stack([foot.low, foot.high]), foot.wider))
+    return refined(mesh, first, later, max(edge, foot.small_side / MOST_POINTS_ACROSS, LEAST_EDGE), most_faces)
+
+
+def soft_object_surface(mesh: Mesh, bounds: Array, cell: float, most_faces: int) -> Mesh:
+    """Edges as long as a cell [m] all over a soft object with the given bounds (2, 3), as far as `most_faces` more
+    allow."""
+    return subdivide_near(mesh, bounds, max(cell, float(np.ptp(bounds, axis=0).max()) / EDGES_ACROSS), most_faces)
+
+
+def obstacle_surface(mesh: Mesh, foot: Footprint) -> Mesh:
+    """Edges of a fixed rigid body, finer where the object will probably touch it."""
+    edge = max(foot.small_side / OBSTACLE_EDGES, LEAST_OBSTACLE_EDGE)
+    region = grown(around(np.stack([foot.low, foot.high]), foot.on_base[0]), np.full(3, foot.half_width + edge))
+    return subdivide_near(mesh, region, edge, OBSTACLE_FACES)
+
+
+def soft_support_surface(
+    mesh: Mesh, foot: Footprint, crop: Array, box: Array, cell: float, most_faces: int
+) -> tuple[Mesh, float]:
+    """Visible soft faces within the box (2, 3), and the longest edge that is left where the object may touch [m].
+
+    Under the footprint half a fine cell, as far as `most_faces` more allow; longer farther away in the crop and
+    deeper than the object is expected to come. Faces as long as a cell cut the corners of the dent under an edge: they
+    showed a dumbbell 1 mm deep in its bed.
+    """
+    margin = np.array([0.3, 0.3, 0.0]) * np.ptp(foot.on_base[0], axis=0) + 0.5 * foot.half_width
+    first, later = (grown(part, margin) for part in foot.on_base)
+    first[0, 2] -= foot.depth
+    later[0, 2] -= WIDER * foot.depth
+    mesh = subdivide_near(mesh, crop, max(4.0 * cell, FAR_EDGE), most_faces)
+    mesh = refined(mesh, first, later, cell / PER_CELL, most_faces)
+    longest = longest_near(mesh, later)
+    inside = ((mesh.vertices >= box[0]) & (mesh.vertices <= box[1])).all(axis=1)
+    return mesh.submesh(np.flatnonzero(inside[mesh.faces].all(axis=1))), longest
+
+
+def refined(mesh: Mesh, first: Array, later: Array, edge: float, most_added: int) -> Mesh:
+    """Edges of at most `edge` [m] in the box `later` (2, 3); where the budget does not reach so far, in its part
+    `first` (2, 3), and in the rest as short as what is left of it allows."""
+    fine = subdivide_near(mesh, later, edge, most_added)
+    if longest_near(fine, later) <= edge * (1.0 + 1e-9):
+        return fine
+    fine = subdivide_near(mesh, first, edge, most_added)
+    return subdivide_near(fine, later, edge, most_added - (len(fine.faces) - len(mesh.faces)))
+
+
+def grown(box: Array, margin: Array) -> Array:
+    """A box (2, 3) that is wider by a margin [m] on each side."""
+    return np.stack([box[0] - margin, box[1] + margin])

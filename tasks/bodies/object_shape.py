@@ -8,18 +8,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dcap.geometry.boundary import hole_loops, is_closed
 from dcap.geometry.distance import MeshDistance
+from dcap.geometry.pieces import hole_loops, is_closed
 from dcap.geometry.solid.closed import RepairLimits, enclosed, is_sheet, tidied, used_as_given, with_faces_kept
 from dcap.geometry.solid.repair import outer_faces
 from dcap.geometry.solid.repair_log import RepairLog
 from dcap.geometry.solid.visible_shape import OpenRim, cap_areas, has_walls, told_holes, visible_shape
-from dcap.language.offline.vessels import is_vessel
-from dcap.scene.types.anchor import Anchor
-from dcap.scene.types.intent import Intent
+from dcap.language.offline.kinds import is_vessel
+from dcap.scene.types.choices import Anchor, Intent
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Infeasible, ObjectHole, OpenObject, Reason
-from dcap.scene.types.repair_report import RepairReport
+from dcap.scene.types.scan import RepairReport
 from dcap.scene.types.segmentation import Segmentation
 
 UNMOVED = 1e-4  # what can be seen of an object may move this far [m]: contact points are its given faces

@@ -12,17 +12,15 @@ from operator import attrgetter
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.scene.types.caution import Cause, Caution
+from dcap.arrays import Array
 from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.outcome import Cause, Caution
 from solver.certificate import Certificate, CertificateRow, ContactProof, PointForces, Verdict
 from solver.errors import UnstableStep
 from solver.model.bodies import Body, Model, SoftBody, free_motions
 from solver.model.state import best_rigid_motion
 from solver.result import SettledModel
-from tasks.bodies.overlap import overlap_row
-from tasks.bodies.surface_places import Nearest, Sides, largest_push, nearest, sides_of
-
-Array = NDArray[np.float64]
+from tasks.bodies.overlap import Nearest, Sides, largest_push, nearest, overlap_row, sides_of
 
 LARGEST_GAP_M = 3e-4
 """Of tl: six times the penetration that its contacts aim at, and invisible in any picture [m]."""

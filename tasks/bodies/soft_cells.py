@@ -1,15 +1,33 @@
 """Background grids of soft bodies: cell sizes from thickness and contact, within a budget.
 
 In: signed distances and boxes. Out: node planes. Cells are uniform per axis for free bodies, graded for supports.
+
+How fine the cells of a soft body must be where contacts are predicted, along each axis for itself.
+
+A fifth of half the patch's width: across a line of contact fine, along it as coarse as it is long, and finer again
+where a long contact ends, since pressure falls to nothing there over about as much as it is wide.
+
+Cells through what is thin in a soft support: a cushion of one cell can neither bend nor be pressed together.
+
+In: the sampled distance of a solid and the planes that the contact asked for. Out: planes with enough cells through
+what is thin, where a budget allows them, and the places where it does not. Thickness is that of the material that a
+line along an axis passes at one stretch; rims and rounded edges are shorter than what they belong to, so that a low
+quantile counts, not the least.
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from enum import StrEnum
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.geometry.distance import Distance
+from dcap.arrays import Array
+from dcap.geometry.distance import Distance, sampler
 from dcap.scene.types.particles import DistanceGrid
+from solver.model.grid import sized_planes
+from tasks.bodies.plan_contact import BESIDE, PlanContact
 
 Planes = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 
@@ -18,6 +36,20 @@ MOST_ASPECT = 3.0  # longest over shortest cell edge: beyond it trilinear cells 
 COARSENING = 1.06  # factor per round when a grid exceeds its budget
 MOST_LOOKED_AT = 4_000_000  # cells of a grid that are looked at one by one: half a gigabyte while it lasts
 PADDING = 2  # cells beyond the surface of a free body, so that its displacement extends past it
+CELLS_ACROSS = 5.0  # cells in half the width of a predicted contact
+CELLS_AT_ENDS = 2.0  # and in the shorter half width where a long contact ends: pressure falls over about as much
+CELLS_AT_EDGES = 11.0  # and where it ends at an edge: a flat cylinder on a thin layer is 1.5 to 3 % short so
+MOST_FACTOR = 1e3  # on the wanted sizes: what is still over its budget then is so without any contact
+GROWTH = 1.6  # ratio of neighbouring cells away from a contact
+THROUGH = 2.0  # cells through what bends, at least
+ALLOWANCE = 1.25  # times the budget of the contact's cells, for thin parts too
+EASED = (1.0, 1.25, 1.5, 2.0, 3.0)  # factors on the wanted size of cells, tried in this order to meet the allowance
+MOST_PIECES = 4  # of an interval between two planes: a sliver must not spend what others need
+LEAST_SHARE = (
+    0.05  # of the lines through the solid that must pass a place: less is a rim or a knob, which bends nothing
+)
+MOST_LINES = 60  # lines across a solid along each of the two other axes
+NAMED = 0.95  # share of the wanted number of cells below which a part is named
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -94,3 +126,211 @@ def occupied(planes: Planes, distance: Distance) -> int:
 def nodes(planes: Planes) -> NDArray[np.float64]:
     """Node positions [m], shape (kx ky kz, 3)."""
     return np.stack(np.meshgrid(*planes, indexing="ij"), axis=-1).reshape(-1, 3)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class WantedCells:
+    """Largest cells along an axis in some intervals."""
+
+    begin: Array
+    """[m], shape (k,)."""
+    end: Array
+    """[m], shape (k,)."""
+    size: Array
+    """[m], shape (k,)."""
+
+    @classmethod
+    def joined(cls, several: Sequence["WantedCells"]) -> "WantedCells":
+        """All of them."""
+        nothing = np.zeros(0)
+        return cls(
+            np.concatenate([nothing, *(one.begin for one in several)]),
+            np.concatenate([nothing, *(one.end for one in several)]),
+            np.concatenate([nothing, *(one.size for one in several)]),
+        )
+
+    def resized(self, *, size: float | None = None, scale: float = 1.0, away: float = 0.0) -> "WantedCells":
+        """The same with a given size [m], that many times larger, and grown over a way `away` [m] to the body."""
+        asked = np.full(len(self.size), size) if size is not None else self.size
+        return WantedCells(self.begin, self.end, scale * asked + np.log(GROWTH) * away)
+
+
+def wanted_in_plan(contact: PlanContact, axis: int) -> WantedCells:
+    """The cells that a contact asks for along x (0) or y (1)."""
+    place, half = contact.across(axis)
+    step = 0.5 * contact.patch.spacing[axis]
+    apart = np.diff(place) > 3.0 * step
+    ends = np.concatenate([place[:1], place[:-1][apart], place[1:][apart], place[-1:]])
+    beside = BESIDE * contact.half_width
+    begin = np.concatenate([[place[0] - BESIDE * half[0]], place[1:] - step, ends - beside])
+    end = np.concatenate([place[:-1] + step, [place[-1] + BESIDE * half[-1]], ends + beside])
+    return WantedCells(
+        begin, end, np.append(half / CELLS_ACROSS, np.full(len(ends), contact.half_width / CELLS_AT_ENDS))
+    )
+
+
+def wanted_at_edges(contact: PlanContact, axis: int) -> WantedCells:
+    """Return the cells that an accurate depth needs along x (0) or y (1) where the contact ends at an edge: a cell that
+    lies half under an edge gives way too little."""
+    place, size = contact.edges(axis), contact.half_width / CELLS_AT_EDGES
+    return WantedCells(place - size, place + size, np.full(len(place), size))
+
+
+def wanted_in_height(contact: PlanContact, low: float, high: float) -> WantedCells:
+    """The cells that it asks for along z, where it lies between two heights [m] on the body."""
+    half = contact.half_width
+    return WantedCells(np.array([low - half]), np.array([high + half]), np.array([half / CELLS_ACROSS]))
+
+
+def cells_within(
+    box: Array, wanted: Callable[[float], Sequence[WantedCells]], count: Callable[[Planes], int], budget: int | None
+) -> tuple[Cells, float]:
+    """Cells over a box (2, 3) [m] as they are wanted along x, y and z, or larger by the least factor with which their
+    `count` meets a budget, if there is one; and that factor. `wanted` is asked with the factor."""
+    scale = 1.0
+    while True:
+        x, y, z = (
+            sized_planes(float(box[0, a]), float(box[1, a]), w.begin, w.end, w.size, GROWTH)
+            for a, w in enumerate(wanted(scale))
+        )
+        total = count((x, y, z))
+        if budget is None or total <= budget or scale > MOST_FACTOR:
+            return Cells((x, y, z), min(float(np.diff(p).min()) for p in (x, y, z)), total), scale
+        scale *= COARSENING
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ThinProfile:
+    """How thick a solid is along one axis, at places along it."""
+
+    place: Array
+    """Coordinates along the axis [m], shape (n,)."""
+    thickness: Array
+    """Typical small thickness of what is there [m], inf where nothing is, shape (n,)."""
+    example: Array
+    """The middle of a stretch of that thickness [m], shape (n, 3)."""
+
+
+class Limit(StrEnum):
+    """Reason why cells are coarser than something thin needs."""
+
+    BUDGET = "budget"
+    """With more cells in all there would be enough."""
+    FINEST = "finest"
+    """Cells are as fine as they may be."""
+    PIECES = "pieces"
+    """A cell that the contact asks for is cut into MOST_PIECES already."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class UnderResolved:
+    """A place that is too thin for its cells."""
+
+    cells: float
+    """Cells through it [-]."""
+    thickness: float
+    """[m]."""
+    place: Array
+    """A point in it [m], shape (3,)."""
+    limit: Limit
+    """Why there are no more."""
+
+
+def thin_profile(grid: DistanceGrid, axis: int, region: Array) -> ThinProfile:
+    """The profile of a sampled solid along an axis, of what passes through the box `region` [m], shape (2, 3)."""
+    others = [a for a in range(3) if a != axis]
+    first, last = (
+        np.clip(np.round((corner - grid.origin) / grid.spacing).astype(int), 0, np.array(grid.values.shape) - 1)
+        for corner in region
+    )
+    lines = tuple(slice(None) if a == axis else slice(first[a], last[a] + 1) for a in range(3))
+    inside = np.moveaxis(grid.values[lines] < 0.0, axis, -1)
+    step = [max(1, -(-n // MOST_LINES)) for n in inside.shape[:2]]
+    inside = inside[:: step[0], :: step[1]]
+    edge = np.diff(np.pad(inside, ((0, 0), (0, 0), (1, 1))).astype(np.int8), axis=2)
+    (row, column, start), end = np.nonzero(edge == 1), np.nonzero(edge == -1)[2]
+    count = grid.values.shape[axis]
+    length = np.where((start > 0) & (end < count), end - start, 2 * count)  # what is cut there goes on beyond
+    thickness, example = np.full(count, np.inf), np.zeros((count, 3))
+    least = max(1, int(LEAST_SHARE * len(np.unique(row * inside.shape[1] + column))))
+    for index in range(first[axis], last[axis] + 1):
+        there = np.flatnonzero((start <= index) & (index < end))
+        if len(there) >= least:
+            chosen = there[np.argsort(length[there], kind="stable")[int(THIN_SHARE * (len(there) - 1))]]
+            thickness[index] = length[chosen] * grid.spacing if length[chosen] <= count else np.inf
+            example[index, others] = first[others] + np.array([row[chosen] * step[0], column[chosen] * step[1]])
+            example[index, axis] = 0.5 * (start[chosen] + end[chosen] - 1)
+    along = grid.origin[axis] + grid.spacing * np.arange(count)
+    return ThinProfile(along, thickness, grid.origin + grid.spacing * example)
+
+
+def through_thin_parts(
+    cells: Cells, grid: DistanceGrid, region: Array, budget: int, least: float
+) -> tuple[Cells, list[UnderResolved]]:
+    """Cells with THROUGH of them through what is thin in a box [m], shape (2, 3), at least `least` [m] each and at most
+    ALLOWANCE times `budget` of them; and the places along each axis that stay thinner than that."""
+    profiles = [thin_profile(grid, axis, region) for axis in range(3)]
+    distance = sampler(grid)
+    wanted = split_through(cells.planes, profiles, 1.0 / THROUGH, least)
+    found = cells
+    for eased in EASED:
+        planes = split_through(cells.planes, profiles, eased / THROUGH, least)
+        count = occupied(planes, distance)
+        if count <= max(ALLOWANCE * budget, cells.count):
+            found = Cells(planes, cells.size, count)
+            break
+    return found, [
+        one
+        for planes, without_budget, profile in zip(found.planes, wanted, profiles, strict=True)
+        for one in too_thin(planes, without_budget, profile, least)
+    ]
+
+
+def split_through(planes: Planes, profiles: list[ThinProfile], share: float, least: float) -> Planes:
+    """The planes along the three axes, split by the profiles along them."""
+    x, y, z = (split(own, profile, share, least) for own, profile in zip(planes, profiles, strict=True))
+    return x, y, z
+
+
+def split(planes: Array, profile: ThinProfile, share: float, least: float) -> Array:
+    """Planes whose intervals are at most `share` of the thickness of what they pass, but not finer than `least` [m]."""
+    pieces = [planes[:1]]
+    for low, high in pairwise(planes):
+        wanted = max(share * thinnest(profile, low, high), least)
+        count = int(np.clip(np.ceil((high - low) / wanted - 1e-6), 1, MOST_PIECES))
+        pieces.append(np.linspace(low, high, count + 1)[1:])
+    return np.concatenate(pieces)
+
+
+def thinnest(profile: ThinProfile, low: float, high: float) -> float:
+    """Smallest thickness between two places along the axis [m]."""
+    between = (profile.place >= low) & (profile.place < high)  # as interval_at has it
+    return float(profile.thickness[between].min(initial=np.inf))
+
+
+def too_thin(planes: Array, without_budget: Array, profile: ThinProfile, least: float) -> list[UnderResolved]:
+    """Where there are fewer cells through the thickness than are to be, and what keeps them from it: the budget if the
+    planes without it have enough."""
+    through = profile.thickness / interval_at(planes, profile.place)
+    affordable = interval_at(without_budget, profile.place)
+    return [
+        UnderResolved(
+            float(through[one]), float(profile.thickness[one]), profile.example[one],
+            limit_of(float(profile.thickness[one]), float(affordable[one]), least),
+        )
+        for one in np.flatnonzero(through < NAMED * THROUGH)
+    ]  # fmt: skip
+
+
+def interval_at(planes: Array, place: Array) -> Array:
+    """Length of the interval between planes in which each place (n,) along the axis lies [m], shape (n,)."""
+    index = np.clip(np.searchsorted(planes, place, side="right") - 1, 0, len(planes) - 2)
+    return np.asarray(np.diff(planes)[index])
+
+
+def limit_of(thickness: float, interval: float, least: float) -> Limit:
+    """Reason why something of a thickness has too few cells, where they are `interval` long with any budget
+    and may be no finer than `least` [m]."""
+    if thickness >= NAMED * THROUGH * interval:
+        return Limit.BUDGET
+    return Limit.FINEST if interval <= least * (1.0 + 1e-6) else Limit.PIECES

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from dcap.arrays import Array
 from dcap.geometry.distance import Distance, sampler
 from dcap.scene.errors import InputError
 from dcap.scene.types.mesh import Mesh
@@ -18,17 +19,21 @@ from dcap.scene.types.particles import (
     SimulationBody,
     SoftSimulationBody,
 )
-from tasks.bodies.contact_cells import WantedCells, cells_within, wanted_at_edges, wanted_in_height, wanted_in_plan
-from tasks.bodies.distance_samples import distance_samples
-from tasks.bodies.material_points import MaterialConstants, material_points, with_mass
-from tasks.bodies.node_states import grid_of, nodes_at_faces
+from tasks.bodies.discretization import MaterialConstants, distance_samples, material_points, with_mass
 from tasks.bodies.plan_contact import within_any
-from tasks.bodies.soft_cells import Cells, Planes
+from tasks.bodies.soft_cells import (
+    Cells,
+    Planes,
+    WantedCells,
+    cells_within,
+    wanted_at_edges,
+    wanted_in_height,
+    wanted_in_plan,
+)
+from tasks.bodies.solver_model import grid_of, nodes_at_faces
 from tasks.case.contacts import PredictedContact, predicted_contacts
 from tasks.case.file import Case
 from tasks.case.solid import CaseSolid
-
-Array = NDArray[np.float64]
 
 RIGID_CELLS = 25.0  # cells along the smallest side if nothing is soft: spacing of surface points
 CELLS_THROUGH = 4.0  # least cells through a body along each axis

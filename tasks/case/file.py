@@ -13,12 +13,11 @@ from pydantic import BaseModel, Field, NonNegativeFloat, NonNegativeInt, Positiv
 
 from dcap.geometry.primitives import Box, Capsule, Cylinder, Primitive
 from dcap.language.material_table import load_materials
-from dcap.scene.errors import InputError
-from dcap.scene.problems import short
-from dcap.scene.readers.files.yaml_text import BROKEN_YAML, parse_yaml, yaml_fault
-from dcap.scene.spelling import did_you_mean
-from dcap.scene.types.gravity import GRAVITY
+from dcap.scene.errors import InputError, short
+from dcap.scene.readers.files import BROKEN_YAML, parse_yaml, yaml_fault
+from dcap.scene.text import did_you_mean
 from dcap.scene.types.materials import ContactFriction, LayerConstants
+from dcap.scene.types.particles import GRAVITY
 
 RIGID_ABOVE = 1e9  # Young's modulus [Pa] above which `model: auto` is rigid (the paper's section 3)
 UNIT_TOLERANCE = 0.01  # of a quaternion's length: two decimals, as people write them

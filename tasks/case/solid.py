@@ -3,9 +3,9 @@
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from dcap.arrays import Array
 from dcap.geometry.distance import Distance, MeshDistance
 from dcap.geometry.pieces import pieces_of
 from dcap.geometry.primitives import Box, Capsule
@@ -13,16 +13,14 @@ from dcap.geometry.solid.closed import simulation_ready
 from dcap.geometry.solid.repair import mass_properties
 from dcap.geometry.solid.soundness import well_formed
 from dcap.scene.errors import GeometryError, InputError
-from dcap.scene.readers.frame.frame import Role
+from dcap.scene.readers.frame import Role
 from dcap.scene.readers.source import read_scan
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.particles import InertialProperties
 from dcap.scene.types.sample import SourceOptions
-from tasks.bodies.inertial import inertial_of_solid
+from tasks.bodies.discretization import inertial_of_solid
 from tasks.bodies.soft_cells import Planes
 from tasks.case.file import CaseBody, is_rigid, material_of, primitive_of
-
-Array = NDArray[np.float64]
 
 OUTLINE_EDGES = 8.0  # edges in half a primitive where only its outline matters
 

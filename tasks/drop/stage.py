@@ -9,18 +9,15 @@ import logging
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, NonNegativeInt, PositiveFloat
 from scipy.spatial.transform import Rotation
 
+from dcap.arrays import Array
 from dcap.geometry.distance import sampler
 from dcap.scene.errors import GeometryError, InputError
-from dcap.scene.types.anchor import Anchor
-from dcap.scene.types.caution import Cause, Caution
-from dcap.scene.types.gravity import GRAVITY
-from dcap.scene.types.intent import Intent
-from dcap.scene.types.outcome import Infeasible, Reason
-from dcap.scene.types.particles import Particles, SoftSimulationBody
+from dcap.scene.types.choices import Anchor, Intent
+from dcap.scene.types.outcome import Cause, Caution, Infeasible, Reason
+from dcap.scene.types.particles import GRAVITY, Particles, SoftSimulationBody
 from dcap.scene.types.settled import EndPose, LastState, LeanCheck, PlacementChecks, Settled, SettledBody
 from solver.certificate import CertificateRow, Verdict
 from solver.config import SolverConfig
@@ -29,13 +26,10 @@ from solver.model.bodies import Model
 from solver.rest import Signals
 from tasks.bodies.plan_contact import share_within, within_any
 from tasks.bodies.proof import proven, refutation
+from tasks.bodies.soft_cells import interval_at, thin_profile
 from tasks.bodies.solver_model import solver_model
-from tasks.bodies.thin_parts import interval_at, thin_profile
 from tasks.cache import stage
-from tasks.drop.poses import pose_checks, pose_warnings
-from tasks.drop.settled import settled_of
-
-Array = NDArray[np.float64]
+from tasks.drop.settled import pose_checks, pose_warnings, settled_of
 
 LOG = logging.getLogger(__name__)
 

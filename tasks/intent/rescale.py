@@ -17,13 +17,11 @@ and the mesh is scaled to the usual size.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dcap.scene.readers.frame.frame import LIMITS, Role
-from dcap.scene.types.caution import Cause, Caution
-from dcap.scene.types.units import METRES, TAKEN_AS_METRES
-
-Array = NDArray[np.float64]
+from dcap.arrays import Array
+from dcap.scene.readers.frame import LIMITS, Role
+from dcap.scene.types.outcome import Cause, Caution
+from dcap.scene.types.scan import METRES, TAKEN_AS_METRES
 
 TAKEN_AS_CENTIMETRES = {
     "inches taken as centimetres": METRES["in"] / METRES["cm"],

@@ -21,15 +21,12 @@ from dcap.language.protocol.questions import INTENT
 from dcap.language.protocol.replies import Candidate, IntentReply, region_constraints
 from dcap.language.protocol.requests import IntentRequest
 from dcap.scene.errors import InputError
-from dcap.scene.types.caution import Cause, Caution
-from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest, SupportCandidate
-from dcap.scene.types.outcome import Infeasible, NotInScene, Reason
-from dcap.scene.types.pointed import Pointed
-from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
+from dcap.scene.types.choices import Intent, OrientationRequest, RegionRequest, SupportCandidate
+from dcap.scene.types.outcome import Cause, Caution, Infeasible, NotInScene, Reason
+from dcap.scene.types.segmentation import Pointed, SegmentedObject, SegmentedScene
 from tasks.cache import stage
-from tasks.intent.request import intent_request
+from tasks.intent.request import SURE_BY_SHAPE, doubted, intent_request, settle_choice
 from tasks.intent.rescale import Rescale, rescale
-from tasks.intent.which import SURE_BY_SHAPE, doubted, settle_choice
 from tasks.requests.views import instance_of
 
 LONGEST_PROMPT = 1000

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from dcap.evaluation.referee.rest import Surroundings, judge_rest
 from dcap.scene.errors import GeometryError, InputError
-from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.choices import Anchor
 from dcap.scene.types.materials import ContactFriction, PartMaterials
 from dcap.scene.types.measures import Measures, RefereeMeasures
 from dcap.scene.types.particles import InertialProperties, Particles

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from dcap.evaluation.metrics.touching import Touching, touching
 from dcap.geometry.placement.poses import front_of
-from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.choices import Anchor
 from dcap.scene.types.measures import Measures
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene

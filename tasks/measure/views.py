@@ -11,15 +11,14 @@ from numpy.typing import NDArray
 from dcap.evaluation.judging.cameras import SAMPLES, PlacedThing, asset_view, camera_of, sights_of
 from dcap.geometry.rendering.painted import painted
 from dcap.geometry.rendering.picture import picture
-from dcap.scene.types.anchor import Anchor
-from dcap.scene.types.intent import Intent
-from dcap.scene.types.judged_views import JudgedViews, SceneBefore, Sights, Viewpoint
-from dcap.scene.types.paint import SourceSurface
+from dcap.scene.types.choices import Anchor, Intent
+from dcap.scene.types.mesh import SourceSurface
+from dcap.scene.types.pictures import JudgedViews, SceneBefore, Sights, Viewpoint
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
 from dcap.scene.types.settled import Settled
 from tasks.cache import stage
-from tasks.render.scene_views import SceneViews
 from tasks.render.settled_meshes import painted_item, painted_scene, settled_item, settled_scene, structure_faces
+from tasks.render.views import SceneViews
 
 
 def sights(scene: SegmentedScene, item: SegmentedObject, intent: Intent, anchor: Anchor, settled: Settled) -> Sights:

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.geometry.camera import Camera
-from dcap.scene.types.colmap import ColmapModel, Pinhole, posed
 from dcap.scene.types.gaussians import Gaussians
+from dcap.scene.types.pictures import ColmapModel, Pinhole, posed
 
 MOST_POINTS = 100_000
 """Number of Gaussian centres from which the model's points are taken [-]."""

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from dcap.arrays import Array
 from dcap.geometry.distance import Distance, MeshDistance, sampler
 from dcap.geometry.solid.support import shell_bottoms
 from dcap.scene.errors import NothingBeneathError
@@ -17,30 +18,32 @@ from dcap.scene.types.particles import (
     SimulationBody,
     SoftSimulationBody,
 )
-from tasks.bodies.contact_cells import CELLS_ACROSS, WantedCells, cells_within, wanted_in_height, wanted_in_plan
-from tasks.bodies.contact_surface import PER_CELL, soft_support_surface
-from tasks.bodies.distance_samples import distance_samples
-from tasks.bodies.footprint import Footprint
-from tasks.bodies.inertial import inertial_of_material
-from tasks.bodies.material_points import MaterialConstants, material_points
-from tasks.bodies.node_states import grid_of, nodes_at_bottoms, nodes_at_cuts, nodes_within
-from tasks.bodies.soft_cells import Cells, occupied
-from tasks.bodies.thin_parts import MOST_PIECES, Limit, UnderResolved, through_thin_parts
-from tasks.particles.bottoms import soft_bottoms
+from tasks.bodies.discretization import MaterialConstants, distance_samples, inertial_of_material, material_points
+from tasks.bodies.footprint import PER_CELL, Footprint, soft_support_surface
+from tasks.bodies.soft_cells import (
+    CELLS_ACROSS,
+    MOST_PIECES,
+    Cells,
+    Limit,
+    UnderResolved,
+    WantedCells,
+    cells_within,
+    occupied,
+    through_thin_parts,
+    wanted_in_height,
+    wanted_in_plan,
+)
+from tasks.bodies.solver_model import grid_of, nodes_at_bottoms, nodes_at_cuts, nodes_within
 from tasks.particles.config import ParticlesConfig
-from tasks.particles.contact_layers import footprint_on, layers_of, names_of
-from tasks.particles.covers import NEAR_EDGE, covers_beneath, covers_of
+from tasks.particles.contact_layers import footprint_on, layers_of, names_of, soft_bottoms
 from tasks.particles.drop_setup import (
     REACH_BELOW,
     DropSetup,
     constants_of_parts,
     friction_of_surface,
 )
-from tasks.particles.layers import COLUMN_STEPS, BaseLayers, column_of
-from tasks.particles.obstacles import NEARBY, governing_part, rigid_base
-from tasks.particles.sound_support import SoundSupport, sound_support
-
-Array = NDArray[np.float64]
+from tasks.particles.layers import COLUMN_STEPS, NEAR_EDGE, BaseLayers, column_of, covers_beneath, covers_of
+from tasks.particles.obstacles import NEARBY, SoundSupport, governing_part, rigid_base, sound_support
 
 SOFT_REACH = 0.05  # soft parts of the base farther than this [m] from the object's box are not dented
 MARGIN = 0.01  # a signed distance reaches this far beyond the soft solid [m]

@@ -7,25 +7,23 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from dcap.arrays import Array
 from dcap.geometry.distance import MeshDistance
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.solid.columns import CRACK
 from dcap.geometry.solid.height_map import WIDTHS, TornHole
 from dcap.geometry.solid.mending import MendedSurface, with_mended
-from dcap.scene.types.anchor import Anchor
-from dcap.scene.types.caution import Cause, Caution, about
-from dcap.scene.types.intent import Intent
+from dcap.scene.types.choices import Anchor, Intent
 from dcap.scene.types.materials import BodyModel, PartMaterial, PartMaterials
 from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.outcome import Cause, Caution, about
 from dcap.scene.types.particles import LayeredPoints
-from dcap.scene.types.repair_report import BodyGeometry, RepairReport
+from dcap.scene.types.scan import BodyGeometry, RepairReport
 from dcap.scene.types.segmentation import Instance, Segmentation
 from dcap.scene.types.settled import EndPose
+from tasks.bodies.discretization import MaterialConstants
 from tasks.bodies.footprint import Descent
-from tasks.bodies.material_points import MaterialConstants
 from tasks.particles.config import ParticlesConfig
-
-Array = NDArray[np.float64]
 
 OBJECT = "object"
 """The body to place."""

@@ -1,14 +1,19 @@
-"""The object of the drop as a simulated body: rigid, soft, or soft with a rigid core."""
+"""The object of the drop as a simulated body: rigid, soft, or soft with a rigid core.
+
+Which part of the object is where.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.geometry.boundary import is_closed
-from dcap.geometry.distance import Distance, sampler
+from dcap.arrays import Array
+from dcap.geometry.distance import Distance, MeshDistance, sampler
+from dcap.geometry.pieces import is_closed
 from dcap.geometry.solid.fill import fill
 from dcap.geometry.solid.repair import simplified
+from dcap.geometry.solid.repair import volume as mesh_volume
 from dcap.scene.errors import GeometryError
 from dcap.scene.types.materials import BodyModel, Material, PartMaterial
 from dcap.scene.types.mesh import Mesh
@@ -19,19 +24,20 @@ from dcap.scene.types.particles import (
     SimulationBody,
     SoftSimulationBody,
 )
-from tasks.bodies.contact_surface import rigid_object_surface, soft_object_surface
-from tasks.bodies.distance_samples import distance_samples
-from tasks.bodies.footprint import Footprint
-from tasks.bodies.inertial import inertial_of_material, inertial_of_points, inertial_of_solid
-from tasks.bodies.layer_normals import layer_normals
-from tasks.bodies.material_points import material_points, with_mass
-from tasks.bodies.node_states import grid_of
+from tasks.bodies.discretization import (
+    distance_samples,
+    inertial_of_material,
+    inertial_of_points,
+    inertial_of_solid,
+    layer_normals,
+    material_points,
+    with_mass,
+)
+from tasks.bodies.footprint import Footprint, rigid_object_surface, soft_object_surface
 from tasks.bodies.object_shape import ObjectShape
 from tasks.bodies.soft_cells import Cells, Planes, nodes, thickness, uniform_cells
+from tasks.bodies.solver_model import grid_of
 from tasks.particles.drop_setup import OBJECT, RIGID_CONTRAST, DropSetup, constants_of_parts, friction_of_surface
-from tasks.particles.object_parts import part_at
-
-Array = NDArray[np.float64]
 
 SAMPLES = 220.0  # of the distance along the object's diagonal, if ParticlesConfig.object_distance_samples allow
 SAMPLES_PER_CELL = 3.0  # of the distance in a cell under the contact, at least
@@ -39,6 +45,22 @@ MARGIN = 0.01  # the distance reaches this far beyond the object [m]
 FILL_CELLS = 36  # cells along each side that fill a rigid object of several materials, for its mass
 TOLD = 0.05  # a mass farther from the usual one than this share of it is told [-]
 POINTS_ACROSS = 10.0  # edges across the footprint of a rigid object on a rigid base
+
+
+def nearest_part(mesh: Mesh, part_of_face: NDArray[np.int32], points: Array) -> NDArray[np.int64]:
+    """Part whose surface is nearest to each point (n, 3), shape (n,)."""
+    return part_of_face[MeshDistance(mesh).nearest_face(points)].astype(np.int64)
+
+
+def part_at(mesh: Mesh, part_of_face: NDArray[np.int32], points: Array) -> NDArray[np.int64]:
+    """Part of an object that each point belongs to, shape (n,): the smallest closed one around it, else the nearest."""
+    owner = nearest_part(mesh, part_of_face, points)
+    parts = [(one, mesh.submesh(np.flatnonzero(part_of_face == one))) for one in np.unique(part_of_face).tolist()]
+    closed = [(mesh_volume(piece), one, MeshDistance(piece)) for one, piece in parts if is_closed(piece)]
+    if len(parts) > 1:
+        for _, one, piece_field in sorted(closed, key=lambda c: -c[0]):
+            owner[piece_field.inside(points)] = one
+    return owner
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -3,30 +3,48 @@
 In: the scan (for the file's frame), the scene, the sentence and the point or box. Out: `Pointed`; then the scene in
 which the indicated thing is a separate instance, if it was not one before: the faces in the box, or the surface around
 the point with the faces below it. The sentence names it if the scene's label is uncertain; a mismatch is reported.
+
+Name of the indicated thing: the scene's label if it is certain, else the sentence's noun.
+
+The upward surface at a point of a scene, or one line with the reason why there is none.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import Delaunay, QhullError
 
+from dcap.arrays import Array, IntArray, Mask
+from dcap.geometry.raycast import Raycaster
 from dcap.geometry.segmentation.faces import FaceTable, surface_pieces
 from dcap.geometry.segmentation.parts.rules import make_instance
-from dcap.scene.errors import InputError
-from dcap.scene.types.caution import Cause, Caution
-from dcap.scene.types.pointed import Pointed
-from dcap.scene.types.rectangle import min_area_box
+from dcap.language.offline.lexicon import first_part, in_line, label_words, thing_of
+from dcap.language.offline.nouns import Noun
+from dcap.language.offline.placing import names_support, placing_of, whole
+from dcap.language.offline.sentence import read
+from dcap.scene.errors import InputError, LanguageError
+from dcap.scene.types.boxes import min_area_box
+from dcap.scene.types.outcome import Cause, Caution
 from dcap.scene.types.sample import GivenPlace
 from dcap.scene.types.scan import Scan
-from dcap.scene.types.segmentation import Instance, Part, Segmentation, SegmentedScene
+from dcap.scene.types.segmentation import Instance, Part, Pointed, Segmentation, SegmentedScene
 from tasks.cache import stage
-from tasks.pointed.naming import SURE, Name, asked_thing, carrying_part, name_of
-from tasks.pointed.surface import ABOVE, LEVEL, in_file, in_words, level_axes, meeting
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
-Mask = NDArray[np.bool_]
+SURE = 0.9
+"""Confidence below which a label is a guess that the sentence overrides [-]."""
+PLAIN_PART = "top"
+"""The part of an unknown thing."""
+LEVEL = 0.5
+"""Least cosine to the vertical of a carrying face: within 60 degrees [-]."""
+SUNK = 0.05
+"""Largest depth of a point below the intended surface: scans and fingers are uncertain [m]."""
+STEP = 1e-4
+"""Distance behind an ignored face at which the search continues [m]."""
+MOST_FACES = 200
+"""Most faces above each other that are examined [-]."""
+ABOVE = 0.1
+"""Height of a point over the surface below above which it is reported [m]."""
+DOWN = np.array([0.0, 0.0, -1.0])
 
 WHOLE = 0.9
 """Share of a thing's surface in a box, or in a surface, from which the whole thing is meant [-]."""
@@ -42,6 +60,155 @@ RIM = 0.06
 """Distance beyond the surface's outline within which faces below belong to it [m]: fronts, edges."""
 LEAST_AREA = 1e-4
 """Least upward surface that carries anything [m^2]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Name:
+    """A label with notes on its origin."""
+
+    label: str
+    renamed: bool
+    notes: tuple[str, ...] = ()
+
+
+def asked_thing(prompt: str) -> Noun | None:
+    """The support that the sentence names; None if it names none with known words."""
+    try:
+        place = placing_of(read(prompt)).place
+    except LanguageError:
+        return None
+    noun = whole(place)
+    return noun if names_support(place) and noun.thing and noun.thing != "room" else None
+
+
+def name_of(owner: Instance, asked: Noun | None, option: str) -> Name:
+    """Name of an instance that a sentence and a person have pointed at."""
+    if asked is None or fits(asked, owner.label):
+        return Name(owner.label, renamed=False)
+    if owner.structure or owner.confidence >= SURE:
+        said = f"the sentence says {asked.text!r}, but {option} lies on {owner.label} ({owner.id}): {option} decides"
+        return Name(owner.label, renamed=False, notes=(Caution(Cause.NOT_MET, said),))
+    label = asked.name or asked.thing.replace("_", " ")
+    guess = f"{owner.label!r} ({owner.confidence:.0%})"
+    taken = f"what {option} lies on was taken for {guess}; it is called {label!r} as in the sentence"
+    return Name(label, renamed=True, notes=(Caution(Cause.WHICH, taken),))
+
+
+def fits(noun: Noun, label: str) -> bool:
+    """Whether a label matches a noun, is a kind of it, or the noun is a kind of the label."""
+    if tuple(label_words(noun.name)) == tuple(label_words(label)):
+        return True
+    thing = thing_of(label)
+    return thing is not None and in_line(thing.id, noun.thing)
+
+
+def carrying_part(label: str) -> str:
+    """The part with which a thing of this label usually carries."""
+    thing = thing_of(label)
+    return first_part(thing.id if thing else "") or PLAIN_PART
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Meeting:
+    """Intersection of the vertical through a point with the scene."""
+
+    face: int
+    position: Array
+    """[m], shape (3,)."""
+
+
+def file_bounds(scan: Scan) -> Array:
+    """Lowest and highest corner of the scene in the file's own frame, shape (2, 3)."""
+    low, high = scan.mesh.bounds
+    corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
+    own = in_file(scan, corners)
+    return np.stack([own.min(axis=0), own.max(axis=0)])
+
+
+def in_file(scan: Scan, points: Array) -> Array:
+    """World points (n, 3) in the file's own frame."""
+    file_from_world = np.linalg.inv(scan.world_from_file)
+    return np.asarray(points @ file_from_world[:3, :3].T + file_from_world[:3, 3])
+
+
+def in_words(scan: Scan) -> str:
+    """The scene's bounds for a message."""
+    low, high = file_bounds(scan)
+    spans = (f"{axis} {a:.4g} to {b:.4g}" for axis, a, b in zip("xyz", low, high, strict=True))
+    return f"the scene spans {', '.join(spans)} ({scan.up} up) in its file"
+
+
+def level_axes(scan: Scan) -> tuple[int, int]:
+    """The file's two level axes in their order: x and z of a file with y up."""
+    upright = "xyz".index(scan.up.removeprefix("-"))
+    first, second = (axis for axis in range(3) if axis != upright)
+    return first, second
+
+
+def meeting(scan: Scan, scene: Segmentation, at: tuple[float, ...]) -> Meeting:
+    """The intended surface: nearest below the point, or the highest there; InputError if there is none."""
+    text = f"--at {','.join(f'{one:g}' for one in at)}"
+    own = np.zeros(3)
+    own[list(level_axes(scan)) if len(at) == 2 else [0, 1, 2]] = at
+    point = scan.world_from_file[:3, :3] @ own + scan.world_from_file[:3, 3]
+    low, high = scan.mesh.bounds
+    if (point[:2] < low[:2]).any() or (point[:2] > high[:2]).any():
+        raise InputError(f"{text} is outside of the scene: {in_words(scan)}; give a point of the file's own frame")
+    caster = Raycaster(scene.mesh)
+    if len(at) == 2:
+        return highest(scan, scene, caster, point, text)
+    if point[2] < low[2] - SUNK:
+        raise InputError(
+            f"{text} is under the floor: {in_words(scan)}; give a higher point, or two numbers: the highest surface"
+        )
+    if point[2] > high[2] + SUNK:
+        raise InputError(
+            f"{text} is above the scene: {in_words(scan)}; give a lower point, or two numbers: the highest surface"
+        )
+    start = np.array([*point[:2], point[2] + SUNK])
+    hit = caster.cast(start[None], DOWN[None])
+    face = int(hit.face[0])
+    if face < 0:
+        raise InputError(f"{text} is in the air with nothing below it: {in_words(scan)}; give a point on a surface")
+    normal = float(hit.normal[0, 2])
+    if normal < -STEP:
+        raise InputError(
+            f"{text} is inside of {owner_name(scene, face)}: the surface below it faces down; {in_words(scan)};  "
+            "give a point on its surface, or two numbers: the highest surface there"
+        )
+    if normal < LEVEL:
+        steep = np.degrees(np.arccos(normal))
+        raise InputError(
+            f"{text} is over {owner_name(scene, face)} where that is {steep:.0f} degrees steep; nothing stays there: "
+            f"give a point on a surface that looks up ({in_words(scan)})"
+        )
+    return Meeting(face, hit.position[0])
+
+
+def highest(scan: Scan, scene: Segmentation, caster: Raycaster, point: Array, text: str) -> Meeting:
+    """The highest upward surface that belongs to no wall or ceiling."""
+    start = np.array([*point[:2], float(scene.mesh.bounds[1, 2]) + 1.0])
+    for _ in range(MOST_FACES):
+        hit = caster.cast(start[None], DOWN[None])
+        face = int(hit.face[0])
+        if face < 0:
+            break
+        if hit.normal[0, 2] >= LEVEL and carries(scene, face):
+            return Meeting(face, hit.position[0])
+        start = hit.position[0] + STEP * DOWN
+    raise InputError(f"{text}: nothing there looks up; {in_words(scan)}; give a point over a surface")
+
+
+def carries(scene: Segmentation, face: int) -> bool:
+    """Whether a face belongs to a thing or the floor."""
+    owner = int(scene.face_instance[face])
+    return owner >= 0 and (not scene.instances[owner].structure or scene.instances[owner].label == "floor")
+
+
+def owner_name(scene: Segmentation, face: int) -> str:
+    """Owner of a face, in words."""
+    owner = int(scene.face_instance[face])
+    return scene.instances[owner].id if owner >= 0 else "the scene"
 
 
 def point(scan: Scan, scene: SegmentedScene, place: GivenPlace, prompt: str) -> Pointed:
@@ -97,7 +264,7 @@ def at_point(scan: Scan, scene: Segmentation, at: tuple[float, ...], prompt: str
     return Pointed(one.id, name.label, "", met.position, none(), name.renamed, tuple(notes))
 
 
-def patch_at(scene: Segmentation, face: int, position: Array) -> Index:
+def patch_at(scene: Segmentation, face: int, position: Array) -> IntArray:
     """The connected upward faces of similar height around a face, within the same instance."""
     center, normal = scene.mesh.triangles.mean(axis=1), scene.mesh.face_normals
     up = normal[:, 2] > LEVEL * np.linalg.norm(normal, axis=1)
@@ -108,7 +275,7 @@ def patch_at(scene: Segmentation, face: int, position: Array) -> Index:
     return np.asarray(faces[region == region[np.searchsorted(faces, face)]])
 
 
-def under(scene: Segmentation, patch: Index, mine: Mask) -> Index:
+def under(scene: Segmentation, patch: IntArray, mine: Mask) -> IntArray:
     """A surface with the faces of its thing below it: fronts and sides that hold it up."""
     center = scene.mesh.triangles.mean(axis=1)
     top = float(scene.mesh.corners(patch)[..., 2].max())
@@ -162,7 +329,7 @@ def in_box(scan: Scan, scene: Segmentation, support: tuple[float, ...], prompt: 
 
 
 def cut_out(
-    scene: Segmentation, faces: Index, name: Name, owner: Instance | None, position: Array, notes: list[str]
+    scene: Segmentation, faces: IntArray, name: Name, owner: Instance | None, position: Array, notes: list[str]
 ) -> Pointed:
     """A new thing of some faces."""
     taken = {one.id for one in scene.instances}
@@ -206,17 +373,17 @@ def with_new_name(scene: Segmentation, pointed: Pointed) -> Segmentation:
     return replace(scene, instances=tuple(instances), face_part=face_part)
 
 
-def runs_of(faces: Index) -> Index:
+def runs_of(faces: IntArray) -> IntArray:
     """Sorted face numbers as runs, first and one past the last, shape (k, 2)."""
     cuts = np.flatnonzero(np.diff(faces) > 1)
     return np.stack([faces[np.r_[0, cuts + 1]], faces[np.r_[cuts, len(faces) - 1]] + 1], axis=1).astype(np.int64)
 
 
-def faces_of(runs: Index) -> Index:
+def faces_of(runs: IntArray) -> IntArray:
     """The faces of runs (k, 2)."""
     return np.concatenate([np.arange(first, end) for first, end in runs])
 
 
-def none() -> Index:
+def none() -> IntArray:
     """No faces."""
     return np.zeros((0, 2), dtype=np.int64)

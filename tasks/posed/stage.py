@@ -5,7 +5,7 @@ In: the object and the proposed pose. Out: `Settled` with verdict `as_posed`, wi
 
 import numpy as np
 
-from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.choices import Anchor
 from dcap.scene.types.segmentation import SegmentedObject
 from dcap.scene.types.settled import Settled, SettledBody
 from solver.certificate import History, Verdict

@@ -1,25 +1,38 @@
 """The contact from nearby, with the object lifted out of the way: dent and patch, and a legend that explains them.
 
 In: the scene at rest with its displacement, the contact and a camera. Out: a picture with a legend below it.
+
+The contact patch in pictures: the points of the scene that belong to it.
+
+A cut through the contact: the support before and after, and the object in it.
+
+In: scene before and after, the object at rest, a point and a direction. Out: a drawing of the vertical plane there.
+
+Drawings by Matplotlib as pictures.
 """
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_closing, binary_erosion
+from scipy.spatial import cKDTree
 
+from dcap.arrays import Array, ByteArray, Mask
+from dcap.geometry.camera import Camera
 from dcap.geometry.rendering.coverage import silhouette
+from dcap.geometry.rendering.painted import caster_of
 from dcap.geometry.rendering.picture import Exposure
-from dcap.geometry.rendering.see_through import caster_of
-from dcap.scene.types.paint import PaintedMesh
+from dcap.scene.types.mesh import Mesh, PaintedMesh
 from solver.certificate import ContactRow
-from tasks.render.drawing import drawing
-from tasks.render.patch import near_patch
 
-Array = NDArray[np.float64]
-Bytes = NDArray[np.uint8]
-Mask = NDArray[np.bool_]
+NEXT_PIXEL = 1.0
+"""Distance within which a pixel is next to the contact patch [pixel]."""
+LEAST_PATCH = 1.5e-3
+"""Least radius of the disc that a contact point represents [m]."""
+if TYPE_CHECKING:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 SHALLOWEST = 2e-4
 """Depth below which a dent is not coloured [m]."""
@@ -35,12 +48,46 @@ GREYED = 0.6
 LEAST_GREY = 120.0
 """Least median grey of the scene [0..255]."""
 DPI = 100
+REACH = 0.8
+"""Half of the width of the cut over the object's diagonal [-]."""
+OVER = 1.08
+"""Height of the picture over that of the object's top [-]."""
+PROFILE_WIDTH, PROFILE_HEIGHT, PROFILE_DPI = 1024, 640, 100
+BEFORE, AFTER, THING = "#8a8a8a", "#1f77b4", "#e6550d"
+
+
+def patch_radius(contact: Array) -> float:
+    """Radius [m] of the disc that one contact point represents, so that neighbouring discs overlap."""
+    if len(contact) < 2:
+        return 4.0 * LEAST_PATCH
+    spacing = np.median(cKDTree(contact).query(contact, k=2)[0][:, 1])
+    extent = float(np.linalg.norm(np.ptp(contact, axis=0)))
+    return float(np.clip(1.6 * spacing, LEAST_PATCH, max(0.05 * extent, LEAST_PATCH)))
+
+
+def near_patch(points: Array, contact: Array, camera: Camera) -> NDArray[np.bool_]:
+    """Whether points (n, 3) lie in the contact patch, or less than a pixel next to it, shape (n,)."""
+    result = np.zeros(len(points), dtype=bool)
+    if not len(contact):
+        return result
+    depth = float(camera.project(contact)[:, 2].min())
+    radius = patch_radius(contact) + NEXT_PIXEL * max(depth, 0.0) / camera.focal
+    low, high = contact.min(axis=0) - radius, contact.max(axis=0) + radius
+    close = np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
+    result[close] = cKDTree(contact).query(points[close], distance_upper_bound=radius, workers=-1)[0] <= radius
+    return result
+
+
+def drawing(canvas: "FigureCanvasAgg") -> NDArray[np.uint8]:
+    """Content of a canvas as a picture, shape (h, w, 3)."""
+    canvas.draw()  # type: ignore[no-untyped-call]
+    return np.asarray(canvas.buffer_rgba())[..., :3].copy()  # type: ignore[no-untyped-call]
 
 
 def contact_picture(
     exposure: Exposure, shift: Array, thing: PaintedMesh, contact: Array, rows: Sequence[ContactRow], own: str,
     labels: Mapping[str, str],
-) -> Bytes:  # fmt: skip
+) -> ByteArray:  # fmt: skip
     """The scene without the object, coloured by the depth of its dent, with the patch on it and a legend.
 
     Args:
@@ -120,7 +167,7 @@ def drawn(rgb: Array, mask: Mask, width: int) -> None:
     rgb += share * (PATCH - rgb)
 
 
-def legend(rows: Sequence[ContactRow], own: str, labels: Mapping[str, str], deepest: float, width: int) -> Bytes:
+def legend(rows: Sequence[ContactRow], own: str, labels: Mapping[str, str], deepest: float, width: int) -> ByteArray:
     """Meaning of the colours, and forces on the object, as a strip of a picture (h, width, 3)."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -160,3 +207,66 @@ def carried_by(row: ContactRow, own: str, labels: Mapping[str, str]) -> str:
     pressure = row.normal_force_n / row.area_m2 if row.area_m2 > 0.0 else 0.0
     kilo = f"{pressure / 1e3:.2f} kPa" if pressure >= 100.0 else f"{pressure:.1f} Pa"
     return f"on {other}: {row.normal_force_n:.2f} N over {1e4 * row.area_m2:.1f} cm², {kilo} on average"
+
+
+def profile_picture(before: Mesh, after: Mesh, thing: Mesh, middle: Array, along: Array) -> NDArray[np.uint8]:
+    """The cut as a picture (h, w, 3).
+
+    Args:
+        before: the scene undeformed.
+        after: the scene at rest.
+        thing: the object at rest.
+        middle: a point of the plane, of the contact [m], shape (3,).
+        along: direction of the plane's horizontal axis, shape (3,).
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.collections import LineCollection
+    from matplotlib.figure import Figure
+
+    level = np.array([along[0], along[1], 0.0])
+    level /= np.linalg.norm(level)
+    normal = np.array([-level[1], level[0], 0.0])
+    shape = (0.78 * PROFILE_HEIGHT) / (0.88 * PROFILE_WIDTH)
+    top = float(thing.bounds[1, 2] - middle[2])
+    reach = max(REACH * float(np.linalg.norm(np.ptp(thing.vertices, axis=0))), OVER * top / (1.4 * shape))
+    figure = Figure(
+        figsize=(PROFILE_WIDTH / PROFILE_DPI, PROFILE_HEIGHT / PROFILE_DPI), dpi=PROFILE_DPI, facecolor="white"
+    )
+    canvas = FigureCanvasAgg(figure)
+    axes = figure.add_axes((0.09, 0.11, 0.88, 0.78))
+    cut = section(after, middle, level, normal, reach)
+    was = cut if before is after else section(before, middle, level, normal, reach)
+    for found, color, style, width, name in (
+        (cut, AFTER, "-", 2.2, "support at rest"),
+        (was, BEFORE, (0, (5, 3)), 1.4, "support before"),
+        (section(thing, middle, level, normal, reach), THING, "-", 2.2, "object"),
+    ):
+        lines = 1e3 * found
+        axes.add_collection(LineCollection(list(lines), colors=color, linestyles=style, linewidths=width, label=name))
+    axes.set_xlim(-1e3 * reach, 1e3 * reach)
+    half = 1e3 * reach * shape
+    axes.set_ylim(-0.6 * half, 1.4 * half)
+    axes.set_aspect("equal")
+    axes.set_xlabel("along the cut [mm]")
+    axes.set_ylabel("height over the contact's middle [mm]")
+    axes.grid(color="#e5e5e5", linewidth=0.8)
+    axes.set_axisbelow(True)
+    figure.legend(loc="upper center", ncols=3, frameon=False)
+    return drawing(canvas)
+
+
+def section(mesh: Mesh, middle: Array, level: Array, normal: Array, reach: float) -> Array:
+    """Cut of a vertical plane through a mesh near a point: lines (k, 2, 2), along the plane and upwards from there
+    [m]."""
+    # one bit per vertex for each side of the box that it is beyond: a face whose corners share one is outside
+    beyond = np.concatenate([mesh.vertices < middle - 2.0 * reach, mesh.vertices > middle + 2.0 * reach], axis=1)
+    sides = beyond @ (1 << np.arange(6)).astype(np.uint8)
+    near = np.flatnonzero(np.bitwise_and.reduce(sides[mesh.faces], axis=1) == 0)
+    if not len(near):
+        return np.zeros((0, 2, 2))
+    import trimesh  # takes a quarter of a second, which cached results need not wait for
+
+    part = trimesh.Trimesh(mesh.corners(near).reshape(-1, 3), np.arange(3 * len(near)).reshape(-1, 3), process=False)
+    found = trimesh.intersections.mesh_plane(part, normal, middle)  # type: ignore[no-untyped-call]
+    lines = np.asarray(found).reshape(-1, 2, 3) - middle
+    return np.stack([lines @ level, lines[..., 2]], axis=2)

@@ -12,24 +12,22 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
+from dcap.arrays import Array, Float32Array
 from dcap.geometry.camera import Camera
 from dcap.geometry.raycast import Raycaster, packed_rays
 from dcap.geometry.rendering.coverage import coverage, share_bytes, silhouette
+from dcap.geometry.rendering.painted import caster_of
 from dcap.geometry.rendering.picture import Exposure, exposed, in_bytes
-from dcap.geometry.rendering.see_through import caster_of
-from dcap.geometry.rendering.shading import shade
-from dcap.geometry.rendering.visibility import gathered_light
+from dcap.geometry.rendering.shading import gathered_light, shade
 from dcap.scene.errors import InputError
-from dcap.scene.types.anchor import Anchor
-from dcap.scene.types.maps import HIDDEN_CONTACT, SEEN_CONTACT, ConditioningMaps
+from dcap.scene.types.choices import Anchor
 from dcap.scene.types.materials import PartMaterials
-from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.paint import PaintedMesh, SourceSurface
+from dcap.scene.types.mesh import Mesh, PaintedMesh, SourceSurface
+from dcap.scene.types.pictures import HIDDEN_CONTACT, SEEN_CONTACT, ConditioningMaps
 from dcap.scene.types.segmentation import Segmentation
 from dcap.scene.types.settled import Settled
 from tasks.render.config import RenderConfig
-from tasks.render.contact_picture import dents
-from tasks.render.patch import near_patch
+from tasks.render.contact_picture import dents, near_patch
 from tasks.render.settled_meshes import (
     SettledScene,
     painted_item,
@@ -38,8 +36,6 @@ from tasks.render.settled_meshes import (
     shown_faces,
 )
 
-Array = NDArray[np.float64]
-F32 = NDArray[np.float32]
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)
 """Luminance weights of linear sRGB [Rec. ITU-R BT.709]."""
 DARK = 1e-3
@@ -123,7 +119,7 @@ def check_outside(thing: Mesh, camera: Camera) -> None:
         raise InputError(f"the camera at ({place}) m is inside the object; move it outside (--camera FILE)")
 
 
-def shadow_of(exposure: Exposure, bare: Raycaster, thing: int) -> F32:
+def shadow_of(exposure: Exposure, bare: Raycaster, thing: int) -> Float32Array:
     """Light on the scene with the object over that without it, as luminance, shape (h, w); on the object that of the
     nearest pixel outside it, as pixels at its rim show both."""
     surface, scene = exposure.surface, exposure.scene

@@ -3,20 +3,33 @@
 In: the settled state with its frames, the scene as segmented, and meshes that move with a body. Out: vertices at any
 frame. The attachment of points is found once, and the scene is cut once, as finely as the largest displacement of all
 frames needs; a frame then costs one weighted sum.
+
+The drop as a film: the object coming down and the dent forming, frame by frame.
+
+In: scene and object as segmented, the settled state with its frames, and a camera. Out: pictures.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dcap.arrays import Array
+from dcap.geometry.camera import Camera
 from dcap.geometry.deform import CLOSE, FAR, NEGLIGIBLE, DisplacementField
-from dcap.scene.types.mesh import Mesh
+from dcap.geometry.rendering.painted import painted
+from dcap.geometry.rendering.surface import PreparedMeshes
+from dcap.scene.types.choices import Anchor
+from dcap.scene.types.mesh import Mesh, SourceSurface
 from dcap.scene.types.segmentation import Segmentation
 from dcap.scene.types.settled import Settled, SettledBody, surface_at
-from tasks.render.settled_meshes import settled_scene
+from tasks.render.config import RenderConfig
+from tasks.render.settled_meshes import settled_scene, shown
+from tasks.render.stage import photograph
 
-Array = NDArray[np.float64]
+MOST_PICTURES = 60
+"""Number of pictures of a drop [-]: three seconds of film, including the held last picture."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -208,3 +221,23 @@ def moved_by(body: SettledBody, displacement: Array) -> SettledBody:
     """A body whose surface has the displacement (n, 3) [m] instead."""
     start = body.surface.vertices - body.displacement
     return replace(body, surface=replace(body.surface, vertices=start + displacement), displacement=displacement)
+
+
+def drop_pictures(
+    scene: Segmentation,
+    item: Segmentation,
+    anchor: Anchor,
+    settled: Settled,
+    surfaces: tuple[SourceSurface, SourceSurface],
+    camera: Camera,
+    config: RenderConfig,
+) -> Iterator[NDArray[np.uint8]]:
+    """The pictures of a drop, one after the other; `surfaces` are the textures of scene and object."""
+    motion = DropMotion(settled)
+    around, thing = MovingScene(scene, motion, anchor.base_id), item.mesh.transformed(anchor.world_from_object)
+    points = MovingPoints.of_body(motion, 0, thing.vertices)
+    look, own = painted(around.scene.mesh, surfaces[0]), painted(item.mesh, surfaces[1])
+    for frame in motion.chosen(MOST_PICTURES).tolist():
+        meshes = shown(around.scene, camera, look.moved(around.at(frame)))
+        meshes.append(own.moved(replace(thing, vertices=points.at(frame))))
+        yield photograph(PreparedMeshes(meshes), camera, config, low_light=True).rgb

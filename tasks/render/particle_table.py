@@ -10,13 +10,12 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from skimage.measure import marching_cubes
 
+from dcap.arrays import Array
 from dcap.geometry.distance import Distance
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.particles import Particles, SoftSimulationBody
 from dcap.scene.types.settled import Settled, SettledMaterial
 from solver.motion import MaterialState
-
-Array = NDArray[np.float64]
 
 MOST_CELLS = 1_500_000
 """Number of cells in the grid of an iso-surface [-]."""

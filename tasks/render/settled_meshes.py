@@ -1,25 +1,39 @@
 """Content of a picture of the rest state: the settled object and scene, and their parts visible to a camera.
 
 In: scene and object as segmented, and the settled state. Out: meshes.
+
+Contact patches as surfaces with their loads, one for each pair that touches.
+
+In: the settled state. Out: nodes of a file: the parts of the object's finely cut surface nearest to the contact points,
+as large as the area in the drop, with that area, force and mean pressure.
+
+Object and scene for files of the rest state, with the faces and textures of their sources.
+
+In: results of the stages. Out: painted meshes. For a source without textures it is the stages' mesh. Faces of a support
+are only cut where it bends.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
+from dcap.arrays import Array
 from dcap.geometry.camera import Camera
 from dcap.geometry.deform import displaced, following, with_own_vertices
 from dcap.geometry.raycast import Raycaster
-from dcap.geometry.rendering.cutaway import StructurePlanes
-from dcap.geometry.rendering.painted import painted
-from dcap.scene.types.anchor import Anchor
-from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.paint import PaintedMesh, SourceSurface
+from dcap.geometry.rendering.painted import nearest_faces, own_paint, paint_from, painted
+from dcap.geometry.rendering.view_volume import StructurePlanes
+from dcap.geometry.solid.repair import subdivide_near
+from dcap.scene.types.choices import Anchor
+from dcap.scene.types.mesh import Mesh, PaintedMesh, SourceSurface
 from dcap.scene.types.segmentation import Segmentation
 from dcap.scene.types.settled import Settled, SettledBody
-
-Array = NDArray[np.float64]
+from dcap.scene.writers.glb import Node
+from solver.certificate import ContactRow
+from tasks.render.contact_picture import patch_radius
 
 RIGID_TOLERANCE = 1e-6
 """Largest distance of a surface from a rigidly moved copy of its start at which it counts as undeformed [m]."""
@@ -27,6 +41,11 @@ HANGING = 0.15
 """Largest thickness, and largest distance of a point from the wall, of a flat thing that hangs on a wall [m]."""
 STUDIO_COLOR = (214, 212, 209)
 """A floor for scenes that have none; close to the backdrop."""
+COLOR = (255, 122, 26)
+REACH = 4.0
+"""Reach of a patch from its contact point, over the radius of the disc that the point represents [-]."""
+SAME = 1e-6
+"""Distance within which a contact point is a corner of the surface [m]."""
 
 
 def settled_item(item: Segmentation, anchor: Anchor, body: SettledBody) -> Mesh:
@@ -203,3 +222,97 @@ def studio_floor(mesh: Mesh) -> Mesh:
     index = np.arange(96)
     faces = np.stack([np.zeros(96, dtype=int), 1 + index, 1 + (index + 1) % 96], axis=1)
     return Mesh.of(np.concatenate([points, np.full((97, 1), low[2] - 1e-3)], axis=1), faces, STUDIO_COLOR)
+
+
+def contact_nodes(settled: Settled) -> list[Node]:
+    """A node for each pair with the object; empty if nothing touches it."""
+    own, points = settled.bodies[0], settled.contact_points
+    rows = [row for row in settled.contacts if own.name in (row.a, row.b)]
+    if not len(points) or not rows:
+        return [Node("contacts")]
+    surface, away = near_points(own.surface, points)
+    others = [row.b if row.a == own.name else row.a for row in rows]
+    nearest = nearest_body(settled, others, surface) if len(others) > 1 else np.zeros(len(away))
+    children = []
+    for number, (row, other) in enumerate(zip(rows, others, strict=True)):
+        faces = patch_faces(surface, np.where(nearest == number, away, np.inf), row.area_m2)
+        patch = surface.submesh(faces)
+        colored = Mesh.of(patch.vertices, patch.faces, COLOR)
+        children.append(Node(f"{own.name} on {other}", colored, label=f"contact with {other}", extras=loads(row)))
+    return [Node("contacts", children=tuple(children))]
+
+
+def nearest_body(settled: Settled, names: Sequence[str], surface: Mesh) -> NDArray[np.int64]:
+    """Return the number of the named body that each face (m,) of a surface is nearest to."""
+    known = {body.name: body.surface for body in settled.bodies}
+    middle = surface.triangles.mean(axis=1)
+    distances = np.stack([Raycaster(known[name]).distance_to(middle) for name in names])
+    return np.asarray(distances.argmin(axis=0), dtype=np.int64)
+
+
+def near_points(surface: Mesh, points: Array) -> tuple[Mesh, Array]:
+    """A surface cut finely near contact points (k, 3), and the distance of each of its faces from one [m], shape (m,);
+    not cut if every contact point is a corner."""
+    tree, radius = cKDTree(points), patch_radius(points)
+    box = np.stack([points.min(axis=0) - REACH * radius, points.max(axis=0) + REACH * radius])
+    carried = (tree.query(surface.vertices, distance_upper_bound=SAME)[0] <= SAME)[surface.faces].all(axis=1)
+    whole, rest = surface.submesh(np.flatnonzero(carried)), surface.submesh(np.flatnonzero(~carried))
+    fine = subdivide_near(rest, box, radius) if len(rest.faces) else rest
+    away = tree.query(fine.triangles.mean(axis=1), distance_upper_bound=REACH * radius, workers=-1)[0]
+    return Mesh.concatenate([whole, fine]), np.concatenate([np.zeros(len(whole.faces)), away])
+
+
+def patch_faces(surface: Mesh, away: Array, area: float) -> NDArray[np.int64]:
+    """The faces nearest to contact points, away (m,) [m] (inf: too far), that make up the area that the drop found
+    [m^2]; at least one."""
+    order = np.argsort(away, kind="stable")
+    order = order[np.isfinite(away[order])]
+    total = np.cumsum(surface.face_areas[order])
+    return np.sort(order[: int(np.searchsorted(total, area)) + 1])
+
+
+def loads(row: ContactRow) -> dict[str, object]:
+    """Loads of a contact, in SI units."""
+    pressure = row.normal_force_n / row.area_m2 if row.area_m2 > 0.0 else 0.0
+    return {
+        "area_m2": row.area_m2,
+        "normal_force_n": row.normal_force_n,
+        "tangential_force_n": row.tangential_force_n,
+        "mean_pressure_pa": pressure,
+    }
+
+
+def object_at_rest(item: Segmentation, surface: SourceSurface, anchor: Anchor, body: SettledBody) -> PaintedMesh:
+    """The object at rest."""
+    if not surface.kept:
+        return PaintedMesh(settled_item(item, anchor, body))
+    return PaintedMesh(settled_mesh(surface.mesh, anchor, body), own_paint(surface))
+
+
+def scene_at_rest(
+    scene: Segmentation, surface: SourceSurface, settled: Settled | None, base_id: str
+) -> tuple[SettledScene, PaintedMesh]:
+    """The scene with its dents, and its look; unchanged if nothing has settled in it."""
+    own = of_source(scene, surface)
+    around = untouched(own) if settled is None else settled_scene(own, settled, base_id)
+    paint = paint_from(surface, around.start, around.origin) if surface.kept else None
+    return around, PaintedMesh(around.scene.mesh, paint)
+
+
+def untouched(scene: Segmentation) -> SettledScene:
+    """A scene in which nothing has moved."""
+    return SettledScene(scene, np.zeros_like(scene.mesh.vertices), scene.mesh, np.arange(len(scene.mesh.faces)))
+
+
+def of_source(scene: Segmentation, surface: SourceSurface) -> Segmentation:
+    """The scene's things and parts on the faces of its textured source."""
+    if not surface.kept:
+        return scene
+    owner = nearest_faces(scene.mesh, surface.mesh)
+    known = owner >= 0
+    return replace(
+        scene,
+        mesh=surface.mesh,
+        face_instance=np.where(known, scene.face_instance[owner], -1).astype(np.int32),
+        face_part=np.where(known, scene.face_part[owner], -1).astype(np.int32),
+    )

@@ -10,19 +10,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dcap.arrays import Array
 from dcap.geometry.distance import MeshDistance
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.splatting.carried import FAR, CarriedSplats, SurfaceMotion, carried, in_world
-from dcap.geometry.splatting.object_discs import FaceColors, disc_spacing, discs_on
+from dcap.geometry.splatting.discs import FaceColors, disc_spacing, discs_on
 from dcap.scene.errors import InputError
-from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.choices import Anchor
 from dcap.scene.types.gaussians import Gaussians
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.segmentation import Segmentation
 from dcap.scene.types.settled import Settled
 from tasks.render.settled_meshes import settled_item, settled_scene
-
-Array = NDArray[np.float64]
 
 ASKED, OPAQUE = 5000, 0.5
 """Number of Gaussians, and their least opacity, for checking that they lie on the scene's mesh."""

@@ -14,21 +14,25 @@ from dcap.geometry.raycast import Raycaster
 from dcap.geometry.rendering.painted import painted
 from dcap.geometry.rendering.picture import Picture, exposed, picture
 from dcap.geometry.rendering.surface import PreparedMeshes
-from dcap.scene.types.anchor import Anchor
-from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.choices import Anchor
+from dcap.scene.types.mesh import Mesh, SourceSurface
 from dcap.scene.types.outcome import HiddenObject, Infeasible, Reason
-from dcap.scene.types.paint import SourceSurface
-from dcap.scene.types.renders import Renders
+from dcap.scene.types.pictures import Renders
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
 from dcap.scene.types.settled import Settled
 from tasks.cache import stage
-from tasks.render.canonical import canonical_views
 from tasks.render.config import RenderConfig
-from tasks.render.contact_picture import contact_picture
-from tasks.render.profile import profile_picture
-from tasks.render.scene_views import SceneViews
+from tasks.render.contact_picture import contact_picture, profile_picture
 from tasks.render.settled_meshes import is_as_given, painted_item, painted_scene, settled_scene, structure_faces
-from tasks.render.views import best_view, contact_middle, front, view_distance, visible_fraction
+from tasks.render.views import (
+    SceneViews,
+    best_view,
+    canonical_views,
+    contact_middle,
+    front,
+    view_distance,
+    visible_fraction,
+)
 
 
 def render(

@@ -3,16 +3,14 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from dcap.arrays import Array, IntArray
 from dcap.geometry.camera import looking_at
 from dcap.geometry.raycast import Raycaster
-from dcap.geometry.rendering.cutaway import cut_faces
 from dcap.geometry.rendering.picture import picture
+from dcap.geometry.rendering.view_volume import cut_faces
 from dcap.geometry.segmentation.rooms.decomposition import DecomposedRoom
-from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.boxes import OrientedBox
 from dcap.scene.types.mesh import Mesh
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 SIZE = 512
 """Width and height [pixels]."""
@@ -39,7 +37,7 @@ SEEN_POINTS = 200
 """Number of points of the thing whose visibility is tested."""
 
 
-def in_the_room(mesh: Mesh, room: DecomposedRoom, box: OrientedBox, faces: Index) -> NDArray[np.uint8]:
+def in_the_room(mesh: Mesh, room: DecomposedRoom, box: OrientedBox, faces: IntArray) -> NDArray[np.uint8]:
     """The room around a thing painted in a bright colour, shape (SIZE, SIZE, 3)."""
     rest, thing = _apart(mesh, faces)
     loud = np.rint((1.0 - TINT) * thing.colors + TINT * LOUD).astype(np.uint8)
@@ -47,20 +45,20 @@ def in_the_room(mesh: Mesh, room: DecomposedRoom, box: OrientedBox, faces: Index
     return _seen(rest, painted, _others(room, faces), box, max(ROOM_DISTANCE, ROOM_AROUND * box.diagonal))
 
 
-def close_up(mesh: Mesh, room: DecomposedRoom, box: OrientedBox, faces: Index) -> NDArray[np.uint8]:
+def close_up(mesh: Mesh, room: DecomposedRoom, box: OrientedBox, faces: IntArray) -> NDArray[np.uint8]:
     """A thing in its own colours from near, shape (SIZE, SIZE, 3)."""
     rest, thing = _apart(mesh, faces)
     return _seen(rest, thing, _others(room, faces), box, max(NEAREST, THING_DISTANCE * box.diagonal))
 
 
-def _apart(mesh: Mesh, faces: Index) -> tuple[Mesh, Mesh]:
+def _apart(mesh: Mesh, faces: IntArray) -> tuple[Mesh, Mesh]:
     """Everything else, and the thing."""
     other = np.ones(len(mesh.faces), dtype=bool)
     other[faces] = False
     return mesh.submesh(np.flatnonzero(other)), mesh.submesh(faces)
 
 
-def _others(room: DecomposedRoom, faces: Index) -> NDArray[np.bool_]:
+def _others(room: DecomposedRoom, faces: IntArray) -> NDArray[np.bool_]:
     """Whether the faces other than the thing's belong to the shell."""
     return np.delete(room.shell.any, faces)
 

@@ -6,16 +6,15 @@ In: scene and intent. Out: the viewer's frame of a part, boxes of references, di
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dcap.arrays import Array
 from dcap.geometry.pieces import components
 from dcap.geometry.placement.named_regions import ViewerFrame, regions, viewer_frame
-from dcap.scene.types.box import OrientedBox
-from dcap.scene.types.intent import Intent
+from dcap.scene.types.boxes import OrientedBox
+from dcap.scene.types.choices import Intent
 from dcap.scene.types.segmentation import Instance, Segmentation
 from tasks.requests.views import part_views, room_center
 
-Array = NDArray[np.float64]
 PART = "part:"
 UP = np.array([0.0, 0.0, 1.0])
 WIDE = 1.2

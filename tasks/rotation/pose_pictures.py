@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from dcap.arrays import Array
 from dcap.geometry.camera import Camera, looking_at
 from dcap.geometry.placement.poses import about_z
 from dcap.geometry.placement.resting_poses import FLIPS
@@ -18,7 +19,6 @@ from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.segmentation import Instance, Segmentation
 from tasks.requests.surroundings import part_frame
 
-Array = NDArray[np.float64]
 AXIS_COLORS = {"x": (214, 40, 40), "y": (30, 140, 50), "z": (40, 70, 210)}
 SAME_SIDE = 1e-6
 """1 - cosine between the upward directions of two poses, below which they differ by a turn about the vertical."""

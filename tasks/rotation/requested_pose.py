@@ -3,27 +3,30 @@
 In: the rotation question, its reply and the mesh. Out: `AskedPose`, which the drop compares with the rest state. The
 thing's own upright axis is that of its usual rest pose; its shape decides whether it stands on end. The chosen rotation
 is never the request itself: a wrong choice must show.
+
+Viewing direction of an object: along its front, or by a side without one.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dcap.geometry.placement.ends import end_axis
+from dcap.arrays import Array
+from dcap.geometry.placement.polygons import smallest_rectangle
 from dcap.geometry.placement.poses import about_z
-from dcap.geometry.placement.seat import sits
-from dcap.language.offline.figures import is_figure
+from dcap.geometry.placement.resting_poses import end_axis, sits
+from dcap.geometry.placement.upright import outermost
+from dcap.language.offline.kinds import is_figure
 from dcap.language.offline.lexicon import is_a, thing_of
 from dcap.language.offline.pose_choice import LOW, default_pose, is_low, meant
 from dcap.language.protocol.replies import RotationReply
 from dcap.language.protocol.requests import PoseView, RotationRequest
+from dcap.scene.types.choices import AskedPose
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.rotation import AskedPose
-from tasks.rotation.looking import looking, nearest_side
+from tasks.requests.surroundings import horizontal
 
-Array = NDArray[np.float64]
-
+LEVEL = 0.3
+"""Horizontal part of a unit vector below which it points up or down [-]."""
 UP = np.array([0.0, 0.0, 1.0])
 SIDE_TOLD = "its shape does not show which side is its front"
 NO_END = "its shape has no end to stand on, and no side to lie on"
@@ -39,6 +42,22 @@ BY_FRONT = {"on_back": 0.0, "on_front": np.pi}
 BY_LEFT = {"on_left_side": np.pi, "on_right_side": 0.0}
 BY_UP = {"upside_down": np.pi, "on_side": 0.5 * np.pi, "lying": 0.5 * np.pi}
 """Angles from the vertical of the front, of the own left and of the own upright axis in a pose [rad]."""
+
+
+def looking(front: Array, up: Array) -> Array:
+    """Horizontal viewing direction of the object: along its front, or, if that is vertical, along its own up."""
+    for axis in (front, up):
+        flat = horizontal(axis)
+        if flat is not None and np.linalg.norm(axis[:2]) > LEVEL:
+            return flat
+    return np.array([0.0, -1.0, 0.0])
+
+
+def nearest_side(mesh: Mesh, matrix: Array, ahead: Array) -> Array:
+    """The outward side of the plan's smallest rectangle that is nearest to a direction, for objects without a front."""
+    along, _ = smallest_rectangle((outermost(mesh.vertices) @ matrix.T)[:, :2])
+    sides = [np.array([x, y, 0.0]) for x, y in (along, -along, (-along[1], along[0]), (along[1], -along[0]))]
+    return max(sides, key=lambda side: float(side @ ahead))
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, PositiveInt
 from scipy.spatial.transform import Rotation as Turn
 
+from dcap.arrays import Array
 from dcap.geometry.placement.polygons import smallest_rectangle
 from dcap.geometry.placement.poses import about_z, front_of, rotated, symmetry_about_z
-from dcap.geometry.placement.resting_poses import FLIPS, resting_poses
-from dcap.geometry.placement.seat import on_legs
+from dcap.geometry.placement.resting_poses import FLIPS, on_legs, resting_poses
 from dcap.geometry.placement.upright import outermost, standing_pose, stands_as_read
 from dcap.language.connect import Client
-from dcap.language.offline.fronts import front_side
+from dcap.language.offline.kinds import front_side
 from dcap.language.offline.lexicon import thing_of
 from dcap.language.offline.pose_choice import to_right
 from dcap.language.protocol.client import LanguageConfig
@@ -31,19 +31,16 @@ from dcap.language.protocol.questions import ROTATION
 from dcap.language.protocol.replies import ROUNDED, RotationReply
 from dcap.language.protocol.requests import FacingView, Picture, PoseView, RotationRequest, Vector, vector
 from dcap.scene.errors import GeometryError, LanguageError
-from dcap.scene.types.intent import Intent
+from dcap.scene.types.choices import POSE_OF_THE_FILE, Intent, Rotation
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Infeasible
-from dcap.scene.types.rotation import POSE_OF_THE_FILE, Rotation
 from dcap.scene.types.segmentation import Instance, Segmentation, SegmentedObject, SegmentedScene
 from tasks.cache import stage
 from tasks.requests.surroundings import direction_to, part_frame, wished_place
 from tasks.requests.views import instance_of
-from tasks.rotation.looking import looking, nearest_side
 from tasks.rotation.pose_pictures import pose_strip, three_flips
-from tasks.rotation.requested_pose import requested_pose
+from tasks.rotation.requested_pose import looking, nearest_side, requested_pose
 
-Array = NDArray[np.float64]
 ELONGATED = 1.15
 """Length over width from which a thing is laid along its support [-]."""
 

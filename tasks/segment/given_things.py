@@ -8,23 +8,20 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dcap.arrays import IntArray, Mask
 from dcap.geometry.segmentation.boxed import Group, boxed_groups
 from dcap.geometry.segmentation.faces import FaceTable
 from dcap.geometry.segmentation.labels import Category, category_of
 from dcap.geometry.segmentation.named import with_ids
 from dcap.scene.errors import InputError
-from dcap.scene.readers.frame.frame import WORLD_FROM_FILE
-from dcap.scene.types.box import OrientedBox
-from dcap.scene.types.caution import Cause, Caution
-from dcap.scene.types.given_labels import CornerFrame, GivenLabels, GivenThing, faces_digest
-from dcap.scene.types.rectangle import min_area_box
+from dcap.scene.readers.frame import WORLD_FROM_FILE
+from dcap.scene.types.boxes import OrientedBox, min_area_box
+from dcap.scene.types.outcome import Cause, Caution
 from dcap.scene.types.scan import LabelBox, Scan
+from dcap.scene.types.segmentation import CornerFrame, GivenLabels, GivenThing, faces_digest
 
-Index = NDArray[np.int64]
-Mask = NDArray[np.bool_]
-Parts = tuple[Index, list[str]]
+Parts = tuple[IntArray, list[str]]
 
 MARGIN = 0.01
 """A box that a person drew is grown by this when asked what it holds [m]."""
@@ -99,7 +96,7 @@ def by_faces(scan: Scan, table: FaceTable, labels: GivenLabels) -> GivenGroups:
     return GivenGroups([group for group in groups if len(group.faces)], parts, (*labels.notes, *notes))
 
 
-def faces_in(runs: Index, count: int, labels: GivenLabels, name: str) -> Index:
+def faces_in(runs: IntArray, count: int, labels: GivenLabels, name: str) -> IntArray:
     """The faces of runs (k, 2), in order."""
     if len(runs) and int(runs[:, 1].max()) > count:
         raise InputError(f"--labels {labels.source}: {name} has face {runs[:, 1].max() - 1}, the mesh has {count}")
@@ -108,7 +105,7 @@ def faces_in(runs: Index, count: int, labels: GivenLabels, name: str) -> Index:
     return np.unique(start + np.arange(int(length.sum())))
 
 
-def held_by(table: FaceTable, box: OrientedBox, owner: Index, labels: GivenLabels) -> Index:
+def held_by(table: FaceTable, box: OrientedBox, owner: IntArray, labels: GivenLabels) -> IntArray:
     """The faces that a new box takes: not the floor's and the walls' unless it is flat, nor those of named things that
     it holds whole."""
     inside = np.flatnonzero(box.contains(table.center, margin=MARGIN))
@@ -125,7 +122,7 @@ def held_by(table: FaceTable, box: OrientedBox, owner: Index, labels: GivenLabel
     return inside[kept]
 
 
-def part_numbers(thing: GivenThing, faces: Index, count: int, labels: GivenLabels) -> Parts:
+def part_numbers(thing: GivenThing, faces: IntArray, count: int, labels: GivenLabels) -> Parts:
     """The part of each face of a thing (k,) and the parts' names; faces of no part are the first's."""
     number = np.zeros(count, dtype=np.int64)
     for index, part in enumerate(thing.parts):

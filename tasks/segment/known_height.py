@@ -9,24 +9,19 @@ several; sizes and heights of everything else have their say in how sure a label
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dcap.geometry.segmentation.faces import level_of
-from dcap.geometry.segmentation.main_surface import UPWARD, main_level
+from dcap.arrays import Array
+from dcap.geometry.segmentation.faces import UPWARD, level_of, main_level
 from dcap.language.connect import Client
 from dcap.language.offline.lexicon import is_a, label_words, thing_of
 from dcap.scene.errors import InputError
-from dcap.scene.names import says_something
-from dcap.scene.types.file_scale import FileScale
-from dcap.scene.types.given_labels import GivenLabels
+from dcap.scene.text import says_something
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.sample import KnownHeight
-from dcap.scene.types.scan import Scan
-from dcap.scene.types.segmentation import Segmentation
+from dcap.scene.types.scan import FileScale, Scan
+from dcap.scene.types.segmentation import GivenLabels, Segmentation
 from tasks.cache import stage
 from tasks.segment.stage import SegmentConfig, segment
-
-Array = NDArray[np.float64]
 
 BINS = 120
 """Heights that are told apart between the floor and the top [-]."""

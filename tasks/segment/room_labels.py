@@ -2,8 +2,21 @@
 
 In: the faces that nobody named. Out: groups of faces with labels and how sure those are. Each thing is one question;
 what carries others is asked first, so that what lies on a bed knows it; things of one level are asked together.
+
+Rooms that a scan has fused: which unions of pieces are things, by how much they look like things that homes have.
+
+A union of pieces is worth what its rough shape tells more for some label than for nothing known, less what it costs to
+suppose one thing more (else every piece would be a thing) and to cut it out of the surface around it. Labels are only
+supposed here; a client gives them later. A room is wet or dry, whichever explains more: a seat of 40 cm is a stool in a
+living room.
+
+Questions about the things found in a room without annotations: one request per thing, carriers first.
+
+The instances of a scene in which things were placed before: as its folder says, nothing is asked or found again.
 """
 
+import math
+from collections.abc import Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -12,18 +25,149 @@ from numpy.typing import NDArray
 from dcap.geometry.segmentation.boxed import Group
 from dcap.geometry.segmentation.faces import FaceTable
 from dcap.geometry.segmentation.named import THING, shell_groups
-from dcap.geometry.segmentation.rooms.composites import composites
+from dcap.geometry.segmentation.rooms.composites import ONLY_PARTS, composites
 from dcap.geometry.segmentation.rooms.decomposition import DecomposedRoom, decompose_room
 from dcap.geometry.segmentation.rooms.traits import FLOOR, Traits, describe_things, thing_segments
+from dcap.geometry.segmentation.rooms.unions import RoughShape, worth_most
 from dcap.language.connect import Client
-from dcap.language.offline.shapes import labels, measures_of
+from dcap.language.offline.shapes import Evidence, colour_measures, evidence, labels, measures_of, shapes
 from dcap.language.protocol.questions import LABEL
 from dcap.language.protocol.replies import OTHER, LabelReply
 from dcap.language.protocol.requests import LabelRequest, Picture
+from dcap.scene.types.earlier import EarlierPlacements
 from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.scan import Scan
+from dcap.scene.types.segmentation import Segmentation, part_nodes
 from tasks.requests.pictures import close_up, in_the_room
-from tasks.segment.fused_rooms import likely_things, room_labels
-from tasks.segment.label_requests import label_levels, label_request
+
+PER_THING = 8.5
+"""Evidence that one more thing needs [nats]: position and size, each to a few per cent of what a room allows."""
+BURIED = 4.0
+"""Evidence against a thing if another one grows out of all of its top [nats]: a board is no stool."""
+CUT = 0.4
+"""Evidence that a metre of surface needs to go on as another thing [nats/m]: things touch along short edges."""
+COMMON = {"dry": 1.0, "wet": 1.0 / 8.0}
+"""How many bathrooms there are for every other room that is scanned [-]: an estimate."""
+
+MOST_LEVELS = 4
+"""More levels tell no more [-]: on the boards of a shelf lies something that looks up, too."""
+
+Union = frozenset[int]
+
+
+def likely_things(unions: Sequence[Union], rough: Sequence[RoughShape]) -> list[Union]:
+    """The unions without overlap that explain most."""
+    number = {union: i for i, union in enumerate(unions)}
+    best: tuple[float, list[Union]] = (-math.inf, [])
+    for room in COMMON:
+        found = _evidence(rough, room)
+        against = [BURIED * one.buried + CUT * one.cut + PER_THING for one in rough]
+        worth: NDArray[np.float64] = found.nats - np.array(against)
+        chosen = worth_most(unions, worth.tolist())
+        total = explained(room, [(found.label[i], float(worth[i])) for i in (number[union] for union in chosen)])
+        best = max(best, (total, chosen), key=lambda one: one[0])
+    return best[1]
+
+
+def room_labels(measures: Sequence[Mapping[str, float]], holders: Sequence[str]) -> tuple[str, ...]:
+    """Possible names of things with these measures and supports, in such a room."""
+    room = max(COMMON, key=lambda room: explained(room, _worthy(evidence(measures, holders, room, ONLY_PARTS))))
+    odd = {shape.label for shape in shapes() if shape.room not in ("", room)}
+    return tuple(label for label in labels() if label not in odd)
+
+
+def _worthy(found: Evidence) -> list[tuple[str, float]]:
+    return [(label, nats - PER_THING) for label, nats in zip(found.label, found.nats.tolist(), strict=True)
+            if nats > PER_THING]  # fmt: skip
+
+
+def _evidence(rough: Sequence[RoughShape], room: str) -> Evidence:
+    measures, holders = [rough_measures(one) for one in rough], [one.held_by for one in rough]
+    return evidence(measures, holders, room, ONLY_PARTS)
+
+
+def explained(room: str, things: Sequence[tuple[str, float]]) -> float:
+    """The worth of such a room with things by label, of each that stands in wet rooms only once: two toilets are none
+    [nats]."""
+    wet = {shape.label for shape in shapes() if shape.room == "wet"}
+    total, seen = math.log(COMMON[room]), set[str]()
+    for label, worth in sorted(things, key=lambda one: -one[1]):
+        total += 0.0 if label in wet & seen else worth
+        seen.add(label)
+    return total
+
+
+def rough_measures(shape: RoughShape) -> dict[str, float]:
+    """The measures that a rough shape knows, under the names of the table of shapes."""
+    bottom = shape.bottom or 0.0
+    length, width, height = (max(size, 1e-3) for size in (shape.length, shape.width, shape.top - bottom))
+    found = {"length": math.log(length), "width": math.log(width), "height": math.log(height)}
+    if shape.bottom is not None:
+        found["bottom"] = shape.bottom
+    if shape.wall_gap is not None:
+        found["gap"] = shape.wall_gap
+    if shape.color is not None:
+        found |= colour_measures(shape.color)
+    if not shape.top_seen:
+        found["levels"] = float(min(shape.levels, MOST_LEVELS))
+    elif shape.level_height is not None:
+        found |= {
+            "level": shape.level_height,
+            "rise": shape.top - shape.level_height,
+            "share": min(shape.level_area / (length * width), 1.0),
+        }
+    return found
+
+
+def label_levels(traits: Sequence[Traits]) -> list[list[int]]:
+    """Numbers of the things, level by level: where possible, what carries is in a level before what it carries."""
+    waiting, levels = dict.fromkeys(range(len(traits))), list[list[int]]()
+    while waiting:
+        free = [i for i in waiting if traits[i].holder not in waiting]
+        levels.append(free or [next(iter(waiting))])  # two that lean on each other: the larger one first
+        for i in levels[-1]:
+            del waiting[i]
+    return levels
+
+
+def label_request(
+    number: int,
+    traits: Sequence[Traits],
+    known: Mapping[int, LabelReply],
+    pictures: tuple[Picture, ...],
+    allowed: tuple[str, ...],
+) -> LabelRequest:
+    """The question about one thing; `known` are the answers so far, `allowed` what it may be called."""
+    one = traits[number]
+    carrier = known.get(one.holder)
+    return LabelRequest(
+        id=thing_id(number),
+        size=(one.length, one.width, one.height),
+        bottom=one.bottom,
+        top=one.top,
+        level_height=None if np.isnan(one.level_height) else one.level_height,
+        level_area=one.level_area,
+        rise=one.rise,
+        levels=one.levels,
+        closed=one.closed,
+        covered=one.covered,
+        waist=one.waist,
+        rough=one.rough,
+        held_by=one.held_by or thing_id(one.holder),
+        holder=one.held_by or (carrier.label if carrier else OTHER),
+        wall_gap=one.wall_gap if np.isfinite(one.wall_gap) else None,
+        carries=one.carries,
+        color=one.color,
+        varied=one.varied,
+        balance=one.balance,
+        labels=allowed,
+        pictures=pictures,
+    )
+
+
+def thing_id(number: int) -> str:
+    """How a thing without a name is called in the requests."""
+    return f"thing_{number}"
 
 
 def labelled_room(mesh: Mesh, table: FaceTable, inside: NDArray[np.bool_], client: Client) -> list[Group]:
@@ -79,3 +223,18 @@ def asked(mesh: Mesh, room: DecomposedRoom, traits: tuple[Traits, ...], client: 
     for level in label_levels(traits):
         known.update(zip(level, client.ask_all(LABEL, [request(i) for i in level]), strict=True))
     return [known[i] for i in range(len(traits))]
+
+
+def known_scene(scan: Scan, earlier: EarlierPlacements) -> Segmentation:
+    """Each node of the scan is a part of an instance: `id/part`."""
+    place = {
+        node: (number, part)
+        for number, one in enumerate(earlier.instances)
+        for part, node in enumerate(part_nodes(one.id, [own.name for own in one.parts]))
+    }
+    owner = np.array([*(place.get(name, (-1, -1)) for name in scan.node_names), (-1, -1)], dtype=np.int32)
+    instance, part = owner[scan.face_node].T
+    return Segmentation(
+        scan.mesh, earlier.instances, np.ascontiguousarray(instance), np.ascontiguousarray(part),
+        unit_source=scan.unit_source,
+    )  # fmt: skip

@@ -11,25 +11,22 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, PositiveInt
 
-from dcap.geometry.segmentation.annotated import annotated_parts
 from dcap.geometry.segmentation.boxed import Group, boxed_groups
 from dcap.geometry.segmentation.faces import FaceTable
-from dcap.geometry.segmentation.named import THING, named_groups
-from dcap.geometry.segmentation.parts.front import facing_away_from_wall
+from dcap.geometry.segmentation.named import THING, annotated_parts, named_groups
+from dcap.geometry.segmentation.parts.instance_surface import facing_away_from_wall
 from dcap.geometry.segmentation.parts.rules import find_parts, make_instance, node_words, object_node_words
 from dcap.language.connect import Client
 from dcap.language.offline.lexicon import names_thing
 from dcap.language.protocol.client import LanguageConfig
 from dcap.scene.errors import InputError
-from dcap.scene.names import readable
-from dcap.scene.types.given_labels import GivenLabels
+from dcap.scene.text import readable
 from dcap.scene.types.scan import Scan
-from dcap.scene.types.segmentation import Instance, Segmentation, SegmentedObject, SegmentedScene
+from dcap.scene.types.segmentation import GivenLabels, Instance, Segmentation, SegmentedObject, SegmentedScene
 from tasks.cache import stage
 from tasks.segment.given_things import GivenGroups, given_groups
-from tasks.segment.known_scene import known_scene
 from tasks.segment.part_names import with_part_names
-from tasks.segment.room_labels import labelled_room
+from tasks.segment.room_labels import known_scene, labelled_room
 
 
 class SegmentConfig(BaseModel, frozen=True, extra="forbid"):

@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 from known_records import known_result
 
-from dcap.scene.types.file_scale import FileScale
 from dcap.scene.types.sample import Sample
+from dcap.scene.types.scan import FileScale
 from flows.cli.app import main
 from flows.language_options import LanguageOptions
 from flows.place import PlaceConfig

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from dcap.scene.problems import Severity
+from dcap.scene.errors import Severity
 from dcap.synthetic.recipes import object_recipes, room_names
 from flows.cli.app import main
 from flows.cli.check_report import as_tree, in_words, totals

@@ -22,7 +22,7 @@ from dcap.evaluation.judging.rubric import RUBRIC, SCALES
 from dcap.evaluation.method_report import method_table
 from dcap.evaluation.outcome_table import SampleOutcome
 from dcap.evaluation.statistics.comparisons import JudgedAxis, read_comparisons
-from dcap.scene.types.judged_views import PLACED
+from dcap.scene.types.pictures import PLACED
 from flows.benchmark import finish, rewrite_page
 from flows.cli.app import main
 from flows.judge_run import read_rows

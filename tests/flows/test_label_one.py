@@ -12,7 +12,7 @@ import pytest
 from box_rooms import bedroom
 
 from dcap.scene.readers.labels.given import read_given_labels
-from dcap.scene.types.given_labels import GivenLabels
+from dcap.scene.types.segmentation import GivenLabels
 from dcap.scene.writers.glb import Node, glb_bytes, labelled_nodes
 from flows.label_one import found_things, others_of
 

@@ -14,7 +14,7 @@ from dcap.evaluation.outcome_table import AS_POSED, ExpectedOutcome, SampleOutco
 from dcap.evaluation.run_folder import sample_folder
 from dcap.scene.errors import LanguageError
 from dcap.scene.json_tree import JsonObject
-from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.choices import Anchor
 from dcap.scene.types.floor_plan import FloorPlans
 from dcap.scene.types.sample import Sample
 from dcap.scene.types.segmentation import Segmentation

@@ -14,13 +14,13 @@ from dcap.language.connect import connect
 from dcap.language.protocol.client import LanguageConfig
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import InputError
-from dcap.scene.readers.frame.frame import Role
+from dcap.scene.readers.frame import Role
 from dcap.scene.readers.source import read_scan
 from dcap.scene.readers.source_files import source_files
 from dcap.scene.types.sample import SourceOptions
 from flows.cli.app import main
 from flows.next_scene import next_scene_files
-from tasks.freed.unloaded import unloaded
+from tasks.freed.stage import unloaded
 from tasks.segment.stage import SegmentConfig, segment
 
 

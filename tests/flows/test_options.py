@@ -7,7 +7,7 @@ import pytest
 
 from dcap.scene.errors import InputError
 from dcap.scene.types.sample import Sample
-from dcap.scene.types.units import METRES
+from dcap.scene.types.scan import METRES
 from flows.benchmark_config import benchmark_config
 from flows.cli import app as cli
 from flows.configure import changed, configured

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from dcap.scene.types.anchor import Anchor
-from dcap.scene.types.box import OrientedBox
-from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
+from dcap.scene.types.boxes import OrientedBox
+from dcap.scene.types.choices import Anchor, Intent, OrientationRequest, RegionRequest
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.segmentation import Instance, Part, Segmentation
 from flows.placement_json import Values, base_of

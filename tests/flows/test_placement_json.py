@@ -11,7 +11,7 @@ from furnished_views import ask
 from dcap.language.offline.client import OfflineClient
 from dcap.language.protocol.questions import INTENT
 from dcap.language.protocol.replies import IntentReply
-from dcap.scene.types.caution import Cause, Caution, about, cautions, explanations
+from dcap.scene.types.outcome import Cause, Caution, about, cautions, explanations
 from flows.placement_json import off_its_part
 from tasks.intent.rescale import rescale
 

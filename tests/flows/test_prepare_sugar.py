@@ -11,7 +11,7 @@ import pytest
 from fake_sugar import fake_sugar
 from PIL import Image
 
-from dcap.geometry.splatting.on_mesh import splats_on_mesh
+from dcap.geometry.splatting.discs import splats_on_mesh
 from dcap.scene.readers.scenes.colmap import read_colmap
 from dcap.scene.readers.scenes.sugar import find_mesh, has_only_splats
 from dcap.scene.readers.splats.splats import read_splats

@@ -10,7 +10,7 @@ import pytest
 
 from dcap.evaluation.outcome_table import ExpectedOutcome, SampleOutcome
 from dcap.scene.json_tree import JsonObject
-from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
+from dcap.scene.types.choices import Intent, OrientationRequest, RegionRequest
 from dcap.scene.types.sample import Sample
 from flows.scoring import scored_row
 from tasks.artifact import Store

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from dented_bed import anchor, ball, scene_of, settled
 
-from dcap.geometry.splatting.on_mesh import splats_on_mesh
+from dcap.geometry.splatting.discs import splats_on_mesh
 from dcap.scene.errors import InputError
 from dcap.scene.readers.splats.splats import read_splats
 from dcap.scene.types.outcome import Infeasible, Reason
@@ -24,7 +24,7 @@ from flows.scene_splats import SETTLED_SPLATS, splat_artifact, splats_of
 @pytest.fixture(autouse=True)
 def coarse(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Few discs on the object, and a store of the test's own."""
-    monkeypatch.setattr("dcap.geometry.splatting.object_discs.DETAIL", 60.0)
+    monkeypatch.setattr("dcap.geometry.splatting.discs.DETAIL", 60.0)
     monkeypatch.setenv("DCAP_DATA", str(tmp_path / "data"))
 
 

@@ -7,7 +7,7 @@ import pytest
 from fake_sugar import fake_sugar
 
 from dcap.geometry.splatting.camera_path import PathConfig
-from dcap.geometry.splatting.on_mesh import splats_on_mesh
+from dcap.geometry.splatting.discs import splats_on_mesh
 from dcap.scene.errors import InputError
 from dcap.scene.types.sample import Sample, SourceOptions
 from dcap.scene.writers.gaussians import write_compressed_splats

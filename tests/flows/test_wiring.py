@@ -12,7 +12,7 @@ from box_rooms import block, thing
 from mypy import api
 
 from dcap.scene.settings import PROJECT_ROOT
-from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.choices import Anchor
 from dcap.scene.types.measures import Drift
 from dcap.scene.types.sample import GivenPlace, Sample
 from dcap.scene.types.segmentation import SegmentedObject

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from dcap.scene.writers.ply import mesh_from_ply
+from dcap.scene.writers.meshes import mesh_from_ply
 from flows.cli.app import main
 from flows.place import STAGES
 from tasks.artifact import Store

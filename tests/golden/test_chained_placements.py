@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from dcap.scene.types.gravity import GRAVITY
+from dcap.scene.types.particles import GRAVITY
 from flows.cli.app import main
 
 RESIDUAL = 5e-3

@@ -6,7 +6,7 @@ import layered_dent
 import pytest
 from layered_dent import Layer, dent, disc_sink
 
-from dcap.scene.types.gravity import GRAVITY
+from dcap.scene.types.particles import GRAVITY
 
 OUTER = 0.4 / pi**0.5
 """Radius [m] of the disc that has the area of a slab 0.4 x 0.4 m."""

@@ -21,12 +21,11 @@ from numpy.typing import NDArray
 
 from dcap.geometry.pieces import signed_volume
 from dcap.language.material_table import load_materials
-from dcap.scene.types.gravity import GRAVITY
 from dcap.scene.types.materials import Material
-from dcap.scene.types.particles import NodeState, Particles, SoftSimulationBody
+from dcap.scene.types.particles import GRAVITY, NodeState, Particles, SoftSimulationBody
 from dcap.scene.types.settled import Settled
 from flows.cli.app import main
-from solver.contact.pair_friction import PairFriction
+from solver.contact.friction import PairFriction
 from tasks.artifact import Store
 from tasks.bodies.solver_model import solver_model
 from tasks.particles.drop_setup import RIGID_CONTRAST

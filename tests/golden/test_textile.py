@@ -10,12 +10,10 @@ from scipy.sparse.csgraph import connected_components
 
 from dcap.geometry.raycast import Raycaster
 from dcap.language.offline.client import OfflineClient
-from dcap.scene.types.anchor import Anchor
-from dcap.scene.types.gravity import GRAVITY
-from dcap.scene.types.intent import Intent
+from dcap.scene.types.choices import Anchor, Intent
 from dcap.scene.types.materials import PartMaterials
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.particles import Particles
+from dcap.scene.types.particles import GRAVITY, Particles
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
 from perf.aims import read_samples, shot
 from solver.certificate import Verdict

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from dcap.scene.types.repair_report import Method, RepairReport
+from dcap.scene.types.scan import Method, RepairReport
 from perf.repair import SAMPLES, SUPPORTS, PartRepair, room_rows, sample_rows, summaries
 
 WHOLE_SCANS = ("hololens_", "polycam_", "quest_")

@@ -10,7 +10,7 @@ from solver.model.layers import stiffness
 from solver.model.soft import build
 from solver.model.state import start_state
 from solver.runtime import start
-from solver.tl.accuracy import depth_error, squared_error, twice_energy
+from solver.tl.measure import depth_error, squared_error, twice_energy
 
 
 def slab(lab, **interior):

@@ -8,7 +8,7 @@ from solver.errors import ModelError
 from solver.model.bodies import Model
 from solver.runtime import start
 from solver.settle import ImplicitDrop, settle
-from solver.tl.disturbance import bonded_groups, kicked_state
+from solver.tl.stability import bonded_groups, kicked_state
 
 
 def settled(lab, bonds, *bodies, **config):

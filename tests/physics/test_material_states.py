@@ -10,7 +10,7 @@ from solver.model.soft import lame
 from solver.model.state import start_state
 from solver.model.stress import VOIGT, corotated_stress, rotations
 from solver.runtime import start
-from solver.tl.material import material_states
+from solver.tl.measure import material_states
 
 E, NU = 2e4, 0.3
 

@@ -7,7 +7,7 @@ from scipy.spatial import ConvexHull, Delaunay
 from scipy.spatial.transform import Rotation
 
 from dcap.scene.types.mesh import Mesh
-from dcap.synthetic.objects import build_object
+from dcap.synthetic.dataset import build_object
 
 PENETRATION = 1e-4  # twice the penetration target of 0.05 mm: a body leans on unequally loaded points [m]
 

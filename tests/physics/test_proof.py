@@ -15,9 +15,8 @@ from solver.config import SolverConfig
 from solver.errors import UnstableStep
 from solver.model.bodies import Body, Model, SoftBody
 from solver.settle import settle
-from tasks.bodies.overlap import overlap_row
+from tasks.bodies.overlap import largest_push, nearest, overlap_row, sides_of
 from tasks.bodies.proof import contact_proof, largest_gap, proven
-from tasks.bodies.surface_places import largest_push, nearest, sides_of
 
 Points = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from dcap.scene.types.mesh import Mesh
-from dcap.synthetic.objects import build_object
+from dcap.synthetic.dataset import build_object
 from solver.contact.active import Contacts
 from solver.model.state import ContactMemory
 

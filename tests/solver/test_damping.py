@@ -6,9 +6,8 @@ from scipy.spatial.transform import Rotation
 
 from solver.kernels.damping import add_drag, start_strains
 from solver.kernels.elastic import cell_forces
-from solver.reference import damping as reference
-from solver.reference.damping import Cell
-from solver.reference.elastic import polar_rotation
+from solver.reference import elastic as reference
+from solver.reference.elastic import Cell, polar_rotation
 from solver.runtime import start
 
 MU, LAM = 4e4, 6e4

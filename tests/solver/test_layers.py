@@ -15,9 +15,9 @@ from solver.model.bodies import Interior, Model, SignedDistance, SoftBody
 from solver.model.layers import Layers, frames, split, stiffness
 from solver.model.soft import build as build_soft
 from solver.model.soft import lame
-from solver.reference.layers import layered_energy, transverse_stiffness
+from solver.reference.elastic import layered_energy, transverse_stiffness
 from solver.runtime import start
-from solver.tl.relief import rest_stiffness, with_definite_relief
+from solver.tl.ghost import rest_stiffness, with_definite_relief
 
 CLOTH = (2e4, 0.05, 4e5, 0.2, 2e3)  # E_t, nu_tp, E_p, nu_p, G_t
 STIFF_BETWEEN = (4e5, 0.6, 2e5, 0.1, 3e5)  # shear between layers above that in them, nu_tp above 1/2

@@ -6,15 +6,13 @@ import numpy as np
 from dented_bed import anchor, scene_of
 from numpy.typing import NDArray
 
+from dcap.scene.types.choices import AskedPose
 from dcap.scene.types.earlier import Deformation, EarlierPlacements, FreedThings, PlacedThing
 from dcap.scene.types.floor_plan import FloorPlan, FloorPlans, PlanBox
-from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.mesh import AlphaMode, MaterialMap, Mesh, Paint, SourceSurface, SurfaceMaterial
 from dcap.scene.types.outcome import ObjectHole, OpenObject
-from dcap.scene.types.paint import Paint, SourceSurface
-from dcap.scene.types.renders import Renders, Visibility
-from dcap.scene.types.rotation import AskedPose
+from dcap.scene.types.pictures import Renders, Visibility
 from dcap.scene.types.settled import PoseCheck
-from dcap.scene.types.surface_material import AlphaMode, MaterialMap, SurfaceMaterial
 
 
 def asked_and_refused() -> tuple[object, ...]:

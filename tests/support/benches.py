@@ -5,8 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from box_rooms import block, segmentation
 
-from dcap.scene.types.anchor import Anchor
-from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
+from dcap.scene.types.choices import Anchor, Intent, OrientationRequest, RegionRequest
 from dcap.scene.types.materials import BodyModel, Material, PartMaterial, PartMaterials
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene

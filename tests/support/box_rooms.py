@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import trimesh
 
-from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.boxes import OrientedBox
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.segmentation import Instance, Part, Segmentation
 

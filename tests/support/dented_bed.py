@@ -7,8 +7,8 @@ import trimesh
 from rest_records import history, implicit_certificate
 
 from dcap.geometry.solid.repair import subdivide_near
-from dcap.scene.types.anchor import Anchor
-from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.boxes import OrientedBox
+from dcap.scene.types.choices import Anchor
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.segmentation import Instance, Part, Segmentation
 from dcap.scene.types.settled import Settled, SettledBody

@@ -5,16 +5,16 @@ from pathlib import Path
 import numpy as np
 from pydantic import BaseModel
 from flows.place import PlacementRefs
-from dcap.scene.types.anchor import Anchor
-from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.choices import Anchor
+from dcap.scene.types.boxes import OrientedBox
 from dcap.scene.errors import GeometryError
-from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
+from dcap.scene.types.choices import Intent, OrientationRequest, RegionRequest
 from dcap.scene.types.materials import Material, BodyModel, PartMaterial, PartMaterials
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Infeasible, NotInScene, Reason
 from dcap.scene.types.particles import Particles
-from dcap.scene.types.renders import Renders, Visibility
-from dcap.scene.types.rotation import Rotation
+from dcap.scene.types.pictures import Renders, Visibility
+from dcap.scene.types.choices import Rotation
 from dcap.scene.types.scan import Scan
 from dcap.scene.types.segmentation import Instance, Part, Segmentation
 from dcap.scene.types.settled import Settled, SettledBody

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from dcap.scene.whole_files import DRAFTS
+from dcap.scene.json_tree import DRAFTS
 
 Stamp = tuple[int, int]
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from dcap.scene.json_tree import canonical_json
 from dcap.scene.settings import cache_root
-from dcap.scene.types.file_scale import FileScale
+from dcap.scene.types.scan import FileScale
 from tasks import code
 from tasks.artifact import Record, Ref, Store
 from tasks.cache import plain_input

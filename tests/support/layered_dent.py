@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.linalg import spsolve
 
+from dcap.arrays import Array
 from solver.model.layers import Layers, split
-
-Array = NDArray[np.float64]
 
 GAUSS = 0.5 + np.array([-0.5, 0.5]) / 3.0**0.5
 CONTACT = 1e9  # stiffness of the contact [Pa/m]: 10 kPa are 0.01 mm

@@ -20,8 +20,8 @@ from dcap.evaluation.judging.cameras import PlacedThing, box_corners, sample_cam
 from dcap.evaluation.methods import joined_id
 from dcap.evaluation.outcome_table import SampleOutcome
 from dcap.evaluation.run_folder import sample_folder
-from dcap.scene.types.judged_views import PLACED, Sights
 from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.pictures import PLACED, Sights
 from dcap.scene.writers.glb import Node, glb_bytes
 from flows.find_run import ASKED_VERSION
 

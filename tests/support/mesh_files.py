@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from dcap.scene.errors import InputError
-from dcap.scene.readers.frame.frame import Role
+from dcap.scene.readers.frame import Role
 from dcap.scene.readers.source import read_scan
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.sample import SourceOptions

@@ -7,8 +7,8 @@ import viser
 from dented_bed import anchor, ball, box_mesh, scene_of, settled
 from rest_records import history
 
+from dcap.scene.types.choices import Rotation
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.rotation import Rotation
 from dcap.scene.types.segmentation import Segmentation
 from dcap.scene.types.settled import Settled, SettledBody
 from flows.place import PlaceConfig

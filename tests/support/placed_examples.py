@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.choices import Anchor
 from dcap.scene.types.earlier import Deformation, EarlierPlacements, FreedThings, PlacedThing
 from dcap.scene.types.materials import BodyModel, Material, PartMaterial
 from dcap.scene.types.mesh import Mesh

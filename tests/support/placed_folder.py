@@ -8,14 +8,14 @@ from dented_bed import anchor, ball, scene_of, settled
 from rest_records import CONTACT
 
 from dcap.language.material_table import load_materials
-from dcap.scene.readers.frame.frame import Role
+from dcap.scene.readers.frame import Role
 from dcap.scene.readers.source import read_scan
 from dcap.scene.types.materials import BodyModel, PartMaterial
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.scan import Scan
 from dcap.scene.writers.glb import Node, glb_bytes, labelled_nodes
-from dcap.scene.writers.ply import mesh_to_ply
+from dcap.scene.writers.meshes import mesh_to_ply
 from flows.next_scene import next_scene_files
 from tasks.render.settled_meshes import settled_item, settled_scene
 

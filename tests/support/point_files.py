@@ -6,11 +6,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.geometry.splatting.on_mesh import even_points
+from dcap.arrays import Array
+from dcap.geometry.splatting.discs import even_points
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.point_cloud import PointCloud
-
-Array = NDArray[np.float64]
 
 
 def points_on(mesh: Mesh, count: int, *, noise: float = 0.0, seed: int = 0) -> PointCloud:

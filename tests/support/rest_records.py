@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from dcap.scene.types.judged_views import JudgedViews, SceneBefore, Sights
 from dcap.scene.types.measures import Drift, Indentation, Measures, RefereeMeasures
 from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.pictures import JudgedViews, SceneBefore, Sights
 from dcap.scene.types.settled import LastState, PlacementChecks, Settled, SettledBody
 from solver.certificate import (
     BodyStability,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from dcap.scene.readers.frame.frame import WORLD_FROM_FILE
+from dcap.scene.readers.frame import WORLD_FROM_FILE
 from dcap.scene.types.scan import Scan
 from dcap.scene.types.segmentation import Segmentation
 

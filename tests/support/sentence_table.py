@@ -5,15 +5,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from shapely import Polygon
 
 from dcap.geometry.placement.polygons import convex_hull
 from dcap.language.offline.client import OfflineClient
 from dcap.scene.errors import LanguageError
-from dcap.scene.types.anchor import Anchor
-from dcap.scene.types.box import OrientedBox
-from dcap.scene.types.intent import Intent
+from dcap.scene.types.boxes import OrientedBox
+from dcap.scene.types.choices import Anchor, Intent
 from dcap.scene.types.outcome import Infeasible, Reason
 from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
 from perf.aims import PICTURES, item_of, room_of
@@ -21,7 +19,6 @@ from tasks.anchor.stage import AnchorConfig, anchor
 from tasks.intent.stage import IntentConfig, intent
 from tasks.rotation.stage import rotation
 
-Array = NDArray[np.float64]
 Row = Mapping[str, Any]
 SHARED = 0.05
 """Share of an object's plan that may lie over or under a thing that it is to be clear of [-]."""

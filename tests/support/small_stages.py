@@ -14,7 +14,7 @@ from dcap.scene.errors import GeometryError
 from dcap.scene.settings import data_root
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Infeasible, Reason
-from dcap.scene.types.renders import Overview
+from dcap.scene.types.pictures import Overview
 from dcap.scene.types.settled import SettledBody
 from tasks.artifact import Ref
 from tasks.cache import stage

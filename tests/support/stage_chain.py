@@ -15,11 +15,9 @@ from fake_api import FakeApi
 from dcap.language.connect import Client, connect
 from dcap.language.protocol.client import ClientName, LanguageConfig
 from dcap.language.protocol.session import Session
-from dcap.scene.types.anchor import Anchor
-from dcap.scene.types.intent import Intent
+from dcap.scene.types.choices import Anchor, Intent, Rotation
 from dcap.scene.types.materials import PartMaterials
 from dcap.scene.types.outcome import Infeasible
-from dcap.scene.types.rotation import Rotation
 from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
 from tasks.anchor.stage import AnchorConfig, anchor
 from tasks.intent.stage import IntentConfig, intent

@@ -14,7 +14,7 @@ from dcap.evaluation.study.journal import VoteJournal
 from dcap.evaluation.study.placements import read_study_run
 from dcap.evaluation.study.session import StudySession
 from dcap.evaluation.study.study_folder import STUDY_FOLDER, StudyDesign, tokens_for, write_design
-from dcap.scene.types.judged_views import PLACED
+from dcap.scene.types.pictures import PLACED
 from flows.judge_run import read_rows
 from flows.own_requests import LOOPBACK, OwnRequests
 from flows.study.app import study_app

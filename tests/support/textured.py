@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.paint import Paint, SourceSurface
+from dcap.scene.types.mesh import Mesh, Paint, SourceSurface
 
 QUARTERS = ((230, 20, 30), (20, 200, 40), (30, 60, 220), (240, 220, 40))
 """Colours of the lower left, lower right, upper left and upper right quarter."""

@@ -13,12 +13,10 @@ from dcap.geometry.placement.search import SAMPLES
 from dcap.language.material_table import load_materials
 from dcap.language.offline.client import OfflineClient
 from dcap.language.protocol.questions import Question
-from dcap.scene.types.anchor import Anchor
-from dcap.scene.types.intent import Intent
+from dcap.scene.types.choices import Anchor, Intent, Rotation
 from dcap.scene.types.materials import BodyModel, Material, PartMaterials
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Infeasible, Reason
-from dcap.scene.types.rotation import Rotation
 from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
 from tasks.anchor.stage import AnchorConfig, anchor
 from tasks.intent.stage import IntentConfig

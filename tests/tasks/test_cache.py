@@ -24,9 +24,8 @@ from dcap.scene.types.outcome import Infeasible, Reason
 from tasks import run_context
 from tasks.artifact import Ref, Store
 from tasks.code import Code
-from tasks.locks import FileLocks
 from tasks.process import StageProcessError
-from tasks.records import find_record, key_of
+from tasks.records import FileLocks, find_record, key_of
 from tasks.run_context import Event, Mode
 
 Caller = Callable[[Callable[[], Any]], Any]
@@ -226,7 +225,7 @@ def test_threads_that_want_the_same_compute_it_once() -> None:
 
 HELD = """
 from small_stages import slow_task
-from tasks.locks import FileLocks
+from tasks.records import FileLocks
 slow_task(5)
 FileLocks().acquire_lock("{key}", "held until this program ends")
 print(1, flush=True)

@@ -32,15 +32,30 @@ from rest_records import (
 )
 
 from dcap.scene.errors import StoreError
-from dcap.scene.types.anchor import Anchor, Lean
-from dcap.scene.types.box import OrientedBox
-from dcap.scene.types.caution import Cause, Caution
-from dcap.scene.types.file_scale import FileScale
-from dcap.scene.types.given_labels import CornerFrame, GivenLabels, GivenPart, GivenThing, VertexLabels
-from dcap.scene.types.intent import Intent, OrientationRequest, RegionConstraint, RegionRequest, SupportCandidate
+from dcap.scene.types.boxes import OrientedBox
+from dcap.scene.types.choices import (
+    Anchor,
+    Intent,
+    Lean,
+    OrientationRequest,
+    RegionConstraint,
+    RegionRequest,
+    Rotation,
+    SupportCandidate,
+)
 from dcap.scene.types.materials import BodyModel, ContactFriction, LayerConstants, Material, PartMaterial, PartMaterials
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.outcome import BesideThePart, HiddenObject, Infeasible, InTheWay, NoRoom, NotInScene, Reason
+from dcap.scene.types.outcome import (
+    BesideThePart,
+    Cause,
+    Caution,
+    HiddenObject,
+    Infeasible,
+    InTheWay,
+    NoRoom,
+    NotInScene,
+    Reason,
+)
 from dcap.scene.types.particles import (
     BackgroundGrid,
     ColumnLayer,
@@ -53,13 +68,20 @@ from dcap.scene.types.particles import (
     SimulationBody,
     SoftSimulationBody,
 )
-from dcap.scene.types.pointed import Pointed
-from dcap.scene.types.renders import Overview, Renders
-from dcap.scene.types.repair_report import BodyGeometry, Method, RepairReport
-from dcap.scene.types.rotation import Rotation
+from dcap.scene.types.pictures import Overview, Renders
 from dcap.scene.types.sample import GivenPlace, KnownHeight, Sample, SourceOptions
-from dcap.scene.types.scan import LabelBox, Room, Scan
-from dcap.scene.types.segmentation import Instance, Part, Segmentation
+from dcap.scene.types.scan import BodyGeometry, FileScale, LabelBox, Method, RepairReport, Room, Scan
+from dcap.scene.types.segmentation import (
+    CornerFrame,
+    GivenLabels,
+    GivenPart,
+    GivenThing,
+    Instance,
+    Part,
+    Pointed,
+    Segmentation,
+    VertexLabels,
+)
 from dcap.scene.types.settled import EndPose, LeanCheck, Settled, SettledBody
 from flows.place import STAGES
 from solver.certificate import BondRow, CertificateRow, NotDone, RollingRow

@@ -9,11 +9,9 @@ import pytest
 
 from dcap.geometry.raycast import Raycaster
 from dcap.language.offline.client import OfflineClient
-from dcap.scene.readers.frame.frame import Role
+from dcap.scene.readers.frame import Role
 from dcap.scene.readers.source import read_scan
-from dcap.scene.types.anchor import Anchor
-from dcap.scene.types.intent import Intent
-from dcap.scene.types.rotation import Rotation
+from dcap.scene.types.choices import Anchor, Intent, Rotation
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
 from tasks.anchor.stage import AnchorConfig, anchor

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from dcap.scene.types.anchor import Anchor
-from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.boxes import OrientedBox
+from dcap.scene.types.choices import Anchor
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.segmentation import Instance, Part, Segmentation, SegmentedObject, SegmentedScene
 from tasks.overview import OverviewConfig, overview

@@ -13,7 +13,7 @@ from stage_chain import Stages
 from dcap.geometry.placement.poses import about_z
 from dcap.language.protocol.client import ClientName
 from dcap.scene.errors import LanguageError
-from dcap.scene.types.intent import Intent
+from dcap.scene.types.choices import Intent
 
 ON_THE_BED = "put the cube on the bed"
 

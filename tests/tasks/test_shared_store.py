@@ -12,7 +12,7 @@ from s3_server import S3, s3_server
 from small_stages import CHAIN, chain, computed, ends_of
 
 from dcap.scene.errors import MissingArtifactError, StoreError
-from dcap.scene.redaction import redacted_url, without_secrets
+from dcap.scene.secrets import redacted_url, without_secrets
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.sample import SourceOptions
 from flows.cli.app import main

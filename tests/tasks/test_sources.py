@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from dcap.scene.errors import InputError
-from dcap.scene.readers.files.references import absence
+from dcap.scene.readers.files import absence
 from tasks.artifact import Source, Store
 
 

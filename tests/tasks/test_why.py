@@ -9,7 +9,7 @@ from known_records import known_code, known_result, recipe
 
 from tasks.artifact import Ref
 from tasks.records import every_record, key_of
-from tasks.why import why_not_cached
+from tasks.upkeep import why_not_cached
 
 FILES = {"tasks/drop.py": "a", "solver/step.py": "a", "materials.csv": "a"}
 

@@ -8,16 +8,14 @@ used.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dcap.arrays import Array
 from dcap.geometry.placement.poses import about_z, front_of
 from dcap.geometry.placement.upright import standing_pose, stands_as_read
-from dcap.language.offline.fronts import front_side
+from dcap.language.offline.kinds import front_side
 from dcap.language.offline.lexicon import thing_of
 from dcap.language.offline.pose_choice import to_right
 from dcap.scene.types.mesh import Mesh
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -10,15 +10,14 @@ from collections.abc import Mapping
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from dcap.arrays import Array
 from dcap.geometry.placement.named_regions import viewer_frame
 from dcap.geometry.placement.polygons import counter_clockwise
-from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.boxes import OrientedBox
 from dcap.scene.types.floor_plan import FloorPlan, PlanBox
 from dcap.scene.types.segmentation import Instance, Segmentation
 
-Array = NDArray[np.float64]
 GAP = 0.25
 """Half of the widest gap in a floor that is bridged [m]: the width of a wall or a threshold."""
 PLAIN = 0.02

@@ -6,17 +6,15 @@ if it intersects something or hovers.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dcap.arrays import Array
 from dcap.geometry.placement.named_regions import outline, viewer_frame
 from dcap.geometry.placement.polygons import inside
 from dcap.geometry.raycast import Raycaster
-from dcap.scene.types.anchor import Anchor
-from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.boxes import OrientedBox
+from dcap.scene.types.choices import Anchor
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.segmentation import Instance, Segmentation
-
-Array = NDArray[np.float64]
 
 
 def proposed_anchor(scene: Segmentation, item: Mesh, world_from_object: Array, region: str, reason: str) -> Anchor:

@@ -11,14 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dcap.arrays import Array
 from dcap.geometry.camera import Camera, looking_at
 from dcap.geometry.raycast import Raycaster, packed_rays
-from dcap.geometry.rendering.cutaway import LEVEL_COS
-from dcap.geometry.rendering.visibility import spread_points
-from dcap.scene.types.judged_views import Sights, Viewpoint
+from dcap.geometry.rendering.shading import spread_points
+from dcap.geometry.rendering.view_volume import LEVEL_COS
 from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.pictures import Sights, Viewpoint
 
-Array = NDArray[np.float64]
 Direction = tuple[float, float]
 """Azimuth off +x, counterclockwise from above, and elevation over the horizon [degrees]."""
 

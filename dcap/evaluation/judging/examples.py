@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from dcap.evaluation.judging.known_room import BED, FLOOR, PROMPTS, SETTLED, BallPlace, RoomWithBall
 from dcap.language.protocol.requests import Picture
-from dcap.scene.types.judged_views import PLACED
+from dcap.scene.types.pictures import PLACED
 from dcap.synthetic.rooms import build_room
 
 ROOM = "guest_01"

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from dcap.language.protocol.requests import Picture
 from dcap.scene.errors import InputError
-from dcap.scene.readers.files.image import read_image
+from dcap.scene.readers.files import read_image
 
 BEFORE_TITLES = ("the scene before the object is placed", "the object alone")
 """Captions for a judge of the pictures that all methods of a sample share."""

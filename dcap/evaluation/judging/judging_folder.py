@@ -17,8 +17,7 @@ from dcap.evaluation.statistics.comparisons import Comparison, JudgedAxis, on_ax
 from dcap.evaluation.statistics.sides import SideReport, side_report
 from dcap.language.model.ledger import Spending
 from dcap.scene.errors import FormatError
-from dcap.scene.json_tree import object_to_json
-from dcap.scene.whole_files import whole_file, write_whole
+from dcap.scene.json_tree import object_to_json, whole_file, write_whole
 
 JUDGING, SCORES, COMPARISONS, JUDGE = "judging", "scores.parquet", "comparisons.parquet", "judge.json"
 SCORE_COLUMNS = pa.schema([

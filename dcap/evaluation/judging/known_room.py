@@ -15,6 +15,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from dcap.arrays import Array
 from dcap.evaluation.judging.cameras import (
     SAMPLES,
     PlacedThing,
@@ -28,14 +29,14 @@ from dcap.evaluation.judging.rubric import Metrics
 from dcap.evaluation.metrics.columns import columns
 from dcap.evaluation.metrics.touching import touching
 from dcap.geometry.raycast import Raycaster
-from dcap.geometry.rendering.cutaway import cut_faces
 from dcap.geometry.rendering.picture import picture
+from dcap.geometry.rendering.view_volume import cut_faces
 from dcap.geometry.solid.repair import subdivide_near
 from dcap.language.protocol.requests import Picture
 from dcap.scene.errors import InputError
-from dcap.scene.types.gravity import GRAVITY
-from dcap.scene.types.judged_views import BEFORE, PLACED, Sights, Viewpoint
 from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.particles import GRAVITY
+from dcap.scene.types.pictures import BEFORE, PLACED, Sights, Viewpoint
 from dcap.synthetic.rooms import BuiltRoom
 
 RADIUS, MASS = 0.108, 5.0
@@ -57,7 +58,6 @@ LYING_ON = {BED: ("bed",), FLOOR: ("floor", "rug")}
 STRUCTURE = ("floor", "ceiling", "wall", "window", "door")
 COLOR = (40, 50, 110)
 
-Array = NDArray[np.float64]
 KEPT_SCENES = 4
 """Number of rooms kept: the two of a pair, and the undeformed one."""
 KEPT_PICTURES = 64

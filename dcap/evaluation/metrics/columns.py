@@ -11,10 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dcap.arrays import Array
 from dcap.geometry.raycast import Raycaster
 from dcap.scene.types.mesh import Mesh
-
-Array = NDArray[np.float64]
 
 LINES = 96
 """Vertical lines along each side of the object's box in plan [-]: features under a hundredth of its size are missed."""

@@ -10,11 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, label
 
+from dcap.arrays import Array
 from dcap.evaluation.metrics.columns import DOWN, LINES, Columns
 from dcap.geometry.distance import MeshDistance
 from dcap.geometry.raycast import Raycaster
-
-Array = NDArray[np.float64]
 
 NEIGHBOURS = np.ones((3, 3), dtype=int)
 """Lines that touch at a corner are neighbours."""

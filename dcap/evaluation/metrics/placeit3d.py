@@ -21,15 +21,13 @@ from itertools import combinations
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from dcap.arrays import Array
 from dcap.evaluation.metrics.touching import TOUCHING
 from dcap.evaluation.outcome_table import ExpectedOutcome
-from dcap.scene.types.box import OrientedBox
-from dcap.scene.types.intent import Intent
+from dcap.scene.types.boxes import OrientedBox
+from dcap.scene.types.choices import Intent
 from dcap.scene.types.segmentation import Instance
-
-Array = NDArray[np.float64]
 
 NEAR_SHARE = 0.01
 """Largest distance of `near` over the size of the room [-], as printed."""

@@ -6,13 +6,11 @@ Only stated intentions count: if the truth names no part, region or direction, t
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation as Turn
 
+from dcap.arrays import Array
 from dcap.evaluation.outcome_table import ExpectedOutcome
 from dcap.evaluation.region import distance_to_edges, inside
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

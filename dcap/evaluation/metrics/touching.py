@@ -10,6 +10,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from dcap.arrays import Array
 from dcap.evaluation.metrics.columns import DOWN, UP, Columns, below, columns
 from dcap.evaluation.metrics.depth import sunk_depth
 from dcap.geometry.distance import MeshDistance
@@ -17,8 +18,6 @@ from dcap.geometry.placement.poses import center_of_mass
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.solid.repair import subdivide_near
 from dcap.scene.types.mesh import Mesh
-
-Array = NDArray[np.float64]
 
 TOUCHING = 1e-3
 """Surfaces closer than this touch [m]: the least gap visible in a picture of a room, and ten times the solver's gap."""

@@ -17,8 +17,8 @@ from dcap.evaluation.page3d.three import ORBIT, three_script
 from dcap.evaluation.study.placed_surface import read_placed_surface
 from dcap.evaluation.table_files import write_if_other
 from dcap.scene.errors import DcapError
-from dcap.scene.whole_files import digest_of_file
-from dcap.scene.writers.earlier_files import copy_earlier, note_files
+from dcap.scene.json_tree import digest_of_file
+from dcap.scene.writers.placed_scene import copy_earlier, note_files
 
 PAGE, FOLDER = "view3d.html", "view3d"
 SCENE = "scene.glb"

@@ -26,7 +26,7 @@ from dcap.evaluation.run_page.provenance import read_run
 from dcap.evaluation.run_summary import RunSummary
 from dcap.evaluation.table_files import table_links
 from dcap.language.protocol.client import ClientName
-from dcap.scene.whole_files import write_whole
+from dcap.scene.json_tree import write_whole
 
 INDEX = "index.html"
 TABLE1, TABLE2 = (table_links(name)[0] for name in ("table1", "table2"))

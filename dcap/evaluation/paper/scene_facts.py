@@ -14,7 +14,7 @@ from dcap.evaluation.run_page.tables import ShownTable
 from dcap.evaluation.supports_plot import MATERIALS, SUPPORTS, save_supports_plot, summary
 from dcap.evaluation.supports_table import is_support
 from dcap.evaluation.table_files import TABLES, csv_of, table_links, tex_escaped, write_table
-from dcap.language.offline.deformable import deformable_materials, deformable_supports
+from dcap.language.offline.kinds import deformable_materials, deformable_supports
 
 DATASET, FIGURE3 = "dataset", "figure3"
 FIGURES = {SUPPORTS: "figures/deformable_supports.png", MATERIALS: "figures/deformable_materials.png"}

@@ -10,12 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dcap.arrays import Array
 from dcap.evaluation.referee.prisms import Prisms
 from dcap.scene.errors import GeometryError, InputError
-from dcap.scene.types.gravity import GRAVITY
-from dcap.scene.types.particles import InertialProperties
-
-Array = NDArray[np.float64]
+from dcap.scene.types.particles import GRAVITY, InertialProperties
 
 MISSING = "the referee needs MuJoCo: pip install dcap[referee]"
 STEP, QUIET_STEP, QUIET = 5e-4, 2e-3, 5e-3

@@ -8,13 +8,12 @@ only the scene's points in the object count.
 import numpy as np
 from numpy.typing import NDArray
 
+from dcap.arrays import Array
 from dcap.evaluation.referee.prisms import within
 from dcap.geometry.pieces import numbered_pieces
 from dcap.geometry.raycast import tensor
 from dcap.geometry.solid.repair import subdivide_near
 from dcap.scene.types.mesh import Mesh
-
-Array = NDArray[np.float64]
 
 FINE, LEAST_EDGE = 1.0 / 64.0, 1e-3
 """Longest edge of the faces that are sampled over the object's size [-], and at least [m]."""

@@ -10,16 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.geometry.boundary import is_closed, welded
-from dcap.geometry.pieces import outward
+from dcap.arrays import Array, Mask
+from dcap.geometry.pieces import is_closed, outward, welded
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.solid.height_map import seen_from_above
 from dcap.geometry.solid.mending import look_spacing, looks_at_backs, wound_outwards
 from dcap.geometry.solid.surface_prisms import RIM, ThinnedSurface, rays_in, samples, thinned
 from dcap.scene.types.mesh import Mesh
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 NEAR = 0.02
 """Distance between surfaces within which they keep their detail [m]."""
@@ -98,13 +95,13 @@ def object_prisms(thing: Mesh, scene: Mesh) -> Prisms:
     return Prisms(corners, np.zeros(len(corners), dtype=np.int64), deviation)
 
 
-def kept(mesh: Mesh, mask: Bools) -> ThinnedSurface:
+def kept(mesh: Mesh, mask: Mask) -> ThinnedSurface:
     """Some faces (m,) of a mesh unchanged, or fewer faces of the same shape if they are many."""
     some = mesh.submesh(np.flatnonzero(mask))
     return thinned(some, FINE, FINE_BUDGETS) if len(some.faces) > FINE_BUDGETS[-1] else ThinnedSurface(some, 0.0)
 
 
-def coarse(mesh: Mesh, mask: Bools, other: Mesh) -> ThinnedSurface:
+def coarse(mesh: Mesh, mask: Mask, other: Mesh) -> ThinnedSurface:
     """Some faces (m,) of a mesh that are not NEAR another one, reduced as far as it stays clear; their deviation does
     not count."""
     import open3d
@@ -130,7 +127,7 @@ def sunk(corner: Array, unit: Array, depth: Array) -> Array:
     return np.concatenate([corner, corner - (depth[:, None] * unit)[:, None]], axis=1)
 
 
-def under(few: Mesh, solid: Mesh) -> tuple[Array, Bools, Array]:
+def under(few: Mesh, solid: Mesh) -> tuple[Array, Mask, Array]:
     """Outward unit normals of faces, whether each has a breadth, and the thickness of the solid under each [m], inf for
     a sheet."""
     corner, normal = few.triangles, few.face_normals
@@ -144,7 +141,7 @@ def under(few: Mesh, solid: Mesh) -> tuple[Array, Bools, Array]:
     return unit, broad, np.asarray(distance, dtype=np.float64)
 
 
-def within(corner: Array, low: Array, high: Array) -> Bools:
+def within(corner: Array, low: Array, high: Array) -> Mask:
     """Whether the boxes of triangles (n, 3, 3) meet another box, shape (n,)."""
     return np.asarray(((corner.max(axis=1) >= low) & (corner.min(axis=1) <= high)).all(axis=1))
 
@@ -154,7 +151,7 @@ def around(mesh: Mesh, bounds: Array, reach: float) -> Mesh:
     return mesh.submesh(np.flatnonzero(within(mesh.triangles, bounds[0] - reach, bounds[1] + reach)))
 
 
-def close_to(mesh: Mesh, other: Mesh) -> Bools:
+def close_to(mesh: Mesh, other: Mesh) -> Mask:
     """Whether faces of a mesh may be NEAR another mesh, shape (m,)."""
     if not len(other.faces):
         return np.zeros(len(mesh.faces), dtype=bool)
@@ -178,13 +175,13 @@ def wound(mesh: Mesh) -> Mesh:
     return Mesh(mesh.vertices, faces, mesh.colors)
 
 
-def doubled(mesh: Mesh) -> Bools:
+def doubled(mesh: Mesh) -> Mask:
     """Whether faces have another one at the same place, as sheets with two sides, shape (m,)."""
     corners = np.sort(welded(mesh.vertices)[mesh.faces], axis=1)
     _, same, count = np.unique(corners, axis=0, return_inverse=True, return_counts=True)
     return np.asarray(count[same.reshape(-1)] > 1)
 
 
-def looks_away(mesh: Mesh, point: Array) -> Bools:
+def looks_away(mesh: Mesh, point: Array) -> Mask:
     """Whether faces look away from a point [m], shape (m,)."""
     return np.asarray(np.einsum("ij,ij->i", mesh.face_normals, point - mesh.triangles.mean(axis=1)) < 0.0)

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dcap.arrays import Array
 from dcap.evaluation.referee.onward import simulate
 from dcap.evaluation.referee.overlap import overlap_depth
 from dcap.evaluation.referee.prisms import object_prisms, scene_prisms
@@ -24,8 +25,6 @@ from dcap.scene.errors import GeometryError, InputError
 from dcap.scene.types.arrays import check_array
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.particles import InertialProperties
-
-Array = NDArray[np.float64]
 
 SECONDS = 1.0
 """Simulated time [s]."""

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from dcap.evaluation.outcome_table import AS_POSED, AT_REST, SampleOutcome
 from dcap.scene.json_tree import JsonObject
-from dcap.scene.types.judged_views import PLACED
+from dcap.scene.types.pictures import PLACED
 
 PLACEMENT = "placement.json"
 MOST_NOTES, MOST_LETTERS = 20, 300

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dcap.evaluation.table_files import write_if_other
-from dcap.scene.json_tree import JsonObject, canonical_json
-from dcap.scene.whole_files import digest_of_file
+from dcap.scene.json_tree import JsonObject, canonical_json, digest_of_file
 
 RUN, HASHES = "run.json", "artifacts.sha256"
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from dcap.evaluation.outcome_table import SampleOutcome
 from dcap.evaluation.run_folder import placement_folder
 from dcap.evaluation.supports_plot import save_supports_plot, summary
-from dcap.language.offline.deformable import deformable_supports
+from dcap.language.offline.kinds import deformable_supports
 
 FACTS, FIGURE = "scene.json", "figures/supports.svg"
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dcap.language.offline.deformable import deformable_kind
 from dcap.language.offline.ground import stands_on
+from dcap.language.offline.kinds import deformable_kind
 from dcap.language.offline.lexicon import (
     default_parts,
     in_line,

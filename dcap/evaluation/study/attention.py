@@ -17,7 +17,7 @@ from dcap.evaluation.outcome_table import AT_REST
 from dcap.evaluation.study.placed_surface import PlacedSurface, read_placed_surface
 from dcap.evaluation.study.placements import ShownPlacement, StudyRun
 from dcap.scene.errors import DcapError
-from dcap.scene.whole_files import whole_file, write_whole
+from dcap.scene.json_tree import whole_file, write_whole
 
 ATTENTION, SETTLED, LIFTED, MODEL = "attention", "settled", "lifted", "model.glb"
 MOST_CHECKS = 3

@@ -11,12 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.geometry.raycast import Raycaster
-from dcap.geometry.rendering.normals import ShadingNormals
 from dcap.geometry.rendering.painted import own_paint
+from dcap.geometry.rendering.surface import ShadingNormals
 from dcap.scene.errors import FormatError
 from dcap.scene.readers.gltf.gltf import read_gltf
-from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.paint import CornerPaint, SourceSurface
+from dcap.scene.types.mesh import CornerPaint, Mesh, SourceSurface
 from dcap.scene.writers.glb import GLTF_FROM_WORLD, Node, glb_bytes
 
 THING = "object"

@@ -15,7 +15,7 @@ from dcap.evaluation.methods import DCAP, split_id
 from dcap.evaluation.outcome_table import SampleOutcome
 from dcap.evaluation.run_folder import placement_folder
 from dcap.scene.errors import InputError
-from dcap.scene.types.judged_views import BEFORE, PLACED
+from dcap.scene.types.pictures import BEFORE, PLACED
 
 VIEWS = "views"
 CLEAN, ASSET = BEFORE

@@ -18,7 +18,7 @@ from dcap.evaluation.statistics.comparisons import JudgedAxis
 from dcap.evaluation.study.design import MethodPairs, Side, StudyItem, questions_of, rater_items, showings_of
 from dcap.evaluation.study.journal import StudyVote, sync_folder
 from dcap.scene.errors import InputError
-from dcap.scene.whole_files import whole_file
+from dcap.scene.json_tree import whole_file
 
 STUDY_FOLDER, DESIGN, TOKENS, VOTES = "study", "study.json", "tokens.json", "votes.parquet"
 VERSION = 2

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dcap.arrays import Array
 from dcap.geometry.placement.polygons import (
     clipped,
     clipped_half_plane,
@@ -19,10 +19,9 @@ from dcap.geometry.placement.polygons import (
     grown,
     swept,
 )
-from dcap.scene.types.box import OrientedBox
-from dcap.scene.types.viewpoint import viewer_side
+from dcap.scene.types.boxes import OrientedBox
+from dcap.scene.types.choices import viewer_side
 
-Array = NDArray[np.float64]
 CENTER = 0.35
 """Half width of the central area over the part's half extent [-]."""
 EDGE = 0.35

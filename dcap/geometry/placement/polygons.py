@@ -10,7 +10,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from dcap.arrays import Array
+
 DIGITS = 9
 """Corners nearer than a nanometre are one: rounding must not make corners of its own [decimals of a metre]."""
 LEAST_RADIUS = 1e-3

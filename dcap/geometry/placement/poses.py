@@ -16,12 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, cKDTree
 
-from dcap.geometry.boundary import is_closed
-from dcap.geometry.pieces import signed_volume
+from dcap.arrays import Array
+from dcap.geometry.pieces import is_closed, signed_volume
 from dcap.scene.errors import GeometryError
 from dcap.scene.types.mesh import Mesh
 
-Array = NDArray[np.float64]
 MERGE_ANGLE = np.radians(8.0)
 """Stable faces closer than this are one pose [rad]: the foot of a scanned mug is many faces."""
 MOST_POSES = 24

@@ -3,21 +3,45 @@
 In: a mesh, how it stands by its shape, and which frame is believed. Out: the pose of the file, its half turns and
 quarter turns, the same of the pose in which the shape stands where that is another (a file that is lying or
 overturned), and the stable poses of the convex hull. Each has up and front of the frame that it is turned from.
+
+Axes by which a shape lies or stands on end, told by its extents alone.
+
+In: a mesh. Out: the axes of the box about it, its thinnest side first looked for, and the axis by which one tells
+whether it stands on end, lies, or has no end to stand on.
+
+Whether a figure sits by its shape: on its body, or stands on legs.
+
+In: a mesh and its own up. Out: whether it has legs, that is, more air than body right under its centre of mass; and
+whether it sits: has none under it, and that centre nearer to its bottom than to its top, since legs are lighter than
+what they carry.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation
 
-from dcap.geometry.placement.poses import front_of, rotated, stable_poses
+from dcap.arrays import Array
+from dcap.geometry.placement.polygons import smallest_rectangle
+from dcap.geometry.placement.poses import center_of_mass, front_of, rotated, stable_poses, turn_between
 from dcap.geometry.placement.upright import FILE_DOWN, probability_of, used_vertices
+from dcap.geometry.raycast import Raycaster
 from dcap.scene.types.mesh import Mesh
 
-Array = NDArray[np.float64]
 FLIPS = {"x": (1.0, -1.0, -1.0), "y": (-1.0, 1.0, -1.0), "z": (-1.0, -1.0, 1.0)}
 """Diagonals of the half turns."""
+LOW = 0.75
+"""An extent shorter than this times the next longer one is clearly the shorter [-]."""
+BLOCK = 256
+"""Directions that are measured at once: a scan's hull has thousands [-]."""
+LOOKS = 9
+"""Looks from below along each side of a square about the centre of mass [-]."""
+ABOUT = 0.1
+"""Half of that square's side over the larger horizontal extent [-]: a crease or a tail between them is passed by."""
+MOST = 0.5
+"""Share of the height of the centre of mass, and of that of the thing: of air below the centre, and of the centre [-].
+Half is where there is as much air as body, and as much above as below."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -78,3 +102,69 @@ def turns_of(frame: str, front: Array) -> dict[str, Array]:
     halves = {f"{prefix}flip_{axis}": np.diag(diagonal) for axis, diagonal in FLIPS.items()}
     turned = {f"{prefix}{name}": Rotation.from_rotvec(np.pi / 2 * way).as_matrix() for name, way in quarters.items()}
     return {frame: np.eye(3)} | halves | turned
+
+
+def own_box(mesh: Mesh) -> tuple[Array, Array]:
+    """Axes as rows (3, 3), unit, and extents (3,) [m] of the box about a mesh, the longest first.
+
+    Its thinnest side lies on a face of the hull, the others are those of the smallest rectangle about what is seen
+    along it. Flat and straight meshes have boxes too.
+    """
+    points = np.unique(mesh.vertices[np.unique(mesh.faces)], axis=0)
+    thin = thinnest(points)
+    across = np.cross(thin, np.eye(3)[int(np.argmin(np.abs(thin)))])
+    frame = np.stack([across / np.linalg.norm(across), np.cross(thin, across / np.linalg.norm(across))])
+    long, size = smallest_rectangle(points @ frame.T)
+    first = long @ frame
+    axes = np.stack([first, np.cross(thin, first), thin])
+    extents = np.array([*size, np.ptp(points @ thin)])
+    order = np.argsort(-extents, kind="stable")
+    return axes[order], extents[order]
+
+
+def thinnest(points: Array) -> Array:
+    """Normal of the face of the hull across which points (n, 3) are thinnest, unit, shape (3,)."""
+    try:
+        hull = ConvexHull(points)
+    except (QhullError, ValueError):  # flat: the normal of its plane
+        return np.asarray(np.linalg.svd(points - points.mean(axis=0))[2][-1])
+    normals = np.unique(np.round(hull.equations[:, :3], 9), axis=0)
+    outer = points[hull.vertices]
+    blocks = np.array_split(normals, len(normals) // BLOCK + 1)
+    widths = np.concatenate([np.ptp(block @ outer.T, axis=1) for block in blocks])
+    best = normals[int(np.argmin(widths))]
+    return np.asarray(best / np.linalg.norm(best))
+
+
+def end_axis(mesh: Mesh, *, on_edge: bool) -> tuple[Array, float] | None:
+    """The axis by which one tells whether it stands on end, and its angle from the vertical when it does [rad]; None
+    where the shape has no end.
+
+    Of something long that is the long axis, which is vertical; of something flat the thin one, which is level. Of what
+    is both, `on_edge` says whether standing on any edge is enough.
+    """
+    axes, size = own_box(mesh)
+    flat = (axes[2], 0.5 * np.pi) if size[2] < LOW * size[1] else None
+    long = (axes[0], 0.0) if size[1] < LOW * size[0] else None
+    return flat or long if on_edge else long or flat
+
+
+def sits(mesh: Mesh, up: Array) -> bool:
+    """Whether a mesh with its own up, a unit vector of shape (3,), sits."""
+    height = used_vertices(mesh) @ up
+    low, middle = float(height.min()), float(center_of_mass(mesh) @ up)
+    return middle - low <= MOST * (float(height.max()) - low) and not on_legs(mesh, up)
+
+
+def on_legs(mesh: Mesh, up: Array) -> bool:
+    """Whether a mesh with its own up, a unit vector of shape (3,), has more air than body under its centre of mass."""
+    turn = turn_between(up, np.array([0.0, 0.0, 1.0]))
+    points, center = used_vertices(mesh) @ turn.T, turn @ center_of_mass(mesh)
+    low, high = points.min(axis=0), points.max(axis=0)
+    height = float(center[2] - low[2])
+    steps = ABOUT * float((high - low)[:2].max()) * np.linspace(-1.0, 1.0, LOOKS)
+    x, y = (grid.ravel() for grid in np.meshgrid(center[0] + steps, center[1] + steps))
+    origin = np.c_[x, y, np.full(len(x), low[2] - height)]
+    hits = Raycaster(mesh).cast(origin @ turn, np.tile(up, (len(origin), 1)))
+    air = np.where(hits.face >= 0, hits.distance - height, np.inf)
+    return bool(np.median(air) > MOST * height)

@@ -16,12 +16,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from dcap.arrays import Array
 from dcap.geometry.placement.named_regions import Region
 from dcap.geometry.placement.polygons import inside, smallest_rectangle
 from dcap.geometry.raycast import Raycaster
 from dcap.scene.types.mesh import Mesh
 
-Array = NDArray[np.float64]
 HEADROOM = 0.012
 """Free height over the object while a place for it is searched [m]: the clearance and a little slack."""
 STEPPED = 0.015

@@ -10,9 +10,9 @@ overturned to them: its hollow is below.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
+from dcap.arrays import Array
 from dcap.geometry.placement.polygons import smallest_rectangle
 from dcap.geometry.placement.poses import (
     StablePose,
@@ -25,7 +25,6 @@ from dcap.geometry.placement.poses import (
 from dcap.geometry.raycast import Raycaster
 from dcap.scene.types.mesh import Mesh
 
-Array = NDArray[np.float64]
 CONTACT_BAND = 0.01
 """Points this near to the lowest one touch the ground, over the largest extent [-]: scans are not flat."""
 LEAST_CONTACT = 0.02

@@ -2,22 +2,28 @@
 
 In: a picture in the making and the number of one of its meshes. Out: shares of pixels and that mesh's own colours.
 Only pixels at its rim are looked at again, with several rays each.
+
+The object put into a photograph: its own colours where it is seen, its shadow on the rest.
+
+In: conditioning maps of the photograph's camera and the photograph. Out: a picture of the same size. The photograph is
+darkened in linear light by what the object takes away of it; what hides the object stays before it.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, binary_erosion
 
+from dcap.arrays import ByteArray, Float32Array, Mask
 from dcap.geometry.camera import Camera
 from dcap.geometry.raycast import Raycaster, packed_rays
 from dcap.geometry.rendering.picture import Exposure, borrowed_light, neighbours, sample_offsets
 from dcap.geometry.rendering.shading import compressed, shade
+from dcap.scene.errors import InputError
+from dcap.scene.srgb import linear_from_srgb
+from dcap.scene.types.pictures import ConditioningMaps
 
-Array = NDArray[np.float32]
-Mask = NDArray[np.bool_]
 
-
-def coverage(exposure: Exposure, mesh: int, samples: int) -> tuple[Array, Array]:
+def coverage(exposure: Exposure, mesh: int, samples: int) -> tuple[Float32Array, Float32Array]:
     """Share of each pixel that a mesh is seen in, (h, w), and its own displayed colour there, (3, h, w)."""
     camera, shape = exposure.scene.camera, exposure.shape
     seen = (exposure.surface.mesh_index == mesh).reshape(shape)
@@ -37,7 +43,7 @@ def coverage(exposure: Exposure, mesh: int, samples: int) -> tuple[Array, Array]
     return share, color
 
 
-def silhouette(caster: Raycaster, camera: Camera, samples: int) -> Array:
+def silhouette(caster: Raycaster, camera: Camera, samples: int) -> Float32Array:
     """Share of each pixel that a mesh alone covers, shape (h, w)."""
     shape = (camera.height, camera.width)
     seen = hits(caster, camera, camera.pixel_centers).reshape(shape)
@@ -68,6 +74,23 @@ def sub_pixels(pixel: NDArray[np.int64], camera: Camera, samples: int) -> NDArra
     return np.asarray((corner + sample_offsets(samples)[:, None]).reshape(-1, 2))
 
 
-def share_bytes(share: Array) -> NDArray[np.uint8]:
+def share_bytes(share: Float32Array) -> NDArray[np.uint8]:
     """Numbers 0..1 as 0..255."""
     return np.asarray(np.round(255.0 * np.clip(share, 0.0, 1.0)), dtype=np.uint8)
+
+
+def composite(maps: ConditioningMaps, photo: ByteArray) -> ByteArray:
+    """The photograph (h, w, 3) with the object in it; InputError if it is not of the maps' size."""
+    if photo.shape != maps.rgb.shape:
+        (height, width), (h, w) = maps.rgb.shape[:2], photo.shape[:2]
+        raise InputError(
+            f"the photo has {w} x {h} pixels and its camera {width} x {height}; give the photo's own camera"
+        )
+    share = maps.object_mask[..., None] / 255.0
+    ground = encoded(linear_from_srgb(photo) * maps.shadow[..., None])
+    return np.asarray(np.round(ground * (1.0 - share) + maps.object_rgb * share), dtype=np.uint8)
+
+
+def encoded(linear: NDArray[np.float64]) -> NDArray[np.float64]:
+    """sRGB 0..255 of linear light."""
+    return 255.0 * np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.power(linear, 1 / 2.4) - 0.055)

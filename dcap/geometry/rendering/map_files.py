@@ -13,9 +13,8 @@ from PIL import Image
 from dcap.geometry.camera import Camera
 from dcap.geometry.camera_file import write_camera
 from dcap.geometry.rendering.coverage import share_bytes
-from dcap.scene.types.colmap import ColmapModel, Pinhole, posed
-from dcap.scene.types.maps import ConditioningMaps
-from dcap.scene.writers.colmap import write_colmap_text
+from dcap.scene.types.pictures import ColmapModel, ConditioningMaps, Pinhole, posed
+from dcap.scene.writers.sugar import write_colmap_text
 
 MILLIMETRES = 1000.0
 FARTHEST = 65535

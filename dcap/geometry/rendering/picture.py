@@ -3,6 +3,8 @@
 In: coloured meshes and a camera. Out: an sRGB picture with soft shadows and ambient occlusion, depth and the mesh seen
 in each pixel. Same input, same bytes: directions of rays come from fixed sequences, and every pixel is computed by
 itself, on whatever core.
+
+Pictures of a mesh in its own colours, without light: what splats on it should look like; and how alike two are.
 """
 
 from collections.abc import Sequence
@@ -11,20 +13,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dcap.arrays import Float32Array
 from dcap.geometry.camera import Camera
 from dcap.geometry.raycast import Raycaster, packed_rays
-from dcap.geometry.rendering.bands import in_bands
-from dcap.geometry.rendering.shading import compressed, shade
-from dcap.geometry.rendering.surface import PreparedMeshes, RenderScene, SurfaceHits, dot
-from dcap.geometry.rendering.visibility import OFFSET, LightRays, Lights, gather
-from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.paint import PaintedMesh
+from dcap.geometry.rendering.shading import OFFSET, LightRays, Lights, compressed, gather, shade
+from dcap.geometry.rendering.surface import PreparedMeshes, RenderScene, SurfaceHits, dot, in_bands
+from dcap.scene.types.mesh import Mesh, PaintedMesh
 
 EDGE_STEP = 0.004  # relative jump in depth against the neighbours' plane that makes an edge
 EDGE_COLOR = 0.035  # jump in displayed colour (0..1) that makes an edge
 AROUND = ((0, 0), (0, 1), (1, 0), (0, -1), (-1, 0), (1, 1), (1, -1), (-1, 1), (-1, -1))
 """A pixel and its eight neighbours (rows, columns), the nearer ones first."""
-Array = NDArray[np.float32]
+
+SAMPLES = 2
+"""Rays along each side of a pixel, so that edges are as smooth as in other pictures [-]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -59,9 +61,9 @@ class Exposure:
     surface: SurfaceHits
     rays: LightRays | None
     """Which rays to the lights arrive, None without shadows."""
-    light: Array
+    light: Float32Array
     """Shares of the key light and of the sky, shape (2, h * w)."""
-    shown: Array
+    shown: Float32Array
     """Displayed colours 0..1 of the pixels' middles, shape (3, h * w)."""
 
     @property
@@ -130,7 +132,7 @@ def exposed(
     return Exposure(scene, surface, rays, light, displayed(scene, surface, light))
 
 
-def displayed(scene: RenderScene, surface: SurfaceHits, light: Array) -> Array:
+def displayed(scene: RenderScene, surface: SurfaceHits, light: Float32Array) -> Float32Array:
     """Displayed colours 0..1 of what rays met in light (2, n), shape (3, n)."""
     shown = np.empty_like(surface.color)
 
@@ -141,7 +143,7 @@ def displayed(scene: RenderScene, surface: SurfaceHits, light: Array) -> Array:
     return shown
 
 
-def in_bytes(shown: Array, shape: tuple[int, int]) -> NDArray[np.uint8]:
+def in_bytes(shown: Float32Array, shape: tuple[int, int]) -> NDArray[np.uint8]:
     """sRGB of displayed colours (3, h * w), shape (h, w, 3)."""
     rgb = np.empty((shown.shape[1], 3), dtype=np.uint8)
 
@@ -161,7 +163,7 @@ def seen_meshes(meshes: Sequence[Mesh], camera: Camera) -> NDArray[np.int32]:
     return np.append(owner, np.int32(-1))[face].reshape(camera.height, camera.width)
 
 
-def edges(surface: SurfaceHits, shown: Array, shape: tuple[int, int]) -> NDArray[np.bool_]:
+def edges(surface: SurfaceHits, shown: Float32Array, shape: tuple[int, int]) -> NDArray[np.bool_]:
     """Pixels that differ from a neighbour in mesh, depth or colour, shape (h * w,)."""
     index = surface.mesh_index.reshape(shape)
     inverse = (1.0 / surface.distance).reshape(shape)  # linear over a plane seen in perspective
@@ -180,7 +182,9 @@ def edges(surface: SurfaceHits, shown: Array, shape: tuple[int, int]) -> NDArray
     return rough.ravel()
 
 
-def smoothed(pixel: NDArray[np.int64], scene: RenderScene, surface: SurfaceHits, light: Array, samples: int) -> Array:
+def smoothed(
+    pixel: NDArray[np.int64], scene: RenderScene, surface: SurfaceHits, light: Float32Array, samples: int
+) -> Float32Array:
     """Displayed colours of pixels as means of samples^2 rays each, shape (3, n)."""
     corner = np.stack([pixel % scene.camera.width, pixel // scene.camera.width], axis=1)
     seen = scene.look((corner + sample_offsets(samples)[:, None]).reshape(-1, 2))
@@ -214,8 +218,8 @@ def neighbours(pixel: NDArray[np.int64], camera: Camera) -> list[NDArray[np.int6
 
 
 def borrowed_light(
-    own: Sequence[SurfaceHits], around: Sequence[NDArray[np.int64]], surface: SurfaceHits, light: Array
-) -> list[Array]:
+    own: Sequence[SurfaceHits], around: Sequence[NDArray[np.int64]], surface: SurfaceHits, light: Float32Array
+) -> list[Float32Array]:
     """Light of the most similar surface around, for each of several sets of n rays, each of shape (2, n)."""
     costs = [np.full(len(around[0]), np.inf, dtype=np.float32) for _ in own]
     chosen = [light[:, around[0]] for _ in own]
@@ -229,3 +233,22 @@ def borrowed_light(
             costs[k] = np.where(better, cost, costs[k])
             chosen[k] = np.where(better, lit, chosen[k])
     return chosen
+
+
+def unlit(mesh: Mesh, camera: Camera, caster: Raycaster | None = None) -> Float32Array:
+    """sRGB 0 to 1 over black, shape (rows, columns, 3); `caster` is the mesh's, if there is one already."""
+    fine = camera.scaled(SAMPLES)
+    ways = fine.directions(fine.pixel_centers)
+    hits = (caster or Raycaster(mesh)).cast(np.broadcast_to(camera.position, ways.shape), ways)
+    seen = hits.face >= 0
+    color = np.zeros((len(ways), 3))
+    corners = mesh.colors[mesh.faces[hits.face[seen]]] / 255.0
+    color[seen] = np.einsum("nk,nkc->nc", hits.barycentric[seen], corners)
+    blocks = color.reshape(camera.height, SAMPLES, camera.width, SAMPLES, 3)
+    return np.asarray(blocks.mean(axis=(1, 3)), dtype=np.float32)
+
+
+def psnr(a: Float32Array, b: Float32Array) -> float:
+    """Peak signal-to-noise ratio of two pictures with colours 0 to 1 [dB], inf where they are equal."""
+    error = float(np.mean((a.astype(np.float64) - b) ** 2))
+    return float("inf") if error == 0.0 else -10.0 * float(np.log10(error))

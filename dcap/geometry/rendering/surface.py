@@ -1,52 +1,129 @@
-"""Surface that the rays of a camera meet: place, normals, colour and mesh, ready to be lit."""
+"""Surface that the rays of a camera meet: place, normals, colour and mesh, ready to be lit.
 
-from collections.abc import Sequence
+Shading normals: smooth where a surface bends gently, sharp where it has an edge.
+
+In: a mesh, welded or not, wound consistently or not. Out: unit normals per face corner. A face averages its
+neighbours' normals at each corner, weighted by area and by how little they turn against its own.
+
+Work on many pixels in bands: small enough to stay in a core's cache, several at a time.
+
+Where a band ends depends on the number of pixels alone, so results do not depend on the number of cores.
+"""
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import dataclass, fields
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
+from dcap.arrays import Float32Array
+from dcap.cores import available_cores
 from dcap.geometry.camera import Camera
+from dcap.geometry.pieces import welded
 from dcap.geometry.raycast import JoinedTracers, PackedHits, RayTracer
-from dcap.geometry.rendering.bands import in_bands
-from dcap.geometry.rendering.normals import ShadingNormals
-from dcap.geometry.rendering.painted import PaintedScene
-from dcap.geometry.rendering.see_through import caster_of
+from dcap.geometry.rendering.painted import PaintedScene, caster_of
 from dcap.geometry.rendering.view_volume import in_view
 from dcap.scene.srgb import LINEAR
-from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.paint import PaintedMesh
+from dcap.scene.types.mesh import Mesh, PaintedMesh
 
-Array = NDArray[np.float32]
+BAND = 16384
+"""Pixels in a band: an array of vectors takes 200 KB, so that half a dozen fit into the second-level cache."""
+SHARP_COS, SMOOTH_COS = 0.5, 0.85  # 60 degrees and more: an edge; 32 degrees and less: a bend; blended in between
+FACES = 4096  # in a band: each has about 18 neighbours, counted once for each corner
 
 HIGH, LOW = np.radians([52.0, 24.0])
 """Elevations of the key light; the low one grazes level surfaces, so that one sees their relief."""
 LEAN_COS = 0.1  # a shading normal that leans farther from its face would shade the side that is not seen
 
 
+def in_bands(action: Callable[[slice], None], count: int, band: int = BAND) -> None:
+    """Call `action` with slices that cut range(count) into bands, on all cores; it must write its own band only."""
+    cuts = [slice(first, min(first + band, count)) for first in range(0, count, band)]
+    workers = min(available_cores(), len(cuts))
+    if workers < 2:
+        for cut in cuts:
+            action(cut)
+        return
+    with ThreadPoolExecutor(workers) as pool:
+        for _ in pool.map(action, cuts):  # raises what a band raised
+            pass
+
+
+class ShadingNormals:
+    """Corner normals of a mesh, computed for the faces that are asked for and kept."""
+
+    def __init__(self, mesh: Mesh) -> None:
+        area_normal = mesh.face_normals
+        self._length = np.sqrt(np.einsum("ij,ij->i", area_normal, area_normal))
+        self._unit = np.ascontiguousarray((area_normal / np.maximum(self._length, 1e-300)[:, None]).T)
+        self._corner = welded(mesh.vertices)[mesh.faces]
+        self._start, self._order = grouped(self._corner.ravel())
+        self._known = np.zeros(len(mesh.faces), dtype=bool)
+        self._normal = np.zeros((len(mesh.faces), 3, 3), dtype=np.float32)
+
+    def of_corners(self, face: NDArray[np.integer]) -> NDArray[np.float32]:
+        """Unit normals at the three corners of all faces, shape (m, 3, 3); made for the faces (n,) and earlier ones."""
+        wanted = np.zeros(len(self._known), dtype=bool)
+        wanted[face] = True
+        fresh = np.flatnonzero(wanted & ~self._known)
+
+        def average(band: slice) -> None:
+            self._normal[fresh[band]] = self._averaged(fresh[band])
+
+        in_bands(average, len(fresh), band=FACES)
+        self._known[fresh] = True
+        return self._normal
+
+    def _averaged(self, face: NDArray[np.integer]) -> NDArray[np.float32]:
+        """Weighted means over the faces around each corner."""
+        vertex = self._corner[face].ravel()
+        count = self._start[vertex + 1] - self._start[vertex]
+        slot = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+        other = self._order[np.repeat(self._start[vertex], count) + slot] // 3
+        target = np.repeat(np.arange(len(vertex)), count)
+        own, near = self._unit[:, face[target // 3]], self._unit[:, other]
+        cos = own[0] * near[0] + own[1] * near[1] + own[2] * near[2]
+        weight = self._length[other] * np.sign(cos)  # a neighbour wound the other way counts turned around
+        weight *= np.clip((np.abs(cos) - SHARP_COS) / (SMOOTH_COS - SHARP_COS), 0.0, 1.0)
+        total = np.stack([np.bincount(target, weight * part, minlength=len(vertex)) for part in near], axis=1)
+        size = np.sqrt(np.einsum("ij,ij->i", total, total))[:, None]
+        total = np.divide(total, size, out=np.repeat(self._unit.T[face], 3, axis=0), where=size > 0.0)
+        return np.asarray(total.reshape(-1, 3, 3), dtype=np.float32)
+
+
+def grouped(number: NDArray[np.int64]) -> tuple[NDArray[np.integer], NDArray[np.integer]]:
+    """Where the places of each number begin in a list of places, and that list in order, shapes (k + 1,) and (n,): a
+    counting sort, four times as fast as a comparing one."""
+    places = np.arange(len(number))
+    rows = csr_array((np.ones(len(number), dtype=bool), (number, places)))
+    return rows.indptr, rows.indices
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class SurfaceHits:
     """Hits of n rays from one camera; zeros where they meet nothing. One component after the other: (3, n)."""
 
-    direction: Array
+    direction: Float32Array
     """Unit ray directions, shape (3, n)."""
-    distance: Array
+    distance: Float32Array
     """Along the ray [m], inf where it meets nothing, shape (n,)."""
-    position: Array
+    position: Float32Array
     """[m], shape (3, n)."""
-    flat: Array
+    flat: Float32Array
     """Unit face normals towards the viewer, shape (3, n)."""
-    smooth: Array
+    smooth: Float32Array
     """Unit shading normals, shape (3, n)."""
-    color: Array
+    color: Float32Array
     """Linear colours 0..1, shape (3, n)."""
     mesh_index: NDArray[np.int32]
     """Mesh seen, -1 for none, shape (n,)."""
     face: NDArray[np.int32]
     """Face of the joined mesh, -1 for none, shape (n,)."""
-    corner_weights: Array
+    corner_weights: Float32Array
     """Weights of that face's corners, zeros for none, shape (3, n)."""
 
     @classmethod
@@ -142,7 +219,7 @@ class RenderScene:
         in_bands(describe, len(points))
         return surface
 
-    def _describe(self, rays: Array, hits: PackedHits, corner_normals: Array, out: SurfaceHits) -> None:
+    def _describe(self, rays: Float32Array, hits: PackedHits, corner_normals: Float32Array, out: SurfaceHits) -> None:
         """Fill in what a band of rays meets."""
         known = self.prepared
         out.direction[:] = rays[:, 3:].T
@@ -177,12 +254,12 @@ class RenderScene:
         out.smooth[:] = smooth / np.maximum(np.sqrt(dot(smooth, smooth)), np.float32(1e-12))
 
 
-def components(rows: Array) -> Array:
+def components(rows: Float32Array) -> Float32Array:
     """Vectors (n, k) one component after the other, shape (k, n)."""
     return np.ascontiguousarray(rows.T)
 
 
-def dot(a: Array, b: Array) -> Array:
+def dot(a: Float32Array, b: Float32Array) -> Float32Array:
     """Scalar products of vectors with the components first, shape (3, ...)."""
     return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
 

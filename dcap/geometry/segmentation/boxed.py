@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from dcap.geometry.segmentation.faces import FaceTable
 from dcap.geometry.segmentation.labels import Category, category_of, plain_structure
-from dcap.geometry.segmentation.rooms.structure import PLANE_BAND, ceiling_faces, find_levels, floor_faces, wall_number
-from dcap.scene.names import words_of
-from dcap.scene.types.box import OrientedBox
+from dcap.geometry.segmentation.rooms.shell import PLANE_BAND, ceiling_faces, find_levels, floor_faces, wall_number
+from dcap.scene.text import words_of
+from dcap.scene.types.boxes import OrientedBox
 from dcap.scene.types.scan import LabelBox
 
 MARGIN = 0.03

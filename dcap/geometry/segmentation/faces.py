@@ -1,4 +1,7 @@
-"""Per-face quantities of a mesh and the graph of faces that share an edge."""
+"""Per-face quantities of a mesh and the graph of faces that share an edge.
+
+The surface that a thing carries with: the level at which most of it looks up.
+"""
 
 from dataclasses import dataclass
 
@@ -14,6 +17,10 @@ MAX_POINTS = 400_000
 """Most points that `surface_points` lays; beyond it they lie farther apart [-]."""
 STRAY = 0.005
 """Share of a surface that may be stray points of a scan, below all else and above it [-]."""
+UPWARD = 0.8
+"""Cosine to the vertical from which a face looks up [-]."""
+BAND = 0.03
+"""Faces within this height are one level [m]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -151,3 +158,12 @@ def level_of(height: NDArray[np.float64], weight: NDArray[np.float64], width: fl
     best = int(np.argmax(inside))
     window = order[best : int(end[best]) + 1]
     return float(np.average(height[window], weights=weight[window]))
+
+
+def main_level(mesh: Mesh, faces: NDArray[np.integer]) -> float:
+    """Height of the main upward surface of some faces [m]; nan where nothing looks up."""
+    corner = mesh.corners(faces)
+    normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    length = np.linalg.norm(normal, axis=1)
+    up = normal[:, 2] > UPWARD * np.maximum(length, 1e-30)
+    return level_of(corner[up, :, 2].mean(axis=1), length[up], BAND)

@@ -2,7 +2,7 @@
 
 from enum import StrEnum
 
-from dcap.scene.names import words_of
+from dcap.scene.text import words_of
 
 
 class Category(StrEnum):

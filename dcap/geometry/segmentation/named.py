@@ -1,5 +1,11 @@
-"""Instances of a mesh without annotated boxes: by its nodes, by one label for everything, or by shape alone."""
+"""Instances of a mesh without annotated boxes: by its nodes, by one label for everything, or by shape alone.
 
+Instances and parts of a mesh whose nodes are annotated: a ScanNet scene, a GLB that we wrote.
+
+An annotated node is called `instance id` or `instance id/part`; what it says is taken as it is.
+"""
+
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TypeAlias
@@ -7,27 +13,16 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.geometry.segmentation.annotated import annotated_groups
 from dcap.geometry.segmentation.boxed import Group
-from dcap.geometry.segmentation.faces import (
-    FaceTable,
-    connected_regions,
-    plan_cells,
-    renumbered,
-    surface_heights,
-)
-from dcap.geometry.segmentation.labels import (
-    Category,
-    category_of,
-    part_word,
-    plain_structure,
-)
+from dcap.geometry.segmentation.faces import FaceTable, connected_regions, plan_cells, renumbered, surface_heights
+from dcap.geometry.segmentation.labels import Category, category_of, part_word, plain_structure
 from dcap.geometry.segmentation.rooms.contacts import segments_of
-from dcap.geometry.segmentation.rooms.shell import ScannedShell
-from dcap.geometry.segmentation.rooms.structure import wall_number
-from dcap.scene.names import readable, says_something
+from dcap.geometry.segmentation.rooms.shell import ScannedShell, wall_number
+from dcap.scene.text import readable, says_something
 from dcap.scene.types.scan import Scan
 
+COUNTER = re.compile(r"\.\d+$")
+"""Suffix that tells two nodes of one name apart."""
 Index: TypeAlias = NDArray[np.int64]
 TakeApart: TypeAlias = Callable[[NDArray[np.bool_]], list[Group]]
 """Takes the unnamed faces of a room apart: from a mask, shape (m,), to the things there."""
@@ -53,6 +48,35 @@ SMALL_ROOM = (1.2, 1.6)
 """A smaller one is at least this broad and high [m], and has walls that look inwards."""
 WALLED = 0.5
 """Share of its outline that walls have at least [-]."""
+
+
+def annotated_groups(scan: Scan) -> tuple[list[Group], NDArray[np.int64]]:
+    """The annotated instances in the order of their nodes, and the faces that no annotation speaks of."""
+    trails = [name.split("/") for name in scan.node_names]
+    labels = {trail[0]: label for trail, label in zip(trails, scan.node_labels, strict=True) if label}
+    number = {one: index for index, one in enumerate(labels)}
+    of_node = [number.get(trail[0], -1) if label else -1 for trail, label in zip(trails, scan.node_labels, strict=True)]
+    instance = np.array([*of_node, -1], dtype=np.int64)[scan.face_node]
+    silent = np.array([*(label is None for label in scan.node_labels), True])[scan.face_node]
+    order = np.argsort(instance, kind="stable")
+    ends = np.searchsorted(instance[order], np.arange(len(labels) + 1))
+    groups = [
+        Group(one, label, order[ends[i] : ends[i + 1]], None) for i, (one, label) in enumerate(labels.items())
+    ]  # fmt: skip
+    return [group for group in groups if len(group.faces)], np.flatnonzero(silent)
+
+
+def annotated_parts(scan: Scan, faces: NDArray[np.int64]) -> tuple[NDArray[np.int64], list[str]] | None:
+    """Part number of each face (k,) and the parts' names; None where the nodes of the faces name no parts."""
+    if not scan.node_labels:
+        return None
+    nodes, number = np.unique(scan.face_node[faces], return_inverse=True)
+    if nodes[0] < 0 or any(scan.node_labels[node] is None or "/" not in scan.node_names[node] for node in nodes):
+        return None
+    pieces = [scan.node_names[node].split("/")[1] for node in nodes]
+    kinds = list(dict.fromkeys(pieces))
+    part = np.array([kinds.index(piece) for piece in pieces], dtype=np.int64)[number.reshape(-1)]
+    return part, [COUNTER.sub("", kind) for kind in kinds]
 
 
 def named_groups(table: FaceTable, scan: Scan, taken_apart: TakeApart, names_thing: NamesThing) -> list[Group]:

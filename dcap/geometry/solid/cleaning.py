@@ -13,12 +13,10 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from dcap.geometry.boundary import WELD, boundary_edges, is_closed, welded
+from dcap.arrays import Array, IntArray
+from dcap.geometry.pieces import WELD, boundary_edges, is_closed, welded
 from dcap.geometry.solid.repair_log import RepairKind, RepairLog
 from dcap.scene.types.mesh import Mesh
-
-IntArray = NDArray[np.int64]
-FloatArray = NDArray[np.float64]
 
 THIN = 0.5 * WELD  # a face whose smallest height is below this [m] is a line: rounding decides its normal
 SEAM = 5.0 * WELD  # a border vertex this near to another border edge [m] lies on it: a T-junction
@@ -66,7 +64,7 @@ def without_lines(mesh: Mesh, log: RepairLog) -> Mesh:
     return mesh if keep.all() else mesh.submesh(np.flatnonzero(keep))
 
 
-def heights(mesh: Mesh) -> FloatArray:
+def heights(mesh: Mesh) -> Array:
     """Smallest height of each face [m], shape (m,); 0 of a face with two equal corners."""
     corner = mesh.triangles
     longest = np.linalg.norm(corner - np.roll(corner, -1, axis=1), axis=2).max(axis=1, initial=0.0)
@@ -170,7 +168,7 @@ def split_at_junctions(mesh: Mesh) -> tuple[Mesh, int]:
     ), len(gone)
 
 
-def between(vertices: FloatArray, candidate: IntArray, a: FloatArray, b: FloatArray) -> IntArray:
+def between(vertices: Array, candidate: IntArray, a: Array, b: Array) -> IntArray:
     """Those candidates that lie on the segment from a to b, in that order, without its ends."""
     way = b - a
     length = float(np.linalg.norm(way))

@@ -13,12 +13,11 @@ from functools import cached_property
 
 import manifold3d
 import numpy as np
-from numpy.typing import NDArray
 from skimage.measure import marching_cubes
 
-from dcap.geometry.boundary import hole_loops, is_closed
+from dcap.arrays import Array
 from dcap.geometry.distance import MeshDistance, sampled
-from dcap.geometry.pieces import INSIDE, inside_out_shells, own_shells, pieces_of, signed_volume
+from dcap.geometry.pieces import INSIDE, hole_loops, inside_out_shells, is_closed, own_shells, pieces_of, signed_volume
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.solid.cleaning import cleaned, without_scraps
 from dcap.geometry.solid.closing import area_vector, borders, capped, room_behind, slab, walled
@@ -30,9 +29,7 @@ from dcap.geometry.solid.union import inside_out, manifold_of, mesh_of, united
 from dcap.scene.errors import GeometryError
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.particles import DistanceGrid
-from dcap.scene.types.repair_report import Method, RepairReport
-
-FloatArray = NDArray[np.float64]
+from dcap.scene.types.scan import Method, RepairReport
 
 SAME_SOLID = 0.98  # least overlap (intersection over union) of a repair with what the winding number says is inside
 SOUND = 0.999  # least share of points on which winding number and parity agree: rays graze an edge now and then
@@ -69,7 +66,7 @@ class CleanedPart:
     """Its connected pieces."""
     floors: tuple[float | None, ...]
     """Height that each piece is solid down to [m]; None: as far as its own faces say."""
-    within: FloatArray | None = None
+    within: Array | None = None
     """Where it matters how far what can be seen is from the solid [m], shape (2, 3); None: everywhere."""
 
     @cached_property
@@ -87,7 +84,7 @@ class CleanedPart:
         """Rays against all faces."""
         return Raycaster(self.visible)
 
-    def thickness(self, piece: Mesh, most: float) -> FloatArray:
+    def thickness(self, piece: Mesh, most: float) -> Array:
         """Return how thick a sheet becomes at each of its vertices [m], shape (n,): `most`, or less where it would come
         out of what lies behind it."""
         return np.minimum(most, room_behind(piece, self.raycaster))
@@ -110,7 +107,7 @@ class CleanedPart:
 
 
 def simulation_ready(
-    mesh: Mesh, *, floor: FloatArray | None = None, allowed: RepairLimits = RepairLimits()
+    mesh: Mesh, *, floor: Array | None = None, allowed: RepairLimits = RepairLimits()
 ) -> tuple[Mesh, RepairReport]:
     """The closed surface of a part, and its report.
 
@@ -162,7 +159,7 @@ def used_as_given(field: MeshDistance, given: CleanedPart, allowed: RepairLimits
     )  # fmt: skip
 
 
-def tidied(mesh: Mesh, floor: FloatArray | None, log: RepairLog, within: FloatArray | None = None) -> CleanedPart:
+def tidied(mesh: Mesh, floor: Array | None, log: RepairLog, within: Array | None = None) -> CleanedPart:
     """The faces cleaned and divided into connected pieces of one floor, without scraps."""
     pieces: list[Mesh] = []
     floors: list[float | None] = []

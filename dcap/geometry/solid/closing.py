@@ -8,13 +8,11 @@ import manifold3d
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.geometry.boundary import boundary_edges, hole_loops
+from dcap.arrays import Array, IntArray
+from dcap.geometry.pieces import boundary_edges, hole_loops
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.solid.repair_log import RepairKind, RepairLog
 from dcap.scene.types.mesh import Mesh
-
-IntArray = NDArray[np.int64]
-FloatArray = NDArray[np.float64]
 
 UPRIGHT = 0.5  # borders whose plane is steeper than 60 degrees lie in a side
 SMALL = 0.1  # share of a piece's plan below which a hole in its underside is capped, not continued downwards
@@ -26,18 +24,18 @@ LEAST_SLAB = 1e-4  # thickness of a sheet that lies on another [m]
 BELOW = 1e-3  # a floor is at least this far [m] below the border that walls come down from: no wall without height
 
 
-def perimeter(points: FloatArray) -> float:
+def perimeter(points: Array) -> float:
     """Length of a closed chain of points (n, 3) [m]."""
     return float(np.linalg.norm(points - np.roll(points, -1, axis=0), axis=1).sum())
 
 
-def area_vector(points: FloatArray) -> FloatArray:
+def area_vector(points: Array) -> Array:
     """Area of a closed chain of points (n, 3) times its normal [m^2], shape (3,) (Newell)."""
     arm = points - points.mean(axis=0)
     return np.asarray(0.5 * np.cross(arm, np.roll(arm, -1, axis=0)).sum(axis=0))
 
 
-def cap(points: FloatArray) -> IntArray:
+def cap(points: Array) -> IntArray:
     """Triangles that close a hole, as indices (k, 3) of its border (n, 3), which runs as the faces around it do.
 
     They pass the border against its direction. The border is triangulated in the plane that it fills best.
@@ -99,7 +97,7 @@ def walled(mesh: Mesh, loops: list[IntArray], floor: float, log: RepairLog) -> M
     return Mesh(np.concatenate(vertices), np.concatenate(faces).astype(np.int32), np.concatenate(colors))
 
 
-def room_behind(mesh: Mesh, raycaster: Raycaster) -> FloatArray:
+def room_behind(mesh: Mesh, raycaster: Raycaster) -> Array:
     """How thick a sheet may become at each vertex and not come out of a face behind it [m], shape (n,): of a face that
     it would pass from inside, as the top of a board; what it would run into is united with it."""
     behind = -mesh.vertex_normals
@@ -111,7 +109,7 @@ def room_behind(mesh: Mesh, raycaster: Raycaster) -> FloatArray:
     return np.maximum(TOWARDS * least, LEAST_SLAB)
 
 
-def slab(mesh: Mesh, thickness: float | FloatArray, log: RepairLog) -> Mesh:
+def slab(mesh: Mesh, thickness: float | Array, log: RepairLog) -> Mesh:
     """A sheet with a second side behind it, against its normals, and walls along its border: `thickness` [m], one or
     shape (n,), or, if it is small, a share of its size.
     """

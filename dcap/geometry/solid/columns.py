@@ -10,20 +10,16 @@ sheets inside, missing undersides, backs and scraps change nothing.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, uniform_filter
 
+from dcap.arrays import Array, IntArray, Mask
 from dcap.geometry.distance import MeshDistance
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.solid.height_map import HeightMap, TornHole, holes_closed, spacing_within
 from dcap.geometry.solid.repair_log import RepairKind, RepairLog
 from dcap.geometry.solid.soundness import agreement, well_formed
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.repair_report import Method, RepairReport
-
-IntArray = NDArray[np.int64]
-FloatArray = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from dcap.scene.types.scan import Method, RepairReport
 
 FINEST = 0.002  # width of a column, at least [m]
 MOST_COLUMNS = 60_000  # looks at them: in large regions they are wider
@@ -58,7 +54,7 @@ class ColumnSolid:
 
 
 def column_solid(
-    mesh: Mesh, bottom: FloatArray, region: FloatArray, item: Mesh, tolerance: float, log: RepairLog
+    mesh: Mesh, bottom: Array, region: Array, item: Mesh, tolerance: float, log: RepairLog
 ) -> ColumnSolid | None:
     """The solid under the faces, each down to its `bottom` [m], shape (m,), within the region (2, 3) [m] around the
     `item` that hovers over them; None where nothing is seen there.
@@ -82,7 +78,7 @@ def column_solid(
     )
 
 
-def seen_below(caster: Raycaster, region: FloatArray, item: Mesh, cell: float) -> HeightMap:
+def seen_below(caster: Raycaster, region: Array, item: Mesh, cell: float) -> HeightMap:
     """The first surface below the top of an object, or below the object itself; up to the region's top where the
     surface between it and the object goes on above it."""
     count = np.maximum(np.round(np.ptp(region[:, :2], axis=0) / cell).astype(int), 2)
@@ -103,7 +99,7 @@ def seen_below(caster: Raycaster, region: FloatArray, item: Mesh, cell: float) -
     return HeightMap(region[0, :2].copy(), cell, height.reshape(shape), face.reshape(shape))
 
 
-def behind(caster: Raycaster, points: FloatArray, item: Mesh) -> Mask:
+def behind(caster: Raycaster, points: Array, item: Mesh) -> Mask:
     """Whether points (n, 3) lie in a thing: up from them one is met from below that looks up, and a surface hides them
     from most of five places of the object."""
     inside = np.zeros(len(points), dtype=bool)
@@ -123,7 +119,7 @@ def behind(caster: Raycaster, points: FloatArray, item: Mesh) -> Mask:
     return inside
 
 
-def bottoms(seen: HeightMap, bottom: FloatArray) -> FloatArray:
+def bottoms(seen: HeightMap, bottom: Array) -> Array:
     """Where the material of each column ends [m], shape (rows, columns): in a closed hole as deep as around it."""
     known = seen.face >= 0
     lowest = np.where(known, bottom[np.maximum(seen.face, 0)], np.inf)
@@ -133,7 +129,7 @@ def bottoms(seen: HeightMap, bottom: FloatArray) -> FloatArray:
     return np.asarray(lowest)
 
 
-def closed_columns(seen: HeightMap, lowest: FloatArray) -> tuple[Mesh, IntArray, Mask]:
+def closed_columns(seen: HeightMap, lowest: Array) -> tuple[Mesh, IntArray, Mask]:
     """The surface around all columns, the face that is seen at each of its faces, and which are on top.
 
     Corners are the samples; four of them that are there are a piece of the top and of the bottom, and where a piece has
@@ -206,8 +202,8 @@ def reported(
 
 
 def looked_at(
-    caster: Raycaster, columns: HeightMap, filled: Mask, near: FloatArray, item: Mesh, surface: Mesh
-) -> tuple[FloatArray, FloatArray]:
+    caster: Raycaster, columns: HeightMap, filled: Mask, near: Array, item: Mesh, surface: Mesh
+) -> tuple[Array, Array]:
     """Points that may carry and are met from above near an object, (n, 3) [m], and how high each lies over the solid's
     surface [m], below 0 under it, inf where there is none, (n,). None lie under closed holes (`filled` samples).
 
@@ -231,7 +227,7 @@ def looked_at(
     return points[~hole], over[~hole]
 
 
-def heights_over(item: Mesh, plan: FloatArray, below: float) -> tuple[FloatArray, Mask]:
+def heights_over(item: Mesh, plan: Array, below: float) -> tuple[Array, Mask]:
     """Where looks down at places (n, 2) begin [m], shape (n,): at the underside of the object, which is higher than
     `below` [m], next to it as high as its top; and which are under it, shape (n,)."""
     start = np.full(len(plan), float(item.bounds[1, 2]))

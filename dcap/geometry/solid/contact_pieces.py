@@ -10,10 +10,9 @@ import heapq
 import numpy as np
 from numpy.typing import NDArray
 
+from dcap.arrays import Array
 from dcap.geometry.solid.convex_pieces import convex_hull, planes_of
 from dcap.scene.types.mesh import Mesh
-
-Array = NDArray[np.float64]
 
 TOLERANCE = 3e-4  # overlap that is left [m]: what visible surfaces of a settled contact are off by
 MOST_SPLITS = 120  # of all pieces of a body

@@ -6,15 +6,12 @@ ACM Transactions on Graphics 41(4), 2022.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
-from dcap.geometry.boundary import is_closed
-from dcap.geometry.pieces import signed_volume
+from dcap.arrays import Array
+from dcap.geometry.pieces import is_closed, signed_volume
 from dcap.geometry.solid.repair import simplified, subdivide_near
 from dcap.scene.types.mesh import Mesh
-
-Array = NDArray[np.float64]
 
 MOST_VERTICES = 500  # of a surface that is decomposed: that takes seconds, a million faces would take many minutes
 CONCAVITY = 0.05  # of a piece at most [-], the library's own measure and its default

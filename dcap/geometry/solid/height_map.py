@@ -17,12 +17,10 @@ from scipy.ndimage import binary_dilation, find_objects, grey_closing, label
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from dcap.arrays import Array, Mask
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.solid.open_edges import OpenEdges
 from dcap.scene.types.mesh import Mesh
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 MARGIN = 2  # samples that a map is wider on each side than what is seen
 ABOVE = 0.05  # rays begin this far above the surface [m]

@@ -14,16 +14,13 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from dcap.geometry.boundary import welded
-from dcap.geometry.pieces import components
+from dcap.arrays import Array, IntArray
+from dcap.geometry.pieces import components, welded
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.solid.cleaning import cyclic_sense
 from dcap.geometry.solid.height_map import MARGIN, HeightMap, TornHole, holes_closed, seen_from_above, spacing_within
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.segmentation import Segmentation
-
-IntArray = NDArray[np.int64]
-FloatArray = NDArray[np.float64]
 
 FINEST = 0.004  # distance of the looks from above, at least [m]
 MOST_LOOKS = 250_000  # of them: over large things they are farther apart
@@ -70,7 +67,7 @@ class MendedSurface:
         return bool(self.scraps or self.turned or self.holes)
 
 
-def mended(mesh: Mesh, region: FloatArray | None = None, *, turn: bool = True) -> MendedSurface:
+def mended(mesh: Mesh, region: Array | None = None, *, turn: bool = True) -> MendedSurface:
     """The surface of a thing that may have been scanned badly, as it can carry something; one without area as it is.
     Holes are looked for within `region` (2, 2), a rectangle in plan [m], and as finely as its size allows; windings are
     left alone unless they shall `turn`: who only looks for a place has to know what is there, not its inside."""
@@ -92,7 +89,7 @@ def mended(mesh: Mesh, region: FloatArray | None = None, *, turn: bool = True) -
 
 
 def with_mended(
-    scene: Segmentation, index: int, region: FloatArray | None = None, *, turn: bool = True
+    scene: Segmentation, index: int, region: Array | None = None, *, turn: bool = True
 ) -> tuple[Segmentation, MendedSurface]:
     """A scene with one of its things mended, within `region` and with a `turn` as by `mended`, and what that took; the
     scene itself where that was nothing. What is mended comes last among the faces."""
@@ -108,7 +105,7 @@ def with_mended(
     ), surface  # fmt: skip
 
 
-def bounds_within(mesh: Mesh, region: FloatArray | None) -> FloatArray:
+def bounds_within(mesh: Mesh, region: Array | None) -> Array:
     """The bounds of a mesh [m], shape (2, 3), in plan as far as they are in a region that they meet."""
     bounds = mesh.bounds.copy()
     if region is not None:
@@ -118,7 +115,7 @@ def bounds_within(mesh: Mesh, region: FloatArray | None) -> FloatArray:
     return bounds
 
 
-def look_spacing(bounds: FloatArray) -> float:
+def look_spacing(bounds: Array) -> float:
     """Distance of the looks from above within bounds (2, 3) [m]."""
     return spacing_within(np.ptp(bounds[:, :2], axis=0), FINEST, MOST_LOOKS, MARGIN)
 

@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from dcap.geometry.boundary import welded
+from dcap.arrays import Array
+from dcap.geometry.pieces import welded
 from dcap.scene.types.mesh import Mesh
-
-Array = NDArray[np.float64]
 
 SEEN = 0.3  # vertical component of the unit normal of a face, either way, whose edges are seen from above
 MOST_POINTS = 2_000_000  # along all edges: beyond, they lie farther apart

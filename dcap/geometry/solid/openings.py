@@ -8,16 +8,14 @@ deep it would be.
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dcap.geometry.boundary import hole_loops
+from dcap.arrays import Array
 from dcap.geometry.distance import MeshDistance
+from dcap.geometry.pieces import hole_loops
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.solid.closing import cap, perimeter
 from dcap.geometry.solid.soundness import LIFT, spread
 from dcap.scene.types.mesh import Mesh
-
-FloatArray = NDArray[np.float64]
 
 PLACES = 1000  # asked in each opening
 UP = np.array([0.0, 0.0, 1.0])
@@ -30,7 +28,7 @@ def filled_opening(
     *,
     longest: float,
     shallow: float,
-    within: FloatArray | None,
+    within: Array | None,
 ) -> float:
     """How long the longest border [m] of pieces is whose opening a solid fills; 0 if it fills none.
 
@@ -50,7 +48,7 @@ def filled_opening(
     return 0.0
 
 
-def filled_plan(lid: Mesh, caster: Raycaster, solid: MeshDistance, shallow: float, within: FloatArray | None) -> float:
+def filled_plan(lid: Mesh, caster: Raycaster, solid: MeshDistance, shallow: float, within: Array | None) -> float:
     """Area in plan of what lies under an opening's lid, is seen from above and is inside a solid [m^2]."""
     if not lid.face_areas.sum() > 0.0:
         return 0.0

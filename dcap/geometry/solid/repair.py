@@ -10,14 +10,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.geometry.boundary import WELD, boundary_edges, hole_loops, is_closed, welded
+from dcap.arrays import Array, IntArray
 from dcap.geometry.distance import MeshDistance, lattice
-from dcap.geometry.pieces import signed_volume
+from dcap.geometry.pieces import WELD, boundary_edges, hole_loops, is_closed, signed_volume, welded
 from dcap.scene.errors import GeometryError
 from dcap.scene.types.mesh import Mesh
-
-IntArray = NDArray[np.int64]
-FloatArray = NDArray[np.float64]
 
 LEAST_FILLED = 1e-6  # share of its box that a closed mesh fills at least; less is rounding of a sheet with two sides
 FILL_SAMPLES = 72  # samples along the longest side when an open mesh is measured by filling: volume within about 1 %
@@ -43,7 +40,7 @@ def small_holes_capped(mesh: Mesh, perimeter: float) -> Mesh:
     return Mesh(np.concatenate(vertices), np.concatenate(faces), np.concatenate(colors))
 
 
-def solid_under(mesh: Mesh, bottom: FloatArray) -> Mesh:
+def solid_under(mesh: Mesh, bottom: Array) -> Mesh:
     """The closed surface of everything that lies under the faces, down to `bottom` [m], one height per face, shape
     (m,).
 
@@ -87,7 +84,7 @@ def outer_faces(mesh: Mesh, *, step: float = 2e-4) -> IntArray:
     return np.flatnonzero(outer)
 
 
-def subdivide_near(mesh: Mesh, region: FloatArray, edge: float, most_added: int = MOST_ADDED) -> Mesh:
+def subdivide_near(mesh: Mesh, region: Array, edge: float, most_added: int = MOST_ADDED) -> Mesh:
     """Split faces that reach into a box until their edges are at most `edge` [m]; colours are interpolated.
 
     `region` is the box's lower and upper corner [m], shape (2, 3). Where that would take more than `most_added` new
@@ -100,7 +97,7 @@ def subdivide_near(mesh: Mesh, region: FloatArray, edge: float, most_added: int 
 
 
 def split_while_affordable(
-    mesh: Mesh, region: FloatArray, edge: float, most_faces: int, *, least_share: float
+    mesh: Mesh, region: Array, edge: float, most_faces: int, *, least_share: float
 ) -> tuple[Mesh, bool]:
     """Halve the edges near a box that are longer than `edge` [m], in each round those of at least `least_share` of the
     longest; and whether `most_faces` allowed all of it."""
@@ -117,14 +114,14 @@ def split_while_affordable(
     return mesh, True
 
 
-def edges_near(mesh: Mesh, region: FloatArray) -> FloatArray:
+def edges_near(mesh: Mesh, region: Array) -> Array:
     """Lengths of the edges of each face that reaches into a box (2, 3) [m], zero for the others, shape (m, 3)."""
     corner = mesh.triangles
     near = ((corner.max(axis=1) >= region[0]) & (corner.min(axis=1) <= region[1])).all(axis=1)
     return np.asarray(np.where(near[:, None], np.linalg.norm(corner - np.roll(corner, -1, axis=1), axis=2), 0.0))
 
 
-def longest_near(mesh: Mesh, region: FloatArray) -> float:
+def longest_near(mesh: Mesh, region: Array) -> float:
     """Longest edge of the faces that reach into a box (2, 3) [m]."""
     return float(edges_near(mesh, region).max(initial=0.0))
 
@@ -152,7 +149,7 @@ def split_edges(mesh: Mesh, marked: NDArray[np.bool_]) -> tuple[Mesh, IntArray]:
 
 
 def split_faces(
-    faces: NDArray[np.int32], marked: NDArray[np.bool_], point: IntArray, vertices: FloatArray
+    faces: NDArray[np.int32], marked: NDArray[np.bool_], point: IntArray, vertices: Array
 ) -> tuple[NDArray[np.int32], IntArray]:
     """Faces with 0 to 3 new points on their edges as 1 to 4 faces, in the order of the faces they come from; and
     those.
@@ -179,7 +176,7 @@ def split_faces(
     return np.concatenate([r[1] for r in rows])[order].astype(np.int32), origin[order]
 
 
-def mass_properties(mesh: Mesh, density: float) -> tuple[float, FloatArray, FloatArray]:
+def mass_properties(mesh: Mesh, density: float) -> tuple[float, Array, Array]:
     """Mass [kg], centre of mass [m] and inertia about it [kg m^2] of a solid of the given density [kg/m^3].
 
     Exact for a closed mesh; an open one is filled first where its winding number exceeds one half.
@@ -203,7 +200,7 @@ def volume(mesh: Mesh) -> float:
     return mass_properties(mesh, 1.0)[0]
 
 
-def filled_moments(mesh: Mesh) -> tuple[float, FloatArray, FloatArray]:
+def filled_moments(mesh: Mesh) -> tuple[float, Array, Array]:
     """Volume, centroid and second moments about it of an open mesh, from samples inside.
 
     Raises GeometryError for a sheet that encloses nothing.

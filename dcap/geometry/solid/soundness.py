@@ -6,14 +6,12 @@ import igl
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.geometry.boundary import is_closed
+from dcap.arrays import Array
 from dcap.geometry.distance import MeshDistance
-from dcap.geometry.pieces import pieces_of, signed_volume
+from dcap.geometry.pieces import is_closed, pieces_of, signed_volume
 from dcap.geometry.raycast import Raycaster, tensor
 from dcap.geometry.solid.cleaning import face_stacks, heights
 from dcap.scene.types.mesh import Mesh
-
-FloatArray = NDArray[np.float64]
 
 PROBES = 4000  # random points where inside and outside are asked
 NEAR = 2e-5  # points nearer than this to the surface are not asked [m]: distances are in single precision
@@ -36,7 +34,7 @@ def well_formed(mesh: Mesh) -> bool:
     return len(np.unique(key)) == len(mesh.faces) and bool((heights(mesh) > 0.0).all())
 
 
-def probes(*meshes: Mesh) -> FloatArray:
+def probes(*meshes: Mesh) -> Array:
     """Random points in the common box of meshes, a tenth larger [m], shape (PROBES, 3)."""
     low = np.min([m.bounds[0] for m in meshes], axis=0)
     high = np.max([m.bounds[1] for m in meshes], axis=0)
@@ -59,7 +57,7 @@ def agreement(mesh: Mesh) -> float:
 
 
 def moved(
-    given: Mesh, solid: Mesh, *, behind: Mesh | None = None, within: FloatArray | None = None
+    given: Mesh, solid: Mesh, *, behind: Mesh | None = None, within: Array | None = None
 ) -> tuple[float, float, float]:
     """Largest and mean distance from what can be seen of the given faces to a solid's surface, and the spacing of the
     places asked [m]. Places that cannot be seen count in neither.
@@ -84,11 +82,11 @@ def in_sight(
     mesh: Mesh,
     solid: Mesh,
     look: "SurfaceVisibility",
-    within: FloatArray | None,
-    places: tuple[FloatArray, NDArray[np.int64]],
+    within: Array | None,
+    places: tuple[Array, NDArray[np.int64]],
     *,
     share: bool = True,
-) -> FloatArray:
+) -> Array:
     """How far those of the places (points and their faces) in a box that can be seen lie off a solid's surface [m].
 
     Whether places that have not moved can be seen is only asked for the `share` of those that have, if there are any.
@@ -106,13 +104,13 @@ def in_sight(
     return distance[kept]
 
 
-def reaching_into(mesh: Mesh, box: FloatArray) -> NDArray[np.int64]:
+def reaching_into(mesh: Mesh, box: Array) -> NDArray[np.int64]:
     """Faces whose own boxes meet a box [m], shape (2, 3)."""
     corner = mesh.triangles
     return np.flatnonzero(((corner.max(axis=1) >= box[0]) & (corner.min(axis=1) <= box[1])).all(axis=1))
 
 
-def gaps(points: FloatArray, solid: Mesh) -> FloatArray:
+def gaps(points: Array, solid: Mesh) -> Array:
     """Distance of points from a surface [m], shape (n,): in double precision where single says it is not nothing."""
     distance = MeshDistance(solid).unsigned(points)
     far = np.flatnonzero(distance > UNMOVED)
@@ -122,14 +120,14 @@ def gaps(points: FloatArray, solid: Mesh) -> FloatArray:
     return distance
 
 
-def corners(mesh: Mesh) -> tuple[FloatArray, NDArray[np.int64]]:
+def corners(mesh: Mesh) -> tuple[Array, NDArray[np.int64]]:
     """A point close to each corner of each face [m], shape (3 m, 3), and its face."""
     weight = np.array([[0.98, 0.01, 0.01], [0.01, 0.98, 0.01], [0.01, 0.01, 0.98]])
     points = np.einsum("kc,nci->nki", weight, mesh.triangles).reshape(-1, 3)
     return points, np.repeat(np.arange(len(mesh.faces)), 3)
 
 
-def unit_normals(mesh: Mesh, face: NDArray[np.int64]) -> FloatArray:
+def unit_normals(mesh: Mesh, face: NDArray[np.int64]) -> Array:
     """Normals of faces, shape (n, 3)."""
     normal = mesh.face_normals[face]
     return np.asarray(normal / np.linalg.norm(normal, axis=1, keepdims=True))
@@ -151,7 +149,7 @@ class SurfaceVisibility:
         shells = [p for p in pieces_of(self._given) if is_closed(p)]
         return MeshDistance(Mesh.concatenate(shells)) if shells else None
 
-    def sees(self, points: FloatArray, normal: FloatArray) -> NDArray[np.bool_]:
+    def sees(self, points: Array, normal: Array) -> NDArray[np.bool_]:
         """Whether points on faces can be seen, shape (n,)."""
         if len(points) == 0:
             return np.zeros(0, dtype=bool)
@@ -162,7 +160,7 @@ class SurfaceVisibility:
         return visible
 
 
-def seen(caster: Raycaster, points: FloatArray, normal: FloatArray) -> NDArray[np.bool_]:
+def seen(caster: Raycaster, points: Array, normal: Array) -> NDArray[np.bool_]:
     """Whether points on faces can be seen from outside, shape (n,): some ways out of them meet nothing, and few run
     into the back of another face first. Those of a face inside another piece of the same thing do, and of one in a
     pocket between two layers none leads out.
@@ -178,7 +176,7 @@ def seen(caster: Raycaster, points: FloatArray, normal: FloatArray) -> NDArray[n
     return (free > FREE * len(WAYS)) & (out > OPEN * len(WAYS))
 
 
-def spread(mesh: Mesh, count: int) -> tuple[FloatArray, NDArray[np.int64]]:
+def spread(mesh: Mesh, count: int) -> tuple[Array, NDArray[np.int64]]:
     """Points on the faces, evenly by area, always the same [m], shape (count, 3), and the face of each."""
     rng = np.random.default_rng(0)
     until = np.cumsum(mesh.face_areas)

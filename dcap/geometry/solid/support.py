@@ -18,9 +18,9 @@ from dcap.geometry.raycast import Raycaster
 from dcap.geometry.solid.closed import RepairLimits, enclosed, tidied, used_as_given, with_faces_kept
 from dcap.geometry.solid.repair import outer_faces, small_holes_capped, solid_under, subdivide_near, without_empty_faces
 from dcap.geometry.solid.repair_log import RepairLog
-from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.boxes import OrientedBox
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.repair_report import RepairReport
+from dcap.scene.types.scan import RepairReport
 
 COVERED = 0.5  # share of a part's plan that must lie over another part for it to be the one that carries it
 PIECE = 0.05  # longest edge [m] of walls and shadows: each piece is kept or dropped as a whole where solids overlap

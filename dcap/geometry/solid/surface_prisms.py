@@ -7,15 +7,13 @@ tolerance where the budget allows, and a prism of each face, sunk into the solid
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dcap.geometry.boundary import WELD
+from dcap.arrays import Array
 from dcap.geometry.distance import MeshDistance
+from dcap.geometry.pieces import WELD
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.solid.convex_pieces import convex_hull
 from dcap.scene.types.mesh import Mesh
-
-Array = NDArray[np.float64]
 
 TOLERANCE = 1e-4  # largest distance of the two surfaces [m]: a fifth of a millimetre is what contacts are off by anyway
 BUDGETS = (4000, 2000, 1000, 500, 250)  # faces; the least that keeps the tolerance is taken, else the first

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.geometry.boundary import hole_loops, is_closed
+from dcap.arrays import Array, IntArray
 from dcap.geometry.distance import MeshDistance
-from dcap.geometry.pieces import is_soup, pieces_of, signed_volume
+from dcap.geometry.pieces import hole_loops, is_closed, is_soup, pieces_of, signed_volume
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.solid.cleaning import cleaned
 from dcap.geometry.solid.closed import SOUND, CleanedPart, RepairLimits, remeshed
@@ -25,11 +25,8 @@ from dcap.geometry.solid.repair_log import RepairLog
 from dcap.geometry.solid.soundness import WAYS, agreement, moved, well_formed
 from dcap.geometry.solid.union import united
 from dcap.scene.errors import GeometryError
-from dcap.scene.types.caution import Cause, Caution
 from dcap.scene.types.mesh import Mesh
-
-IntArray = NDArray[np.int64]
-FloatArray = NDArray[np.float64]
+from dcap.scene.types.outcome import Cause, Caution
 
 MOUTH = 0.1  # least area of an opening over that of the surface for it to be a mouth, not damage [-]
 NECK = 0.04  # the same for what is known to be a vessel: a vase has a narrow one [-]
@@ -52,7 +49,7 @@ NOTED = 0.02  # holes of more than this share of the object's size around are to
 class OpenRim:
     """A hole in an object's surface."""
 
-    rim: FloatArray
+    rim: Array
     """Its border, a closed chain [m], shape (n, 3)."""
 
     @property
@@ -63,7 +60,7 @@ class OpenRim:
         return float(length), float(width)
 
     @property
-    def middle(self) -> FloatArray:
+    def middle(self) -> Array:
         """Middle of its border [m], shape (3,)."""
         return np.asarray(self.rim.mean(axis=0))
 
@@ -185,12 +182,12 @@ def guessed_share(pieces: list[Mesh], vessel: bool | None) -> float:
     return caps / (seen + caps)
 
 
-def cap_areas(piece: Mesh) -> FloatArray:
+def cap_areas(piece: Mesh) -> Array:
     """Area of the plane across each opening [m^2]."""
     return np.array([float(np.linalg.norm(area_vector(piece.vertices[loop]))) for loop in hole_loops(piece)])
 
 
-def is_thin(piece: Mesh, caps: FloatArray) -> bool:
+def is_thin(piece: Mesh, caps: Array) -> bool:
     """Whether an open piece is a sheet: across its border there is next to no volume."""
     if len(caps) == 0 or caps.max() < MOUTH * float(piece.face_areas.sum()):
         return False
@@ -198,7 +195,7 @@ def is_thin(piece: Mesh, caps: FloatArray) -> bool:
     return bool(abs(signed_volume(whole.vertices, whole.faces)) < FLAT * float(caps.max()) ** 1.5)
 
 
-def has_walls(piece: Mesh, caps: FloatArray, vessel: bool | None) -> bool:
+def has_walls(piece: Mesh, caps: Array, vessel: bool | None) -> bool:
     """Whether an open piece is the skin of a vessel, or of a tube: two large openings and none."""
     mouths = np.flatnonzero(caps > (NECK if vessel else MOUTH) * float(piece.face_areas.sum()))
     if len(mouths) == 0 or vessel:
@@ -250,7 +247,7 @@ def capped_in_words(piece: Mesh, loops: list[IntArray], largest: OpenRim, *, tol
     return Caution(Cause.ASSUMED, f"{told}{where}{'the rim' if len(loops) == 1 else 'their rims'}")
 
 
-def side_of(point: FloatArray, bounds: FloatArray) -> str:
+def side_of(point: Array, bounds: Array) -> str:
     """On which side of a thing a point lies, in words."""
     offset = (point - bounds.mean(axis=0)) / np.maximum(0.5 * np.ptp(bounds, axis=0), 1e-9)
     axis = int(np.argmax(np.abs(offset)))

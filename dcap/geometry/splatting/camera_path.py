@@ -12,20 +12,18 @@ from itertools import chain, islice, zip_longest
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, Field, NonNegativeInt, PositiveFloat, PositiveInt
 from scipy.ndimage import distance_transform_edt
 
+from dcap.arrays import Array
 from dcap.geometry.camera import Camera, looking_at
 from dcap.geometry.segmentation.labels import Category, category_of
 from dcap.geometry.splatting.filled_cells import FilledCells, filled_cells
 from dcap.geometry.splatting.viewpoints import CANDIDATES, bulk, far_apart_index, inner_places, outer_places
-from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.boxes import OrientedBox
+from dcap.scene.types.floor_plan import Occupancy
 from dcap.scene.types.gaussians import Gaussians
-from dcap.scene.types.occupancy import Occupancy
 from dcap.scene.types.scan import LabelBox, Room
-
-Array = NDArray[np.float64]
 
 FURNITURE = frozenset({
     Category.BED, Category.SOFA, Category.CHAIR, Category.STOOL, Category.TABLE, Category.CABINET, Category.SHELF,

@@ -12,18 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from dcap.arrays import Array
 from dcap.geometry.camera import Camera, looking_at
 from dcap.geometry.splatting.config import SurfaceConfig
-from dcap.geometry.splatting.on_mesh import FLATNESS, OPACITY, OVERLAP, quaternions_along
+from dcap.geometry.splatting.discs import FLATNESS, OPACITY, OVERLAP, quaternions_along
 from dcap.geometry.splatting.render import Splatter
 from dcap.geometry.splatting.surface import SurfacePoints, reconstructed, sides, thinned
-from dcap.geometry.splatting.viewpoints import FOV_DEG, outer_places, viewpoints
-from dcap.geometry.splatting.visibility import Progress, sightings
+from dcap.geometry.splatting.viewpoints import FOV_DEG, Progress, outer_places, sightings, viewpoints
 from dcap.scene.types.gaussians import DC, Gaussians
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.point_cloud import LocalPlanes, PointCloud, local_planes
-
-Array = NDArray[np.float64]
 
 MOST = 1_000_000
 """Points that are worked with; more are thinned out [-]."""

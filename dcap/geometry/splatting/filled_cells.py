@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from dcap.arrays import Array
 from dcap.geometry.splatting.viewpoints import OPAQUE, bulk
 from dcap.scene.types.gaussians import Gaussians
-
-Array = NDArray[np.float64]
 
 CELL = 0.05
 """Side of a cell, where the scene is not too large [m]."""

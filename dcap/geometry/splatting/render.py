@@ -9,11 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dcap.arrays import Float32Array
 from dcap.geometry.camera import Camera
 from dcap.geometry.splatting import kernels
 from dcap.scene.types.gaussians import DC, Gaussians, harmonics
-
-F32 = NDArray[np.float32]
 
 NEAR = 0.05
 """Gaussians nearer than this to the camera are not drawn [m]."""
@@ -23,13 +22,13 @@ NEAR = 0.05
 class RenderedSplats:
     """Camera view of splats."""
 
-    image: F32
+    image: Float32Array
     """sRGB colours 0 to 1 over the background, shape (rows, columns, 3)."""
-    light: F32
+    light: Float32Array
     """Share of the light that comes from behind all splats [-], shape (rows, columns)."""
     front: NDArray[np.int32]
     """Number of the Gaussian that lets less than half of the light through, -1 where none is, shape (rows, columns)."""
-    weight: F32
+    weight: Float32Array
     """Largest share that each Gaussian has in a pixel [-], shape (n,)."""
 
 
@@ -85,7 +84,7 @@ class Splatter:
         kernels.fill_tiles(order, self.rectangle, wide, start[:-1].copy(), entry)
         return start, entry, wide
 
-    def _colors(self, order: NDArray[np.int32], camera: Camera) -> F32:
+    def _colors(self, order: NDArray[np.int32], camera: Camera) -> Float32Array:
         """Colours as seen from the camera, of those that are in the picture, shape (n, 3)."""
         if self.splats.degree == 0:
             return np.asarray(np.maximum(self.color, 0.0), dtype=np.float32)

@@ -22,16 +22,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from dcap.arrays import Array, Float32Array
 from dcap.geometry.splatting import kernels
 from dcap.geometry.splatting.config import SurfaceConfig
 from dcap.geometry.splatting.render import Splatter
-from dcap.geometry.splatting.visibility import Progress, best_origins
+from dcap.geometry.splatting.viewpoints import Progress, best_origins
 from dcap.scene.errors import GeometryError
 from dcap.scene.types.gaussians import Gaussians
 from dcap.scene.types.mesh import Mesh
-
-Array = NDArray[np.float64]
-F32 = NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -92,7 +90,7 @@ def _neighbours(splats: Gaussians, config: SurfaceConfig, threads: int) -> NDArr
     return np.ascontiguousarray(near.reshape(len(splats), count), dtype=np.int32)
 
 
-def _gaps(splats: Gaussians, near: NDArray[np.int32]) -> F32:
+def _gaps(splats: Gaussians, near: NDArray[np.int32]) -> Float32Array:
     """How far apart Gaussians lie on the surface around each one [m], shape (n,): as many fill a disc."""
     radius = np.linalg.norm(splats.position[near[:, -1]] - splats.position, axis=1)
     return np.asarray(radius * np.sqrt(np.pi / near.shape[1]), dtype=np.float32)
@@ -103,9 +101,9 @@ def _crossings(
     owner: NDArray[np.int64],
     origin: Array,
     near: NDArray[np.int32],
-    gap: F32,
+    gap: Float32Array,
     config: SurfaceConfig,
-) -> tuple[NDArray[np.bool_], F32, F32, F32]:
+) -> tuple[NDArray[np.bool_], Float32Array, Float32Array, Float32Array]:
     """Rays from the origins to places on the Gaussians' larger two axes: which enter the level set and face the
     camera (m,), where, where the ridge behind it is, and the normals there (m, 3)."""
     splats = splatter.splats

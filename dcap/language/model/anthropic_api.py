@@ -18,7 +18,7 @@ from dcap.language.model.reply_folder import Message
 from dcap.language.protocol.client import LanguageConfig
 from dcap.language.protocol.session import TIMEOUT, Session
 from dcap.scene.errors import LanguageError, RefusedError
-from dcap.scene.redaction import redacted_url
+from dcap.scene.secrets import redacted_url
 
 if TYPE_CHECKING:
     import anthropic

@@ -8,21 +8,16 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from dcap.language.offline.fireplace import FIREPLACE_ANSWERS
-from dcap.language.offline.given_base import given_target
-from dcap.language.offline.layout_answer import layout_answer
+from dcap.language.offline.kinds import prior_of
+from dcap.language.offline.layout_answer import layout_answer, relations_answer
 from dcap.language.offline.lexicon import thing_of
-from dcap.language.offline.made_of import material_words_about
-from dcap.language.offline.material_choice import chosen_materials
-from dcap.language.offline.part_choice import chosen_part, moved_into_which, one_of_a_whole
-from dcap.language.offline.pose_choice import chosen_pose
-from dcap.language.offline.priors import prior_of
-from dcap.language.offline.relations_answer import relations_answer
+from dcap.language.offline.material_choice import chosen_materials, material_words_about
+from dcap.language.offline.pose_choice import chosen_part, chosen_pose, moved_into_which, one_of_a_whole
 from dcap.language.offline.sentence import read
 from dcap.language.offline.shapes import label_of
-from dcap.language.offline.target import target_of
+from dcap.language.offline.target import given_target, target_of
 from dcap.language.offline.where import facing_of
 from dcap.language.offline.words import SceneWords
-from dcap.language.protocol.baseline_questions import LayoutReply, LayoutRequest, RelationsReply, RelationsRequest
 from dcap.language.protocol.questions import (
     ANCHOR,
     HOLODECK,
@@ -32,7 +27,11 @@ from dcap.language.protocol.questions import (
     MATERIALS,
     PARTS,
     ROTATION,
+    LayoutReply,
+    LayoutRequest,
     Question,
+    RelationsReply,
+    RelationsRequest,
     ReplyT,
     RequestT,
 )

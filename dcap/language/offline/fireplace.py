@@ -11,14 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from dcap.language.offline.grounded import Target
 from dcap.language.offline.lexicon import thing_of
-from dcap.language.offline.part_choice import chosen_part, moved_into_which, one_of_a_whole
-from dcap.language.offline.pose_choice import chosen_pose
+from dcap.language.offline.pose_choice import chosen_part, chosen_pose, moved_into_which, one_of_a_whole
 from dcap.language.offline.reading import Reading
 from dcap.language.offline.sentence import read
 from dcap.language.offline.target import target_of
-from dcap.language.offline.where import facing_of
+from dcap.language.offline.where import Target, facing_of
 from dcap.language.offline.words import SceneWords
 from dcap.language.protocol.fireplace import (
     CHOICE,

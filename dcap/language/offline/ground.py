@@ -28,9 +28,9 @@ from dcap.language.offline.likelihood import (
 from dcap.language.offline.nouns import Noun
 from dcap.language.offline.reading import Place
 from dcap.language.protocol.requests import InstanceView
-from dcap.scene.types.box import OrientedBox
-from dcap.scene.types.caution import Cause, Caution
-from dcap.scene.types.viewpoint import VIEWED, axis_word, viewer_side
+from dcap.scene.types.boxes import OrientedBox
+from dcap.scene.types.choices import VIEWED, axis_word, viewer_side
+from dcap.scene.types.outcome import Cause, Caution
 
 Vector = NDArray[np.float64]
 COLOURS: dict[str, tuple[float, float, float]] = {

@@ -3,23 +3,38 @@ sentences.
 
 The support, its part, the regions and what shall be faced are those that the reader finds for our own method; the box
 stands on the part's box, at the asked place or the free one nearest to it.
+
+Support and relations of a thing, by rules: the reply that Holodeck asks of a model, from the same reader of
+sentences.
+
+The receptacle is the support that the reader finds; the floor is none. Of the place the vocabulary says what it can:
+at a wall or in the middle, near and far, the sides of another thing, and what is faced.
 """
 
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dcap.language.offline.layout_spots import free_spot, limited, overlap, wanted_spot
+from dcap.arrays import Array
+from dcap.language.offline.layout_spots import (
+    PlanRectangle,
+    free_spot,
+    limited,
+    overlap,
+    rectangle_of,
+    rectangles,
+    referred,
+    shell_rectangle,
+    wanted_spot,
+)
 from dcap.language.offline.lexicon import inside_parts, lineage
-from dcap.language.offline.part_choice import chosen_part, moved_into_which, one_of_a_whole, thing_id
-from dcap.language.offline.plan_rectangles import PlanRectangle, rectangle_of, rectangles, referred, shell_rectangle
-from dcap.language.protocol.baseline_questions import LayoutReply, LayoutRequest
-from dcap.language.protocol.layout_text import CssBox
+from dcap.language.offline.likelihood import label_thing
+from dcap.language.offline.pose_choice import chosen_part, moved_into_which, one_of_a_whole, thing_id
+from dcap.language.offline.where import is_any
+from dcap.language.protocol.questions import CssBox, LayoutReply, LayoutRequest, RelationsReply, RelationsRequest
 from dcap.language.protocol.replies import Constraint, IntentReply
 from dcap.language.protocol.requests import AnchorRequest, InstanceView, PartView
 
-Array = NDArray[np.float64]
 TOUCHES = 0.02
 """Things that rise less above the support are not in the way [m]."""
 WIDE = 1.2
@@ -30,6 +45,8 @@ RIM = "rim"
 """The part that is a ring."""
 VESSEL = 0.15
 """How thick the bottom of a vessel is guessed to be, over its height [-]: a box does not show it."""
+SIDE_WORDS = {"left": "left of", "right": "right of", "front": "in front of", "back": "behind"}
+AT_WALL = frozenset({"edge", "corner"})
 
 
 def layout_answer(request: LayoutRequest, meant: IntentReply) -> LayoutReply:
@@ -198,3 +215,41 @@ def faced_point(one: PlanRectangle, spot: Array) -> Array:
     if 2.0 * one.half.max() < WIDE:
         return one.center
     return one.world(np.clip(one.local(spot), -one.half, one.half))
+
+
+def relations_answer(request: RelationsRequest, meant: IntentReply) -> RelationsReply:
+    """Receptacle and line for what was understood; the floor where the scene has no such support."""
+    names = {one.id: one.name for one in request.things}
+    views = {one.id: one for one in request.instances}
+    base = views.get(meant.base_id)
+    on_floor = base is None or (base.structure and label_thing(base) == "floor")
+    line = [request.object_name, "edge" if at_wall(meant, views) else "middle"]
+    seen: set[str] = set()
+    for reference in meant.references:
+        if reference not in names or is_any(views[reference]):
+            continue
+        line += relations_to(names[reference], meant, again=bool(seen))
+        seen.add(reference)
+    for limit in meant.constraints:
+        if limit.kind in ("farthest", "away") and limit.reference in names and limit.reference not in seen:
+            line.append(f"far, {names[limit.reference]}")
+        elif limit.kind == "nearest" and limit.reference in names and limit.reference not in seen:
+            line.append(f"near, {names[limit.reference]}")
+    if meant.facing in names:
+        line.append(f"face to, {names[meant.facing]}")
+    return RelationsReply(on_top_of="" if on_floor or base is None else names[base.id], constraints=" | ".join(line))
+
+
+def at_wall(meant: IntentReply, views: dict[str, InstanceView]) -> bool:
+    """Whether the place is at a wall: a wall, a window or a door is near, or an edge of the floor is asked for."""
+    near = [views[one] for one in meant.references if one in views]
+    return any(one.structure and label_thing(one) == "wall" for one in near) or bool(AT_WALL & set(meant.regions))
+
+
+def relations_to(name: str, meant: IntentReply, *, again: bool) -> list[str]:
+    """Distance and position relative to one thing; of several only how near."""
+    sides = [SIDE_WORDS[one] for one in meant.regions if one in SIDE_WORDS]
+    found = [f"near, {name}"]
+    if sides and not again:
+        found.append(f"{sides[0]}, {name}")
+    return found

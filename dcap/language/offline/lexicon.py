@@ -16,7 +16,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from dcap.scene.errors import InputError
-from dcap.scene.names import says_something
+from dcap.scene.text import says_something
 
 FOLDER = Path(__file__).resolve().parent
 THINGS = "lexicon/things.csv"

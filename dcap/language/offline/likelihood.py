@@ -27,7 +27,7 @@ from dcap.language.offline.lexicon import (
 )
 from dcap.language.offline.nouns import Noun
 from dcap.language.offline.shapes import EVIDENCE, ShapePrior, labels, shapes
-from dcap.language.offline.typos import may_be
+from dcap.language.offline.words import may_be
 from dcap.language.protocol.requests import InstanceView
 
 CALLED = 0.9

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from functools import cache
 
 from dcap.language.offline.lexicon import rows
-from dcap.scene.types.caution import Cause, Caution
+from dcap.scene.types.outcome import Cause, Caution
 
 VULGAR = {"½": "1/2", "¼": "1/4", "¾": "3/4", "⅓": "1/3", "⅔": "2/3", "⅛": "1/8", "⅜": "3/8", "⅝": "5/8", "⅞": "7/8"}
 """Fractions of one character; Unicode's own normal form would join "2½" to "21/2"."""

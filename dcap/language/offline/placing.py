@@ -2,14 +2,21 @@
 
 In: a `Reading`. Out: a `Placing`, with the one place among the reading's that names the support; the grounding in a
 scene starts from the same place.
+
+Name of the object where a model is asked about it: by a person, by its file or folder, or by the sentence.
+
+In: what is known of its name. Out: words, never the hash, id or number that a data set may have for a file name.
 """
 
 from dataclasses import dataclass
+from pathlib import Path
 
 from dcap.language.offline.nouns import Noun
 from dcap.language.offline.reading import Place, Reading
-from dcap.language.offline.sentence import SUPPORT
+from dcap.language.offline.sentence import SUPPORT, read
 from dcap.scene.errors import LanguageError
+from dcap.scene.readers.scenes.sugar import describe
+from dcap.scene.text import readable
 
 BESIDE = {
     "near": ("near",),
@@ -26,6 +33,7 @@ BESIDE = {
 }
 """Regions that a relation to another thing asks for."""
 PLACEABLE = frozenset({"at", *SUPPORT})
+NAMELESS = "object"
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,3 +126,17 @@ def plain_part(noun: Noun) -> bool:
     """Whether a noun without owner names a part for certain ("mattress", not "back")."""
     ambiguous = {"back", "top", "side", "head", "base"}
     return any(part not in ambiguous for part in noun.parts)
+
+
+def object_name(path: Path, prompt: str, given: str = "") -> str:
+    """The name that was given, else what the file's or its folder's name says, else the sentence's noun: "ball"."""
+    return readable(given) or readable(describe(path)) or noun_of_sentence(prompt) or NAMELESS
+
+
+def noun_of_sentence(prompt: str) -> str:
+    """Name that the sentence has for the placed thing; empty where it is a pronoun, or the sentence is not read."""
+    try:
+        theme = read(prompt).theme
+    except LanguageError:
+        return ""
+    return "" if theme is None or theme.pronoun else theme.name

@@ -20,8 +20,6 @@ does a clause that says what not to do. A sentence that is no placement of one t
 
 from dataclasses import replace
 
-from dcap.language.offline.clauses import EXAMPLE, check, reading_of
-from dcap.language.offline.kept_words import KeptWords
 from dcap.language.offline.nouns import (
     Noun,
     at_noun,
@@ -35,10 +33,22 @@ from dcap.language.offline.nouns import (
     starts,
     thing_and_region,
 )
-from dcap.language.offline.reading import Clause, Facing, Measure, Place, Reading
-from dcap.language.offline.turns import is_to, turn_length, turn_of
+from dcap.language.offline.reading import (
+    EXAMPLE,
+    Clause,
+    Facing,
+    Measure,
+    Place,
+    Reading,
+    check,
+    is_to,
+    reading_of,
+    turn_length,
+    turn_of,
+)
 from dcap.language.offline.words import (
     NO_SCENE,
+    KeptWords,
     SceneWords,
     Token,
     given_last,
@@ -47,7 +57,7 @@ from dcap.language.offline.words import (
     words_of,
 )
 from dcap.scene.errors import LanguageError
-from dcap.scene.types.caution import Cause, Caution
+from dcap.scene.types.outcome import Cause, Caution
 
 SUPPORT = frozenset({"on", "in"})
 NEIGHBOURING = frozenset({"near", "next_to", "nearest", "away", "farthest"})

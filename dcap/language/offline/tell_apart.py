@@ -9,10 +9,10 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from dcap.language.offline.ground import COLOURS, candidates, choose, gap, right_of, stands_on
-from dcap.language.offline.grounded import is_any
 from dcap.language.offline.lexicon import label_words
 from dcap.language.offline.likelihood import label_thing
 from dcap.language.offline.sentence import read
+from dcap.language.offline.where import is_any
 from dcap.language.offline.words import SceneWords
 from dcap.language.protocol.requests import InstanceView
 from dcap.scene.errors import LanguageError

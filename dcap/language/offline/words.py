@@ -3,18 +3,33 @@
 In: text, and what the scene calls its things. Out: tokens in order; the longest known phrase at each place wins, a
 number with its unit is one token, and so is the id of a thing. A mistyped word is read as the known one that it must
 be, and that is told. Nothing is lost: every word is in some token.
+
+Which words of a sentence a rule has used, so that the others can be reported.
+
+In: tokens, and from a reader what it used of them. Out: the phrases that no rule used.
+
+Mistyped words: the known word that a person meant.
+
+In: a word and the known ones. Out: the one known word within a small edit distance, or none. The distance counts
+insertions, deletions, substitutions and swaps of neighbouring letters (Damerau 1964; each letter edited once). A
+longer word may have more slips; the first letter is seldom wrong, and a short word is soon another one: there only
+swaps and, from four letters on, a missing, a doubled or a wrong vowel count.
 """
 
 import re
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, lru_cache
 
 from dcap.language.material_table import material_words
 from dcap.language.offline.lexicon import Meaning, label_words, longest_phrase, rows, split_words, vocabulary
 from dcap.language.offline.measures import plain_measures
-from dcap.language.offline.typos import LONG, meant_by
 
+LONG, VERY_LONG = 5, 8
+"""Letters from which any one slip is allowed, and from which two are [-]."""
+SHORTEST = 3
+"""Shorter words are read as they stand [-]."""
+VOWELS = frozenset("aeiouy")
 UNKNOWN = frozenset({Meaning("unknown", "")})
 PAUSE = frozenset({Meaning("pause", "")})
 GRAMMAR = frozenset({"relation", "verb", "det", "side", "region", "restrict", "count", "face", "pose", "of"})
@@ -23,6 +38,73 @@ OTHER_WORDS = ("lexicon/families.csv", "lexicon/opposites.csv")
 """Words that are known although the grammar has no use for them."""
 NOT_BY_MISTAKE = frozenset({"negation", "exclude", "choice", "numeral"})
 """Kinds of words that are not read into a slip: they turn a sentence round."""
+
+
+@lru_cache(maxsize=100_000)
+def edit_distance(a: str, b: str) -> int:
+    """Insertions, deletions, substitutions and swaps of neighbours that make one word of the other [-]."""
+    before: list[int] = []
+    row = list(range(len(b) + 1))
+    for i, one in enumerate(a, 1):
+        above, row, earlier = row, [i], before
+        for j, other in enumerate(b, 1):
+            best = min(above[j] + 1, row[j - 1] + 1, above[j - 1] + (one != other))
+            if i > 1 and j > 1 and one == b[j - 2] and a[i - 2] == other:
+                best = min(best, earlier[j - 2] + 1)
+            row.append(best)
+        before = above
+    return row[-1]
+
+
+def slips_allowed(word: str) -> int:
+    """How many slips a word of this length may have [-]."""
+    if len(word) < SHORTEST or not word.isalpha():
+        return 0
+    return 2 if len(word) >= VERY_LONG else 1
+
+
+def may_be(word: str, known: str) -> bool:
+    """Whether a word can be a mistyped known one."""
+    if abs(len(word) - len(known)) > slips_allowed(word) or not known.isalpha() or len(known) < SHORTEST:
+        return False
+    if word[0] != known[0] and sorted(word[:2]) != sorted(known[:2]):
+        return False
+    slips = edit_distance(word, known)
+    if not 0 < slips <= slips_allowed(word):
+        return False
+    return len(word) >= LONG or swapped(word, known) or (len(word) > SHORTEST and only_a_vowel(word, known))
+
+
+def swapped(word: str, known: str) -> bool:
+    """Whether the two have the same letters."""
+    return sorted(word) == sorted(known)
+
+
+def only_a_vowel(word: str, known: str) -> bool:
+    """Whether one vowel is wrong, or one letter is missing or doubled."""
+    if len(word) != len(known):
+        return True
+    pairs = [(a, b) for a, b in zip(word, known, strict=True) if a != b]
+    return all(a in VOWELS and b in VOWELS for a, b in pairs)
+
+
+def meant_by(word: str, known: Collection[str]) -> str:
+    """The one known word that it can be, the nearest; empty if there is none or several are as near."""
+    if slips_allowed(word) == 0:
+        return ""
+    near = sorted((edit_distance(word, one), not usual(word, one), one) for one in known if may_be(word, one))
+    alone = near and (len(near) == 1 or near[0][:2] < near[1][:2])
+    return near[0][2] if alone else ""
+
+
+def usual(word: str, known: str) -> bool:
+    """Whether the slip is one that fingers make: two letters swapped, or one struck twice."""
+    return swapped(word, known) or single(word) == single(known)
+
+
+def single(word: str) -> str:
+    """The word with each run of a letter as one."""
+    return "".join(letter for index, letter in enumerate(word) if index == 0 or word[index - 1] != letter)
 
 
 @dataclass(frozen=True, slots=True)
@@ -256,3 +338,52 @@ def is_aside(tokens: list[Token], at: int) -> bool:
     end = next((i for i in range(at, len(tokens)) if tokens[i].has("pause")), len(tokens))
     said = tokens[at + 1 : end]
     return bool(said) and not any(token.has("thing", "part", "region", "side", "pose") for token in said)
+
+
+class KeptWords:
+    """A cursor among tokens that remembers which of them were used."""
+
+    def __init__(self, tokens: list[Token]) -> None:
+        self.cursor = TokenCursor(tokens)
+        self.kept: set[int] = set()
+        """Indices of the tokens that a rule used."""
+
+    def alone(self, begin: int) -> bool:
+        """Whether what was read from that token on stands between pauses."""
+        paused = begin > 0 and self.cursor.tokens[begin - 1].has("pause")
+        return paused and (self.cursor.at_end or self.cursor.here("pause"))
+
+    def says_no_place(self) -> bool:
+        """Whether no relation or verb stands anywhere, and no thing comes any more: "mug, white table, left side"."""
+        rest = self.cursor.tokens[self.cursor.index :]
+        return not any(one.has("relation", "verb") for one in self.cursor.tokens) and not any(
+            one.has("thing") for one in rest
+        )
+
+    def use(self) -> Token:
+        """The next token, kept."""
+        token = self.cursor.take()
+        self.keep(self.cursor.index - 1)
+        return token
+
+    def keep(self, begin: int) -> None:
+        """The tokens from there up to here are used, apart from unknown words."""
+        indices = range(begin, self.cursor.index)
+        self.kept.update(i for i in indices if not self.cursor.tokens[i].has("unknown"))
+
+    def lost(self) -> tuple[str, ...]:
+        """Runs of tokens that no rule used, without the fillers around them."""
+        runs: list[list[Token]] = [[]]
+        for index, token in enumerate(self.cursor.tokens):
+            if index in self.kept or token.has("pause"):
+                runs.append([])
+            else:
+                runs[-1].append(token)
+        found = (trimmed(run) for run in runs)
+        return tuple(dict.fromkeys(text for text in found if text))
+
+
+def trimmed(run: list[Token]) -> str:
+    """The words of a run without fillers, articles and "and" at its ends."""
+    bare = [index for index, token in enumerate(run) if not token.has("filler", "conj", "of", "genitive", "det")]
+    return " ".join(token.text for token in run[bare[0] : bare[-1] + 1]) if bare else ""

@@ -19,8 +19,8 @@ from dcap.language.protocol.requests import (
     PartsRequest,
     RotationRequest,
 )
-from dcap.scene.types.caution import Caution
-from dcap.scene.types.intent import RegionConstraint
+from dcap.scene.types.choices import RegionConstraint
+from dcap.scene.types.outcome import Caution
 
 
 def kept(value: object, check: ValidatorFunctionWrapHandler) -> str:

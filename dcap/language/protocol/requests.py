@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.scene.types.intent import RegionConstraint
+from dcap.scene.types.choices import RegionConstraint
 from dcap.scene.types.materials import Material
 
 Floats = NDArray[np.floating]

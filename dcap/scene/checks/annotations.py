@@ -1,4 +1,6 @@
-"""Checks labels.json and structure.json: problems that the readers report, and contradictions between the two.
+"""Checks labels.json, structure.json and the map of the floor: problems that the readers report, and contradictions.
+
+Checks labels.json and structure.json: problems that the readers report, and contradictions between the two.
 
 Boxes far from every room, below the floor or annotated twice are usual in InteriorGS, so these are warnings.
 """
@@ -8,13 +10,13 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
-from dcap.scene.checks.findings import Findings
-from dcap.scene.checks.places import Lines, json_lines, repeated_keys
-from dcap.scene.errors import FormatError
-from dcap.scene.problems import Place, Problem, Report, error, short, warning
-from dcap.scene.readers.files.json_text import read_json
+from dcap.scene.checks.findings import Findings, Lines, json_lines, repeated_keys
+from dcap.scene.errors import FormatError, Place, Problem, Report, error, note, short, warning
+from dcap.scene.readers.files import FORMATS, read_json
 from dcap.scene.readers.scenes.interiorgs import LABELS, STRUCTURE, LabelEntry, label_entries, structure_of
+from dcap.scene.readers.scenes.occupancy import NAMES, map_cells, map_extent
 from dcap.scene.types.scan import LabelBox, Room
 
 BURIED = 0.1
@@ -25,6 +27,8 @@ SAME = 1e-3
 """Difference below which boxes are equal [m]."""
 SMALLEST_ROOM = 0.01
 """Area below which a profile is a line [m^2]."""
+SLACK = 2.0
+"""Largest difference between the picture and the map [pixels]: conventions differ by half a pixel at each end."""
 
 
 def check_annotations(folder: Path, findings: Findings) -> tuple[LabelBox, ...]:
@@ -175,3 +179,36 @@ def _is_vector(value: object, least: float) -> bool:
     except (TypeError, ValueError, OverflowError):
         return False
     return vector.shape == (3,) and bool((np.isfinite(vector) & (vector >= least)).all())
+
+
+def check_occupancy(folder: Path, findings: Findings) -> None:
+    """Check both files of a folder; a single one is not read."""
+    document, picture = (folder / name for name in NAMES)
+    missing = [path for path in (document, picture) if not path.is_file()]
+    if len(missing) == len(NAMES):
+        findings.report(document)(note("is missing: free floor is not known"))
+    elif missing:
+        other = picture if missing == [document] else document
+        findings.report(missing[0])(warning(f"is missing next to {other.name}, which is not read without it"))
+    else:
+        _check_both(document, picture, findings)
+
+
+def _check_both(document: Path, picture: Path, findings: Findings) -> None:
+    tree, report = read_tree(document, findings)
+    extent = map_extent(tree, report) if tree is not None else None
+    report = findings.report(picture)
+    cells = map_cells(picture, report)
+    if cells is None:
+        return
+    with Image.open(picture, formats=FORMATS) as image:
+        if image.mode not in ("L", "1"):
+            report(warning(f"a picture of mode {image.mode}, expected 8 bits of grey"))
+    if extent is None:
+        return
+    for axis, side in enumerate(("wide", "high")):
+        pixels = cells.shape[1 - axis]
+        expected = (extent.upper[axis] - extent.lower[axis]) / extent.scale
+        if abs(pixels - expected) > SLACK:
+            what = f"{pixels} pixels {side}, but lower, upper and scale of {document.name} make {expected:.1f}"
+            report(warning(what + "; write both again"))

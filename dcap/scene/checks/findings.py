@@ -1,14 +1,121 @@
-"""Findings of a check: problems with their file and line."""
+"""Findings of a check: problems with their file and line.
 
+Line numbers of the values of JSON and YAML files.
+
+The ordinary parsers read the trees; here the same text is scanned again, only when a line is requested.
+ Guaranteed for any text that those parsers take: no recursion for JSON, no expansion of YAML's aliases.
+"""
+
+import json
+import re
 from collections import Counter
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
-from dcap.scene.checks.places import Lines
-from dcap.scene.problems import Problem, Report, Severity
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+from ruamel.yaml.nodes import MappingNode, SequenceNode
 
+from dcap.scene.errors import Place, Problem, Report, Severity
+
+TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|[{}\[\],:]|\n|[^\s{}\[\],:"]+')
+"""Strings, marks, ends of lines, and everything else (numbers, true, false, null)."""
+
+Lines = Callable[[Place], int]
+"""Line of a place, from 1; of its nearest existing ancestor if it does not exist."""
 MOST_PER_FILE = 1000
 """Most problems of one file that are listed one by one; more are counted [-]."""
+
+
+def json_lines(text: str) -> Lines:
+    """Lines of the values of valid JSON text."""
+    found: dict[Place, int] = {}
+
+    def line(place: Place) -> int:
+        if not found:
+            found.update((where, number) for where, number, _ in json_places(text))
+        return next(found[place[:end]] for end in range(len(place), -1, -1) if place[:end] in found)
+
+    return line
+
+
+def repeated_keys(text: str) -> Iterator[tuple[Place, int]]:
+    """Places and lines of keys that valid JSON text repeats in one object: only the last counts."""
+    seen: set[Place] = set()
+    for place, line, is_key in json_places(text):
+        if is_key and place in seen:
+            yield place, line
+        seen.add(place)
+
+
+@dataclass(slots=True)
+class _Open:
+    """An object or list that is still open."""
+
+    place: Place
+    is_object: bool
+    step: str | int | None
+    """Key or index of the next value; None if a key must come first."""
+    line: int = 0
+    """Line of that key."""
+
+
+def json_places(text: str) -> Iterator[tuple[Place, int, bool]]:
+    """Every value of valid JSON text: its place, its line (that of its key in an object) and whether it has a key."""
+    line = 1
+    around: list[_Open] = []
+    for match in TOKEN.finditer(text):
+        token, inner = match.group(), around[-1] if around else None
+        if token == "\n":
+            line += 1
+        elif token in "]}":
+            around.pop()
+        elif token == "," and inner is not None:
+            inner.step = inner.step + 1 if isinstance(inner.step, int) else None
+        elif token == ":":
+            continue
+        elif inner is not None and inner.step is None:
+            inner.step, inner.line = json.loads(token), line
+        else:
+            place = () if inner is None or inner.step is None else (*inner.place, inner.step)
+            has_key = inner is not None and inner.is_object
+            yield place, inner.line if inner is not None and has_key else line, has_key
+            if token in "[{":
+                around.append(_Open(place, token == "{", None if token == "{" else 0))
+
+
+def yaml_lines(text: str) -> Lines:
+    """Lines of the values of YAML text; 0 for all where it cannot be parsed."""
+    root: list[Any] = []
+
+    def line(place: Place) -> int:
+        if not root:
+            try:
+                root.append(YAML(typ="safe", pure=True).compose(text))
+            except (YAMLError, RecursionError, ValueError):
+                root.append(None)
+        node, number = root[0], 1 if root[0] is not None else 0
+        for step in place:
+            found = _yaml_child(node, step)
+            if found is None:
+                break
+            node, number = found
+        return number
+
+    return line
+
+
+def _yaml_child(node: object, step: str | int) -> tuple[object, int] | None:
+    """The value under a key (and the key's line) or at an index (and its own)."""
+    if isinstance(node, SequenceNode) and isinstance(step, int) and step < len(node.value):
+        child = node.value[step]
+        return child, child.start_mark.line + 1
+    if isinstance(node, MappingNode):
+        pairs = ((key, value) for key, value in node.value if str(key.value) == str(step))
+        return next(((value, key.start_mark.line + 1) for key, value in pairs), None)
+    return None
 
 
 @dataclass(frozen=True, slots=True)

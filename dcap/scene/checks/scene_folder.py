@@ -1,25 +1,199 @@
-"""Checks one scene: a folder, or a single file with a mesh or splats."""
+"""Checks a dataset folder: finds its scenes and single meshes, and checks each by the rules of its reader.
 
-from dataclasses import dataclass
+Finds the scenes and the single meshes in a dataset folder.
+
+A scene is a folder with annotations (InteriorGS), one of ScanNet, or one with SuGaR's folder tree, one mesh or one
+file of splats.
+Several meshes in one folder are a collection of single meshes. Every other folder is searched, whatever its name.
+"""
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TypeVar
 
-from dcap.scene.checks.annotations import check_annotations, read_tree
-from dcap.scene.checks.files import FileContents, check_shape
-from dcap.scene.checks.findings import Findings
-from dcap.scene.checks.layout import MARKS, mesh_files
-from dcap.scene.checks.occupancy import check_occupancy
-from dcap.scene.errors import InputError
-from dcap.scene.problems import error, warning
+import numpy as np
+
+from dcap.scene.checks.annotations import check_annotations, check_occupancy, read_tree
+from dcap.scene.checks.findings import Findings, Lines, json_lines
+from dcap.scene.errors import InputError, Place, Problem, Report, Severity, error, note, warning
+from dcap.scene.readers.files import GROUND_TRUTH
+from dcap.scene.readers.mesh.raw import RawMesh
+from dcap.scene.readers.points.formats import is_points, read_points
 from dcap.scene.readers.scenes.interiorgs import is_interiorgs
 from dcap.scene.readers.scenes.scannet import (
     SceneFiles,
     alignment_of,
     instances_of,
+    is_scannet,
     scannet_files,
     segments_of,
     vertex_instances,
 )
-from dcap.scene.readers.scenes.sugar import check_suffix, describe, find_mesh
+from dcap.scene.readers.scenes.sugar import MESH_SUFFIXES, check_suffix, describe, find_mesh
+from dcap.scene.readers.source import BROKEN, READERS
+from dcap.scene.readers.splats.formats import check_gaussians, is_splats
+
+MANY = 0.1
+"""Share of faces without area above which a mesh is damaged, beyond rounding [-]."""
+
+Found = TypeVar("Found")
+NUMBERED = re.compile(r"\d{4}_\w+")
+"""Pattern of InteriorGS's scene folders: 0001_839920."""
+MARKS = ("occupancy.json", "occupancy.png", "3dgs_compressed.ply")
+"""Other files that only a scene folder has."""
+SUGAR_TREE = ("refined_mesh", "coarse_mesh", "output")
+"""Folders in which SuGaR leaves its meshes."""
+NOT_DATA = ("cache", "runs", *GROUND_TRUTH)
+"""Folders of our own next to the data: results, and files that no stage may read."""
+
+
+@dataclass(frozen=True, slots=True)
+class FileContents:
+    """Content of a file; zeros if it could not be read."""
+
+    path: Path
+    faces: int = 0
+    splats: int = 0
+    vertices: int = 0
+    names: tuple[str, ...] = ()
+    """Labels of its annotated instances, else names of its nodes or groups."""
+
+
+def check_shape(path: Path, findings: Findings) -> FileContents:
+    """Check one mesh file, with the materials and textures it names, or one file of splats or points."""
+    report = findings.report(path, _lines(path))
+    if is_splats(path):
+        return FileContents(path, splats=_guarded(path, report, lambda: check_gaussians(path, report), 0))
+    if is_points(path):
+        return FileContents(path, vertices=_guarded(path, report, lambda: len(read_points(path)[0]), 0))
+    return _guarded(path, report, lambda: _check_mesh(path, report), FileContents(path))
+
+
+def _check_mesh(path: Path, report: Report) -> FileContents:
+    told: list[Severity] = []
+
+    def also(problem: Problem) -> None:
+        told.append(problem.severity)
+        report(problem)
+
+    try:
+        raw = READERS[path.suffix.lower()](path, also).without_loose_vertices()
+    except (InputError, *BROKEN):
+        if Severity.ERROR in told:  # the rest of a broken file may be no valid mesh, which is no further problem
+            return FileContents(path)
+        raise
+    for one in raw.notes:
+        report(warning(one))
+    bad = raw.degenerate
+    if bad.any():
+        what = (
+            f"{int(bad.sum())} of {len(bad)} faces have no area (first: face {int(np.argmax(bad))}); they are dropped"
+        )
+        report(warning(what) if bad.mean() > MANY else note(what))
+    return FileContents(path, faces=len(raw.faces), vertices=len(raw.vertices), names=_names(raw))
+
+
+def _names(raw: RawMesh) -> tuple[str, ...]:
+    """One name per annotated instance, whose parts are nodes of their own, and one per node without annotation."""
+    if not raw.node_labels:
+        return raw.node_names
+    named = zip(raw.node_names, raw.node_labels, strict=True)
+    found = {name if label is None else name.split("/")[0]: name if label is None else label for name, label in named}
+    return tuple(one for one in found.values() if one)
+
+
+def _guarded(path: Path, report: Report, check: Callable[[], Found], otherwise: Found) -> Found:
+    """Run a check; a truncated file is a further error."""
+    try:
+        return check()
+    except InputError as broken:
+        report(error(str(broken).removeprefix(f"{path}: ")))
+    except OSError as broken:
+        report(error(f"cannot be read: {broken.strerror}"))
+    except BROKEN as broken:
+        report(error(f"the file contradicts its format ({type(broken).__name__}: {broken})"))
+    return otherwise
+
+
+def _lines(path: Path) -> Lines | None:
+    """Lines of places in a glTF text; problems of other formats name their lines themselves."""
+    if path.suffix.lower() != ".gltf":
+        return None
+    known: list[Lines] = []
+
+    def line(place: Place) -> int:
+        if not place:
+            return 0
+        try:
+            known[:] = known or [json_lines(path.read_text("utf-8"))]
+        except (OSError, ValueError):  # JSON in another encoding
+            return 0
+        return known[0](place)
+
+    return line
+
+
+@dataclass(slots=True)
+class Layout:
+    """Paths of the scenes and the single meshes."""
+
+    scenes: list[Path] = field(default_factory=list)
+    meshes: list[Path] = field(default_factory=list)
+    empty: list[Path] = field(default_factory=list)
+    """Folders with neither."""
+
+
+def layout_of(path: Path, findings: Findings) -> Layout:
+    """Scenes and meshes below a folder, or the scene or mesh that it is itself."""
+    if not path.is_dir():
+        return Layout(meshes=[path])
+    found = _searched(path, findings)
+    for folder in found.empty:
+        findings.report(folder)(note("nothing in this folder is a scene or a mesh"))
+    if not found.scenes and not found.meshes:
+        findings.report(path)(error(f"no scene in this folder: neither labels.json nor {', '.join(MESH_SUFFIXES)}"))
+    return found
+
+
+def is_marked(folder: Path) -> bool:
+    """Whether the files or the name of a folder mark it as one scene."""
+    if is_interiorgs(folder) or is_scannet(folder) or NUMBERED.fullmatch(folder.name):
+        return True
+    if any((folder / name).is_file() for name in MARKS):
+        return True
+    trees = [folder / tree for tree in SUGAR_TREE]
+    return any(file.suffix in (".obj", ".ply") for tree in trees if tree.is_dir() for file in tree.rglob("*.*"))
+
+
+def mesh_files(folder: Path) -> list[Path]:
+    """Meshes and splats that lie in a folder itself."""
+    return sorted(one for one in folder.iterdir() if one.suffix.lower() in MESH_SUFFIXES and one.is_file())
+
+
+def _searched(folder: Path, findings: Findings) -> Layout:
+    try:
+        if is_marked(folder):
+            return Layout(scenes=[folder])
+        meshes = mesh_files(folder)
+        children = sorted(one for one in folder.iterdir() if one.is_dir() and not one.is_symlink())
+    except OSError as broken:
+        findings.report(folder)(error(f"cannot be read: {broken.strerror}"))
+        return Layout()
+    children = [one for one in children if not one.name.startswith(".") and one.name.lower() not in NOT_DATA]
+    below = [_searched(child, findings) for child in children]
+    found = Layout()
+    for layout in below:
+        found.scenes += layout.scenes
+        found.meshes += layout.meshes
+        found.empty += layout.empty
+    if len(meshes) == 1 and not found.scenes and not found.meshes:
+        return Layout(scenes=[folder])  # folders below hold its textures
+    found.meshes[:0] = meshes
+    if not meshes and not children:
+        found.empty.append(folder)
+    return found
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.scene.errors import FormatError, GeometryError, InputError
-from dcap.scene.readers.frame.frame import BY_HEIGHT, FileFrame, Role, find_frame, option_name
+from dcap.scene.readers.frame import BY_HEIGHT, FileFrame, Role, find_frame, option_name
 from dcap.scene.readers.gltf.gltf import read_gltf
 from dcap.scene.readers.mesh.obj import read_obj
 from dcap.scene.readers.mesh.paint import bake
@@ -34,15 +34,13 @@ from dcap.scene.readers.scenes.sugar import check_suffix, describe, find_mesh
 from dcap.scene.readers.splats.formats import is_splats, read_gaussians
 from dcap.scene.readers.splats.splats import discs
 from dcap.scene.readers.usd.usd import USD_SUFFIXES, read_usd
-from dcap.scene.types.caution import Cause, Caution
 from dcap.scene.types.gaussians import Gaussians
-from dcap.scene.types.given_labels import VertexLabels
-from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.paint import SourceSurface
+from dcap.scene.types.mesh import Mesh, SourceSurface
+from dcap.scene.types.outcome import Cause, Caution
 from dcap.scene.types.point_cloud import PointCloud
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.scan import LabelBox, Room, Scan
-from dcap.scene.types.segmentation import part_nodes
+from dcap.scene.types.segmentation import VertexLabels, part_nodes
 
 READERS = {
     ".glb": read_gltf, ".gltf": read_gltf, ".obj": read_obj, ".ply": read_ply, ".stl": read_stl,

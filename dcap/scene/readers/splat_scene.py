@@ -7,13 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.scene.errors import InputError
-from dcap.scene.readers.frame.frame import Role, find_frame
+from dcap.scene.readers.frame import Role, find_frame
 from dcap.scene.readers.scenes.interiorgs import is_interiorgs, read_labels, read_structure
 from dcap.scene.readers.scenes.occupancy import read_occupancy
 from dcap.scene.readers.scenes.sugar import COMPRESSED_NAME, find_splats
 from dcap.scene.readers.source import check_options, read_file, stated_frame
+from dcap.scene.types.floor_plan import Occupancy
 from dcap.scene.types.gaussians import Gaussians
-from dcap.scene.types.occupancy import Occupancy
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.scan import LabelBox, Room
 

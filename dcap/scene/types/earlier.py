@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.arrays import check_array
+from dcap.scene.types.choices import Anchor
 from dcap.scene.types.materials import PartMaterial
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.segmentation import Instance, Segmentation

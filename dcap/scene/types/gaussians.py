@@ -15,10 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from dcap.arrays import Float32Array
 from dcap.scene.errors import GeometryError
 from dcap.scene.types.arrays import check_array
-
-F32 = NDArray[np.float32]
 
 DC = 0.28209479177387814
 """The constant spherical harmonic, 1 / (2 sqrt(pi)) [-]."""
@@ -34,17 +33,17 @@ SAMPLED = 32
 class Gaussians:
     """n anisotropic Gaussians with opacity and view-dependent colour, single precision."""
 
-    position: F32
+    position: Float32Array
     """Centres [m], shape (n, 3)."""
-    log_scale: F32
+    log_scale: Float32Array
     """Natural logarithms of the standard deviations [m] along the own axes, shape (n, 3)."""
-    rotation: F32
+    rotation: Float32Array
     """Quaternions (w, x, y, z) of any length, world from own axes, shape (n, 4)."""
-    logit: F32
+    logit: Float32Array
     """Opacity alpha as ln(alpha / (1 - alpha)), shape (n,)."""
-    dc: F32
+    dc: Float32Array
     """Constant harmonic per channel: linear in sRGB colour, (colour - 1/2) / DC, shape (n, 3)."""
-    rest: F32
+    rest: Float32Array
     """Higher harmonics, channel by channel, shape (n, 3, k) with k of COEFFICIENTS."""
 
     def __post_init__(self) -> None:
@@ -67,12 +66,12 @@ class Gaussians:
         return next(degree for degree, count in COEFFICIENTS.items() if count == self.rest.shape[2])
 
     @property
-    def scale(self) -> F32:
+    def scale(self) -> Float32Array:
         """Standard deviations [m], shape (n, 3)."""
         return np.asarray(np.exp(self.log_scale), dtype=np.float32)
 
     @property
-    def opacity(self) -> F32:
+    def opacity(self) -> Float32Array:
         """Alpha [-], shape (n,)."""
         return np.asarray(1.0 / (1.0 + np.exp(-self.logit)), dtype=np.float32)
 
@@ -82,7 +81,7 @@ class Gaussians:
         return np.asarray(np.clip(np.rint(255.0 * (DC * self.dc + 0.5)), 0, 255), dtype=np.uint8)
 
     @property
-    def axes(self) -> F32:
+    def axes(self) -> Float32Array:
         """Rotation matrices, columns are the own axes in the world, shape (n, 3, 3)."""
         return np.asarray(Rotation.from_quat(self.rotation, scalar_first=True).as_matrix(), dtype=np.float32)
 
@@ -140,7 +139,7 @@ def harmonics(directions: NDArray[np.float64], degree: int) -> NDArray[np.float6
     return np.stack(columns[: COEFFICIENTS[degree]], axis=1)
 
 
-def turned_harmonics(rest: F32, turn: NDArray[np.float64], degree: int) -> F32:
+def turned_harmonics(rest: Float32Array, turn: NDArray[np.float64], degree: int) -> Float32Array:
     """Coefficients (n, 3, k) of the same colours seen from turned directions, by one turn (3, 3) or one each (n, 3, 3).
 
     A turned function has harmonics of the same degree only; its coefficients follow by least squares from its values in

@@ -1,4 +1,7 @@
-"""Input of the solver: bodies with surfaces, signed distances and, if soft, material points and a grid."""
+"""Input of the solver: bodies with surfaces, signed distances and, if soft, material points and a grid.
+
+The gravity under which things are placed.
+"""
 
 from dataclasses import dataclass, field
 from enum import IntEnum
@@ -11,7 +14,10 @@ from dcap.scene.errors import GeometryError
 from dcap.scene.types.arrays import check_array
 from dcap.scene.types.materials import ContactFriction
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.repair_report import BodyGeometry
+from dcap.scene.types.scan import BodyGeometry
+
+GRAVITY = 9.81
+"""Magnitude of gravitational acceleration [m/s^2], as in the paper's section 4.3."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)

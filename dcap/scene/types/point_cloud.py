@@ -7,10 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from dcap.arrays import Array
 from dcap.scene.errors import GeometryError
 from dcap.scene.types.arrays import check_array
-
-Array = NDArray[np.float64]
 
 NEIGHBOURS = 24
 """Number of points per fitted plane [-]."""

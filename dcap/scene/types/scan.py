@@ -1,15 +1,21 @@
-"""Result of the mesh stage: one coloured mesh and facts from its source."""
+"""Result of the mesh stage: one coloured mesh, its unit, its repairs, and facts from its source."""
 
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dcap.scene.errors import GeometryError
 from dcap.scene.types.arrays import check_array, check_index
-from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.boxes import OrientedBox
 from dcap.scene.types.earlier import EarlierPlacements
 from dcap.scene.types.mesh import Mesh
+
+METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
+"""Length of each unit [m], by its symbol."""
+TAKEN_AS_METRES = {"centimetres": METRES["cm"], "inches": METRES["in"], "millimetres": METRES["mm"]}
+"""Lengths that a file may have taken for a metre [m], by name."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -68,3 +74,72 @@ class Scan:
         check_array("world_from_file", self.world_from_file, 4, 4)
         if len(self.node_labels) not in (0, len(self.node_names)):
             raise GeometryError(f"node_labels has {len(self.node_labels)} entries, expected {len(self.node_names)}")
+
+
+class Method(StrEnum):
+    """Surfaces from which distances are computed."""
+
+    CLOSED = "closed surface"
+    """The given faces and those that close them."""
+    WINDING = "faces, inside by winding number"
+    """The given faces and, for a support, the columns under them: not a clean surface; sides are determined by
+    counting."""
+    COLUMNS = "columns under what is seen"
+    """A closed surface of the faces visible from the descending object, and the columns under them."""
+    REMESHED = "remeshed"
+    """A surface meshed again from a sampled distance."""
+
+
+@dataclass(frozen=True, slots=True)
+class RepairReport:
+    """One surface; lengths in metres."""
+
+    method: Method
+    """Surface from which distances are computed; `closed` and `agreement` are weaker for faces with winding numbers."""
+    closed: bool
+    """Whether every directed edge has its opposite; for a closed or meshed surface also whether no face is empty or
+    duplicated, and it is wound outwards.
+    """
+    agreement: float
+    """Share of points in and around the solid whose side is certain [-]: for a closed or meshed surface those whose
+    winding number and ray parity agree; else those whose winding number is within 0.1 of a whole number.
+    """
+    hausdorff: float
+    """Largest distance from the visible surface to the repaired one [m]."""
+    mean: float
+    """Mean of that distance over the visible surface [m]."""
+    tolerance: float
+    """Upper bound that `hausdorff` had to meet [m]."""
+    spacing: float
+    """Mean spacing of the points where it was measured, besides all vertices [m]."""
+    volume: float
+    """Enclosed volume [m^3]."""
+    resolution: float
+    """Cell of the remesh [m]; 0: the given faces were kept."""
+    repairs: tuple[str, ...]
+    """Repairs, one sentence each; empty: none."""
+    problem: str
+    """Why the surface is not a good solid; empty if it is."""
+    region: tuple[float, ...] = ()
+    """Lower and upper corner of the box in which `hausdorff` and `mean` were measured [m], six; empty: everywhere."""
+
+
+@dataclass(frozen=True, slots=True)
+class BodyGeometry:
+    """The report of one piece of one body of the drop."""
+
+    body: str
+    """Name of the simulated body."""
+    part: str
+    """Name of its part or parts."""
+    report: RepairReport
+
+
+@dataclass(frozen=True, slots=True)
+class FileScale:
+    """Length of a file's unit, and its reason."""
+
+    metres: float
+    """Length of the file's unit [m]."""
+    note: str
+    """Origin of the length, in a sentence."""

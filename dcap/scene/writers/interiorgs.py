@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from dcap.scene.readers.scenes.sugar import COMPRESSED_NAME
-from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.boxes import OrientedBox
+from dcap.scene.types.floor_plan import FREE, OCCUPIED, UNKNOWN
 from dcap.scene.types.gaussians import Gaussians
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.occupancy import FREE, OCCUPIED, UNKNOWN
 from dcap.scene.writers.gaussians import write_compressed_splats
-from dcap.scene.writers.ply import ply_bytes
+from dcap.scene.writers.meshes import ply_bytes
 
 MESH_NAME = "sugarmesh_3Dgs7000_sdfestim02_sdfnorm02_level03_decim1000000.ply"
 """SuGaR's file name of a mesh of level 0.3 decimated to a million triangles."""

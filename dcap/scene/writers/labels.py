@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.scene.readers.labels.things import VERSION, up_frame
-from dcap.scene.types.box import OrientedBox
-from dcap.scene.types.given_labels import faces_digest
+from dcap.scene.types.boxes import OrientedBox
 from dcap.scene.types.scan import Scan
-from dcap.scene.types.segmentation import Segmentation
+from dcap.scene.types.segmentation import Segmentation, faces_digest
 
 DIGITS = 4
 """Decimals of lengths and confidences."""

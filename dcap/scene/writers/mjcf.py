@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.scene.types.export_scene import ExportScene, FixedBody, FreeBody, SeenPart
-from dcap.scene.types.gravity import GRAVITY
 from dcap.scene.types.materials import ContactFriction, Material
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.writers.obj import obj_bytes, shape_bytes
+from dcap.scene.types.particles import GRAVITY
+from dcap.scene.writers.meshes import obj_bytes, shape_bytes
 
 SCENE = "scene.xml"
 TIMESTEP = 0.002

@@ -12,8 +12,8 @@ import numpy as np
 from dcap.scene.types.export_scene import ExportScene, FixedBody, FreeBody, SeenPart
 from dcap.scene.types.materials import ContactFriction
 from dcap.scene.types.mesh import Mesh
+from dcap.scene.writers.meshes import obj_bytes, shape_bytes
 from dcap.scene.writers.mjcf import constants_of, numbers, plain
-from dcap.scene.writers.obj import obj_bytes, shape_bytes
 
 OBJECT, SCENE, README = "object.urdf", "scene.urdf", "README.txt"
 ROOT = "scene"

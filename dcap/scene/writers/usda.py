@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from dcap.scene.types.export_scene import ExportScene, FixedBody, FreeBody, SeenPart, replace_friction
-from dcap.scene.types.gravity import GRAVITY
 from dcap.scene.types.materials import ContactFriction, Material
 from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.particles import GRAVITY
 
 SCENE = "scene.usda"
 WORLD, LOOKS = "/World", "/World/Materials"

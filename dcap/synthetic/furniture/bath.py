@@ -4,10 +4,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from dcap.synthetic.assembly import Assembly, assembly
+from dcap.arrays import Array
 from dcap.synthetic.furniture.tables import cabinet
 from dcap.synthetic.paint import Rgb, painted
-from dcap.synthetic.shapes import Array, columns, lathe, loft, moved, rounded_box, rounded_rings, tube
+from dcap.synthetic.shapes import Assembly, assembly, columns, lathe, loft, moved, rounded_box, rounded_rings, tube
 
 
 def bathtub(seed: int) -> Assembly:

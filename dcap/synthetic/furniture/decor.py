@@ -2,11 +2,12 @@
 
 import numpy as np
 
+from dcap.arrays import Array
 from dcap.scene.types.mesh import Mesh
-from dcap.synthetic.assembly import Assembly, assembly
 from dcap.synthetic.paint import Finish, Painter, Rgb, blend, gradient, painted, smooth_noise, wood
 from dcap.synthetic.shapes import (
-    Array,
+    Assembly,
+    assembly,
     bar,
     columns,
     ellipsoid,

@@ -3,9 +3,20 @@
 import numpy as np
 
 from dcap.scene.types.mesh import Mesh
-from dcap.synthetic.assembly import Assembly, assembly
 from dcap.synthetic.paint import Finish, Rgb, painted, wood
-from dcap.synthetic.shapes import Size, bar, cushioned, lathe, moved, resampled, rounded_box, tube, turned
+from dcap.synthetic.shapes import (
+    Assembly,
+    Size,
+    assembly,
+    bar,
+    cushioned,
+    lathe,
+    moved,
+    resampled,
+    rounded_box,
+    tube,
+    turned,
+)
 
 SINK = 0.003
 """Depth to which cushions press into their support [m]."""

@@ -5,9 +5,8 @@ from typing import Literal
 import numpy as np
 
 from dcap.scene.types.mesh import Mesh
-from dcap.synthetic.assembly import Assembly, assembly
 from dcap.synthetic.paint import Rgb, painted, wood
-from dcap.synthetic.shapes import Size, bar, lathe, moved, resampled, rounded_box, sphere, tube
+from dcap.synthetic.shapes import Assembly, Size, assembly, bar, lathe, moved, resampled, rounded_box, sphere, tube
 
 Legs = Literal["turned", "square", "slim"]
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from dcap.arrays import Array
 from dcap.scene.types.mesh import Mesh
-from dcap.synthetic.assembly import Assembly, assembly
 from dcap.synthetic.paint import blend, painted
-from dcap.synthetic.shapes import Array, columns, lathe, moved, rounded_box, sphere, turned, union
+from dcap.synthetic.shapes import Assembly, assembly, columns, lathe, moved, rounded_box, sphere, turned, union
 
 
 def toy_ball() -> Assembly:

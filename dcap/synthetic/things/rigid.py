@@ -2,9 +2,21 @@
 
 import numpy as np
 
-from dcap.synthetic.assembly import Assembly, assembly
+from dcap.arrays import Array
 from dcap.synthetic.paint import blend, gradient, painted, wood
-from dcap.synthetic.shapes import Array, columns, lathe, loft, moved, rounded_box, rounded_rings, tube, turned, union
+from dcap.synthetic.shapes import (
+    Assembly,
+    assembly,
+    columns,
+    lathe,
+    loft,
+    moved,
+    rounded_box,
+    rounded_rings,
+    tube,
+    turned,
+    union,
+)
 
 
 def mug() -> Assembly:

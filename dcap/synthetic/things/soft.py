@@ -5,11 +5,12 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from skimage.measure import marching_cubes
 
+from dcap.arrays import Array
 from dcap.scene.types.mesh import Mesh
-from dcap.synthetic.assembly import Assembly, assembly
 from dcap.synthetic.paint import Painter, Rgb, blend, checks, painted, smooth_noise, stripes
 from dcap.synthetic.shapes import (
-    Array,
+    Assembly,
+    assembly,
     columns,
     difference,
     ellipsoid,

@@ -21,8 +21,8 @@ from dcap.evaluation.metrics.placeit3d import (
 )
 from dcap.evaluation.metrics.touching import TOUCHING
 from dcap.evaluation.outcome_table import ExpectedOutcome
-from dcap.scene.types.box import OrientedBox
-from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
+from dcap.scene.types.boxes import OrientedBox
+from dcap.scene.types.choices import Intent, OrientationRequest, RegionRequest
 from dcap.scene.types.segmentation import Instance, Part
 
 EPS = 1e-4

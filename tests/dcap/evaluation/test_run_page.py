@@ -25,7 +25,7 @@ from dcap.evaluation.run_page.supports import supports_figure
 from dcap.evaluation.run_page.tables import SHOWN_METRICS, metrics_table
 from dcap.evaluation.table_files import tex_escaped
 from dcap.scene.readers.gltf.gltf import read_gltf
-from dcap.scene.types.judged_views import PLACED
+from dcap.scene.types.pictures import PLACED
 from dcap.scene.types.sample import Sample
 
 VOID = {"meta", "img", "input", "br", "link"}

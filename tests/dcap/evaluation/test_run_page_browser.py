@@ -14,7 +14,7 @@ from PIL import Image
 from playwright.sync_api import Page, expect, sync_playwright
 from run_rows import outcomes, written
 
-from dcap.scene.types.judged_views import PLACED
+from dcap.scene.types.pictures import PLACED
 
 pytestmark = [
     pytest.mark.browser,

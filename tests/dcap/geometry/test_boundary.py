@@ -3,7 +3,7 @@
 import numpy as np
 import trimesh
 
-from dcap.geometry.boundary import welded
+from dcap.geometry.pieces import welded
 
 
 def test_welding_joins_what_an_exact_grouping_joins() -> None:

@@ -5,15 +5,14 @@ import pytest
 import shapely
 import trimesh
 
-from dcap.geometry.boundary import hole_loops, is_closed
-from dcap.geometry.pieces import signed_volume
+from dcap.geometry.pieces import hole_loops, is_closed, signed_volume
 from dcap.geometry.placement.polygons import smallest_rectangle
 from dcap.geometry.placement.poses import LEAST_SHARE, stable_poses
 from dcap.geometry.solid.closing import capped
 from dcap.geometry.solid.repair import split_edges
 from dcap.geometry.solid.repair_log import RepairLog
+from dcap.scene.types.boxes import min_area_box
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.rectangle import min_area_box
 
 JITTER = 1e-12  # [m]: the last digits of coordinates in metres
 CORNERS = 64

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dcap.scene.names import readable, says_something, words_of
+from dcap.scene.text import readable, says_something, words_of
 
 
 @given(st.uuids(), st.sampled_from(["{}", "{}_low", "ball {}", "ball_{}"]))

@@ -2,8 +2,7 @@
 
 import pytest
 
-from dcap.scene.redaction import has_log_in, redacted_url, without_secrets
-from dcap.scene.secrets import HIDDEN, redacted
+from dcap.scene.secrets import HIDDEN, has_log_in, redacted, redacted_url, without_secrets
 
 
 @pytest.mark.parametrize("name", ["ANTHROPIC_API_KEY", "PREFECT_API_AUTH_STRING", "PREFECT_SERVER_API_AUTH_STRING"])

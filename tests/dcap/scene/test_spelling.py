@@ -2,7 +2,7 @@
 
 import pytest
 
-from dcap.scene.spelling import not_one_of
+from dcap.scene.text import not_one_of
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 
 from dcap.evaluation.outcome_table import read_truth
 from dcap.geometry.distance import MeshDistance
-from dcap.geometry.splatting.on_mesh import splats_on_mesh
+from dcap.geometry.splatting.discs import splats_on_mesh
 from dcap.scene.errors import InputError
 from dcap.scene.readers.scenes.sugar import COMPRESSED_NAME, has_only_splats
 from dcap.scene.readers.splats.splats import CHUNK, read_splats

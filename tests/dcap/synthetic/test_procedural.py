@@ -6,11 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dcap.synthetic import shapes
-from dcap.synthetic.furnish import furnish
-from dcap.synthetic.objects import build_object, in_metres
+from dcap.synthetic.dataset import build_object, in_metres
 from dcap.synthetic.recipes import object_recipes, room_names, room_recipe
 from dcap.synthetic.room import FurnishedRoom
-from dcap.synthetic.rooms import BuiltRoom, build_room
+from dcap.synthetic.rooms import BuiltRoom, build_room, furnish
 from dcap.synthetic.shapes import is_manifold, joined, volume
 from dcap.synthetic.shell import shell
 

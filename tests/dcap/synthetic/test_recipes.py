@@ -12,8 +12,8 @@ from dcap.scene.readers.mesh.obj import read_obj
 from dcap.scene.settings import PROJECT_ROOT
 from dcap.synthetic.catalogue import FURNITURE, THINGS
 from dcap.synthetic.dataset import make_dataset
-from dcap.synthetic.furnish import board_heights, furnish
 from dcap.synthetic.recipes import object_recipes, palette, room_names, room_recipe
+from dcap.synthetic.rooms import board_heights, furnish
 
 ROOM = """\
 kind: Study Room

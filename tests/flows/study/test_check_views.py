@@ -14,9 +14,9 @@ from dcap.evaluation.judging.cameras import SIZE, sample_cameras
 from dcap.evaluation.study.placed_surface import read_placed_surface
 from dcap.evaluation.study.placements import ShownPlacement, views_of
 from dcap.scene.errors import FormatError, InputError
-from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
-from dcap.scene.types.judged_views import PLACED
-from dcap.scene.types.paint import SourceSurface
+from dcap.scene.types.choices import Intent, OrientationRequest, RegionRequest
+from dcap.scene.types.mesh import SourceSurface
+from dcap.scene.types.pictures import PLACED
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
 from flows.judge_views import CAMERAS, VIEWS
 from flows.study.check_views import check_pictures

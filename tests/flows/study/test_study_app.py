@@ -18,7 +18,7 @@ from dcap.evaluation.study.design import Side, StudyItem
 from dcap.evaluation.study.journal import read_votes
 from dcap.evaluation.study.study_folder import TOKENS, read_design
 from dcap.scene.readers.gltf.gltf import read_gltf
-from dcap.scene.types.judged_views import PLACED
+from dcap.scene.types.pictures import PLACED
 from flows.study.app import MOST_BYTES
 
 

@@ -11,7 +11,7 @@ from placed_ball import shown
 from textured import plate
 
 from dcap.geometry.rendering.painted import own_paint
-from dcap.scene.types.paint import PaintedMesh
+from dcap.scene.types.mesh import PaintedMesh
 from flows.view.model import StartView
 from flows.view.nodes import place_cameras, set_light
 from flows.view.page_glb import glb_of

@@ -10,9 +10,8 @@ from placed_ball import FRAMES, SLIDE, pushed, values
 from rest_records import LAST
 from scipy.spatial.transform import Rotation as Turn
 
-from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.mesh import Mesh, PaintedMesh
 from dcap.scene.types.outcome import Infeasible, Reason
-from dcap.scene.types.paint import PaintedMesh
 from dcap.scene.types.segmentation import Segmentation
 from flows.place import PlaceConfig
 from flows.view import looks, model

@@ -12,7 +12,7 @@ from dented_bed import RADIUS, TOP, anchor, scene_of, settled
 from placed_ball import FRAMES, SLIDE, pushed, shown, values
 
 from dcap.scene.errors import InputError
-from dcap.scene.types.rotation import POSE_OF_THE_FILE, Rotation
+from dcap.scene.types.choices import POSE_OF_THE_FILE, Rotation
 from flows.own_requests import LOOPBACK
 from flows.place import PlaceConfig
 from flows.view import serving

@@ -9,9 +9,7 @@ from PIL import Image
 from textured import plate, quarters
 
 from dcap.geometry.rendering.painted import own_paint
-from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.paint import Paint, PaintedMesh, SourceSurface
-from dcap.scene.types.surface_material import AlphaMode, SurfaceMaterial
+from dcap.scene.types.mesh import AlphaMode, Mesh, Paint, PaintedMesh, SourceSurface, SurfaceMaterial
 from flows.view.page_glb import ALBEDO, Document, PageSurface, glb_of, page_normals, parsed
 from flows.view.surface import whole
 

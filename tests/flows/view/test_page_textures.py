@@ -8,8 +8,7 @@ from textured import plate, quarters
 
 from dcap.geometry.rendering.painted import own_paint, surface_colors
 from dcap.scene.srgb import CLAMP, MIRROR, REPEAT
-from dcap.scene.types.paint import CornerPaint, PaintedMesh
-from dcap.scene.types.surface_material import MaterialMap, SurfaceMaterial
+from dcap.scene.types.mesh import CornerPaint, MaterialMap, PaintedMesh, SurfaceMaterial
 from flows.view import page_textures
 from flows.view.page_textures import fitted, largest_share, trimmed
 

@@ -12,14 +12,11 @@ from dcap.language.offline.client import OfflineClient
 from dcap.language.protocol.client import ClientName, LanguageConfig
 from dcap.language.protocol.replies import AnchorReply
 from dcap.language.protocol.session import Session
-from dcap.scene.types.anchor import Anchor
-from dcap.scene.types.box import OrientedBox
-from dcap.scene.types.intent import Intent
+from dcap.scene.types.boxes import OrientedBox
+from dcap.scene.types.choices import Anchor, Intent, Rotation
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.rotation import Rotation
 from dcap.scene.types.segmentation import Instance, Part, Segmentation, SegmentedObject, SegmentedScene
-from tasks.anchor.base_picture import base_from_above
-from tasks.anchor.request import anchor_request
+from tasks.anchor.request import anchor_request, base_from_above
 from tasks.anchor.stage import AnchorConfig, anchor
 from tasks.intent.stage import IntentConfig, intent
 from tasks.rotation.stage import RotationConfig, rotation

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from dcap.evaluation.aim_scores import Aim, marks, shares
-from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.choices import Anchor
 from dcap.synthetic.recipes import room_names
 from dcap.synthetic.rooms import BuiltRoom
 from flows.samples import load_yaml

@@ -11,7 +11,7 @@ from dcap.geometry.placement.poses import center_of_mass
 from dcap.geometry.raycast import Raycaster
 from dcap.language.offline.client import OfflineClient
 from dcap.language.protocol.replies import AnchorReply
-from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.choices import Anchor
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import BesideThePart, Infeasible, InTheWay, NoRoom, Reason
 from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene

@@ -6,7 +6,7 @@ from box_rooms import CUBE, HALL, ROOM
 from stage_chain import Stages
 
 from dcap.geometry.placement.named_regions import ViewerFrame, edge_at
-from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.boxes import OrientedBox
 from dcap.scene.types.outcome import Infeasible, Reason
 from dcap.scene.types.segmentation import Segmentation
 

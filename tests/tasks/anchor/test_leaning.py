@@ -6,7 +6,7 @@ from box_rooms import CUBE, ROOM, block, segmentation, thing
 from stage_chain import Stages
 
 from dcap.geometry.placement.poses import center_of_mass
-from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.choices import Anchor
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Infeasible
 from dcap.scene.types.segmentation import Segmentation

@@ -4,7 +4,7 @@ import pytest
 from box_rooms import block, mug, segmentation, thing
 from stage_chain import Stages
 
-from dcap.scene.types.caution import Cause, Caution
+from dcap.scene.types.outcome import Cause, Caution
 from dcap.scene.types.segmentation import Segmentation
 
 OFFLINE = Stages()

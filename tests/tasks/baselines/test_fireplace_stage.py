@@ -11,8 +11,7 @@ from dcap.geometry.placement.clearance import Clearance
 from dcap.geometry.raycast import Raycaster
 from dcap.language.connect import Client
 from dcap.language.offline.client import OfflineClient
-from dcap.scene.types.anchor import Anchor
-from dcap.scene.types.intent import Intent
+from dcap.scene.types.choices import Anchor, Intent
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Infeasible, Reason
 from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene

@@ -12,14 +12,11 @@ from dcap.language.connect import Client, connect
 from dcap.language.protocol.client import ClientName, LanguageConfig
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import LanguageError
-from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.choices import Anchor, Intent
 from dcap.scene.types.floor_plan import FloorPlans
-from dcap.scene.types.intent import Intent
 from dcap.scene.types.outcome import Infeasible
 from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
-from tasks.baselines.floor_plan import floor_plan
-from tasks.baselines.holodeck import HolodeckConfig, holodeck
-from tasks.baselines.layoutgpt import LayoutGptConfig, layoutgpt
+from tasks.baselines.planners import HolodeckConfig, LayoutGptConfig, floor_plan, holodeck, layoutgpt
 
 MUG = thing("mug", mug())
 SEAT = thing("stool", block((-0.15, -0.15, 0.0), (0.15, 0.15, 0.4)))

@@ -5,16 +5,29 @@ import pytest
 
 from dcap.geometry.primitives import Box, Capsule
 from dcap.scene.errors import GeometryError
-from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.boxes import OrientedBox
 from dcap.scene.types.materials import ContactFriction
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.particles import NodeState, Particles, RigidSimulationBody, SoftSimulationBody
 from solver.model import bodies as solver_bodies
-from tasks.bodies.distance_samples import distance_samples
-from tasks.bodies.inertial import inertial_of_material, inertial_of_points, inertial_of_shell, inertial_of_solid
-from tasks.bodies.material_points import MaterialConstants, material_points, with_mass
-from tasks.bodies.node_states import grid_of, nodes_at_bottoms, nodes_at_cuts, nodes_at_faces, nodes_within
-from tasks.bodies.solver_model import solver_model
+from tasks.bodies.discretization import (
+    MaterialConstants,
+    distance_samples,
+    inertial_of_material,
+    inertial_of_points,
+    inertial_of_shell,
+    inertial_of_solid,
+    material_points,
+    with_mass,
+)
+from tasks.bodies.solver_model import (
+    grid_of,
+    nodes_at_bottoms,
+    nodes_at_cuts,
+    nodes_at_faces,
+    nodes_within,
+    solver_model,
+)
 
 SIDE = 0.1
 CUBE = Box(np.full(3, SIDE))

@@ -4,8 +4,7 @@ import numpy as np
 
 from dcap.geometry.primitives import Box
 from dcap.geometry.solid.repair import longest_near
-from tasks.bodies.contact_surface import PER_CELL, rigid_object_surface, soft_support_surface
-from tasks.bodies.footprint import Footprint
+from tasks.bodies.footprint import PER_CELL, Footprint, rigid_object_surface, soft_support_surface
 
 CELL = 0.0045
 CROP = np.array([[-0.6, -0.6, -0.5], [0.6, 0.6, 0.5]])

@@ -10,7 +10,7 @@ from dcap.language.material_table import load_materials
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.particles import DistanceGrid, Particles, RigidSimulationBody
 from solver.model.bodies import Model
-from tasks.bodies.inertial import inertial_of_shell
+from tasks.bodies.discretization import inertial_of_shell
 from tasks.bodies.solver_model import solver_model
 from tasks.case.bodies import case_particles
 from tasks.case.file import Case

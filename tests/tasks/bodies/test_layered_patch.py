@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tasks.bodies.layered_patch import felt_compliance, layered_patch
+from tasks.bodies.plan_contact import felt_compliance, layered_patch
 
 SOFT, HARD = 1e-4, 1e-6
 

@@ -5,7 +5,7 @@ import pytest
 from box_rooms import block
 
 from dcap.scene.types.mesh import Mesh
-from tasks.bodies.levelling import levelling, slope_below
+from tasks.bodies.footprint import levelling, slope_below
 from tasks.bodies.plan_contact import Heights
 
 X, Y = np.linspace(-0.1, 0.1, 21), np.linspace(-0.05, 0.05, 11)

@@ -7,10 +7,9 @@ import pytest
 from box_rooms import segmentation
 from torn import ball, fine_box, middles, normals, where
 
-from dcap.geometry.boundary import is_closed
 from dcap.geometry.distance import MeshDistance
-from dcap.scene.types.anchor import Anchor
-from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
+from dcap.geometry.pieces import is_closed
+from dcap.scene.types.choices import Anchor, Intent, OrientationRequest, RegionRequest
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import OpenObject, Reason
 from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene

@@ -7,9 +7,17 @@ from numpy.typing import NDArray
 from dcap.geometry.distance import sampler
 from dcap.geometry.primitives import Box
 from solver.model.grid import graded_planes
-from tasks.bodies.distance_samples import distance_samples
-from tasks.bodies.soft_cells import Cells, occupied
-from tasks.bodies.thin_parts import MOST_PIECES, THROUGH, Limit, UnderResolved, thin_profile, through_thin_parts
+from tasks.bodies.discretization import distance_samples
+from tasks.bodies.soft_cells import (
+    MOST_PIECES,
+    THROUGH,
+    Cells,
+    Limit,
+    UnderResolved,
+    occupied,
+    thin_profile,
+    through_thin_parts,
+)
 
 SEAT, BACK = Box(np.array([0.6, 0.5, 0.3])), Box(np.array([0.6, 0.05, 0.4]))
 LEAST = 1.5e-3

@@ -12,10 +12,9 @@ from dcap.scene.types.particles import SoftSimulationBody
 from solver.certificate import Verdict
 from solver.errors import UnstableStep
 from solver.result import SettledModel
-from tasks.case.again import as_ended, dropped_again, elsewhere
 from tasks.case.bodies import case_particles
 from tasks.case.file import Case, checked_case
-from tasks.case.run import run_case
+from tasks.case.run import as_ended, dropped_again, elsewhere, run_case
 
 FOAM = {"density": 60, "youngs_modulus": 5e4, "poisson_ratio": 0.3, "static_friction": 0.6, "dynamic_friction": 0.5}
 SLAB = {"name": "slab", "shape": {"box": {"size": [0.8, 0.3, 0.08]}}, "position": [0.2, 0, 0.04], "motion": "fixed",

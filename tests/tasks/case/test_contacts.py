@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dcap.geometry.distance import sampler
-from tasks.bodies.contact_cells import CELLS_ACROSS, CELLS_AT_EDGES
+from tasks.bodies.soft_cells import CELLS_ACROSS, CELLS_AT_EDGES
 from tasks.case.bodies import BUDGET, case_particles
 from tasks.case.contacts import heights, predicted_contacts
 from tasks.case.file import checked_case

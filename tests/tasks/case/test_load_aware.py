@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 
 from solver.config import SolverConfig
+from tasks.case.contacts import load_aware
 from tasks.case.file import Case
 from tasks.case.run import run_case
-from tasks.case.stiff_bodies import load_aware
 from tasks.materials.stage import MaterialsConfig
 
 INVISIBLE = SolverConfig().penetration_target

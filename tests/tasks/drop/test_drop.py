@@ -13,8 +13,7 @@ from dcap.geometry.distance import distance_grid
 from dcap.geometry.primitives import Box, Capsule, Primitive
 from dcap.scene.errors import GeometryError
 from dcap.scene.json_tree import to_json
-from dcap.scene.types.anchor import Anchor, Lean
-from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
+from dcap.scene.types.choices import Anchor, Intent, Lean, OrientationRequest, RegionRequest
 from dcap.scene.types.materials import ContactFriction
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Infeasible, Reason

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dcap.scene.types.intent import OrientationRequest
-from dcap.scene.types.rotation import AskedPose
+from dcap.scene.types.choices import AskedPose, OrientationRequest
 from dcap.scene.types.settled import PoseCheck
-from tasks.drop.poses import pose_checks, pose_name, pose_warnings
+from tasks.drop.settled import pose_checks, pose_name, pose_warnings
 
 UP, FRONT, LEFT = np.array([0.0, 0.0, 1.0]), np.array([0.0, -1.0, 0.0]), np.array([1.0, 0.0, 0.0])
 BOUNDS = (np.pi / 4.0, np.pi / 4.0)

@@ -8,10 +8,9 @@ import pytest
 
 from dcap.geometry.distance import distance_grid
 from dcap.geometry.primitives import Box
-from dcap.scene.types.gravity import GRAVITY
 from dcap.scene.types.materials import ContactFriction
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.particles import InertialProperties, RigidSimulationBody
+from dcap.scene.types.particles import GRAVITY, InertialProperties, RigidSimulationBody
 from solver.config import SolverConfig
 from solver.mls.drop import ExplicitDrop
 from solver.model.bodies import Model

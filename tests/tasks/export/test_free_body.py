@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.particles import BackgroundGrid, InertialProperties, MaterialPoints, SoftSimulationBody
 from dcap.scene.types.settled import SettledBody
-from tasks.bodies.inertial import inertial_of_points
-from tasks.export.free_body import BodyFrame, settled_inertial, settled_pose
+from tasks.bodies.discretization import inertial_of_points
+from tasks.export.settled_export import BodyFrame, settled_inertial, settled_pose
 
 WORLD = BodyFrame(np.eye(3), np.zeros(3))
 TURN = Rotation.from_euler("xyz", [0.3, -0.8, 1.1])

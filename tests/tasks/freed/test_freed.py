@@ -11,13 +11,11 @@ from placed_folder import placed_folder, read_placed
 from dcap.language.connect import connect
 from dcap.language.protocol.client import LanguageConfig
 from dcap.language.protocol.session import Session
-from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.choices import Anchor
 from dcap.scene.types.earlier import EarlierPlacements, PlacedThing
 from dcap.scene.types.scan import Scan
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
-from tasks.freed.reach import closed, meet
-from tasks.freed.stage import freed
-from tasks.freed.unloaded import GAP, height_over
+from tasks.freed.stage import GAP, closed, freed, height_over, meet
 from tasks.segment.stage import SegmentConfig, segment
 
 

@@ -9,7 +9,7 @@ from dcap.language.offline.client import OfflineClient
 from dcap.language.protocol.questions import INTENT
 from dcap.language.protocol.replies import MOST_STATES, IntentReply
 from dcap.language.protocol.requests import IntentRequest, vector
-from dcap.scene.types.intent import Intent
+from dcap.scene.types.choices import Intent
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
 from tasks.intent.stage import IntentConfig, intent, mass_of, scale_of

@@ -9,7 +9,7 @@ from stage_chain import Stages
 
 from dcap.language.protocol.client import ClientName, LanguageConfig
 from dcap.scene.errors import InputError, LanguageError
-from dcap.scene.types.intent import Intent
+from dcap.scene.types.choices import Intent
 from dcap.scene.types.outcome import Infeasible, NotInScene, Reason
 from dcap.scene.types.segmentation import Segmentation
 from tasks.anchor.stage import AnchorConfig

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from dcap.language.offline.kinds import UNKNOWN_LENGTH, prior_of
 from dcap.language.offline.lexicon import Thing, is_a, things
-from dcap.language.offline.priors import UNKNOWN_LENGTH, prior_of
-from dcap.synthetic.objects import build_object
+from dcap.synthetic.dataset import build_object
 from dcap.synthetic.recipes import object_recipes
 from tasks.intent.rescale import rescale
 

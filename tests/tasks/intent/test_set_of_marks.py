@@ -15,9 +15,8 @@ from dcap.language.connect import connect
 from dcap.language.protocol.client import ClientName, LanguageConfig
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import LanguageError
-from dcap.scene.types.intent import Intent
-from dcap.scene.types.pointed import Pointed
-from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
+from dcap.scene.types.choices import Intent
+from dcap.scene.types.segmentation import Pointed, Segmentation, SegmentedObject, SegmentedScene
 from tasks.intent.request import VIEWS, intent_request
 from tasks.intent.stage import IntentConfig, intent
 from tasks.requests.marks import marked, numbers_of, plan_picture

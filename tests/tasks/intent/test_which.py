@@ -10,7 +10,7 @@ from dcap.language.protocol.questions import INTENT
 from dcap.language.protocol.replies import IntentReply
 from dcap.language.protocol.requests import IntentRequest
 from dcap.scene.errors import LanguageError
-from tasks.intent.which import settle_choice
+from tasks.intent.request import settle_choice
 
 
 def asked(prompt: str) -> tuple[IntentReply, IntentRequest]:

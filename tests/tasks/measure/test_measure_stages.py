@@ -11,8 +11,7 @@ import trimesh
 from box_rooms import block, segmentation, thing
 
 from dcap.scene.errors import GeometryError
-from dcap.scene.types.anchor import Anchor
-from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
+from dcap.scene.types.choices import Anchor, Intent, OrientationRequest, RegionRequest
 from dcap.scene.types.materials import BodyModel, Material, PartMaterial, PartMaterials
 from dcap.scene.types.measures import Indentation
 from dcap.scene.types.mesh import Mesh
@@ -20,9 +19,8 @@ from dcap.scene.types.outcome import Infeasible
 from dcap.scene.types.particles import ColumnLayer, Particles
 from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
 from solver.certificate import Verdict
-from tasks.measure.drift import DriftConfig, drift
+from tasks.measure.drift import DriftConfig, drift, indentation
 from tasks.measure.referee import frictions, referee
-from tasks.measure.sinking import indentation
 from tasks.measure.touch import measure
 from tasks.particles.config import ParticlesConfig
 from tasks.particles.stage import particles, proposal_particles

@@ -6,11 +6,10 @@ import trimesh
 
 from dcap.geometry.primitives import Box
 from dcap.geometry.raycast import Raycaster
-from dcap.scene.types.gravity import GRAVITY
 from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.particles import GRAVITY
 from tasks.bodies.footprint import heights_over
-from tasks.bodies.layered_patch import Layer
-from tasks.bodies.plan_contact import plan_contact
+from tasks.bodies.plan_contact import Layer, plan_contact
 from tasks.particles.contact_layers import RIGID
 
 

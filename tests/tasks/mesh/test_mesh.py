@@ -9,9 +9,9 @@ from point_files import points_on, without_normals, write_ply_points
 
 from dcap.geometry.distance import MeshDistance
 from dcap.geometry.splatting.config import SurfaceConfig
-from dcap.geometry.splatting.on_mesh import splats_on_mesh
+from dcap.geometry.splatting.discs import splats_on_mesh
 from dcap.language.offline.client import OfflineClient
-from dcap.language.offline.priors import prior_of
+from dcap.language.offline.kinds import prior_of
 from dcap.language.offline.sentence import read as read_sentence
 from dcap.scene.errors import InputError
 from dcap.scene.types.mesh import Mesh

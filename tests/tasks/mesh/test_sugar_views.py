@@ -7,8 +7,8 @@ import pytest
 
 from dcap.geometry.camera import Camera, looking_at
 from dcap.geometry.raycast import Raycaster
-from dcap.geometry.rendering.unlit import psnr, unlit
-from dcap.geometry.splatting.on_mesh import splats_on_mesh
+from dcap.geometry.rendering.picture import psnr, unlit
+from dcap.geometry.splatting.discs import splats_on_mesh
 from dcap.scene.types.gaussians import DC, Gaussians
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.writers.sugar import cameras_json

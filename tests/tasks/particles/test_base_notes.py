@@ -7,8 +7,7 @@ import pytest
 from benches import FOAM, cube_over, soft_layers
 from box_rooms import block
 
-from tasks.bodies.soft_cells import Cells
-from tasks.bodies.thin_parts import Limit, UnderResolved
+from tasks.bodies.soft_cells import Cells, Limit, UnderResolved
 from tasks.particles.base_bodies import note_cells, note_thin
 
 SEAT = ("seat", block((-0.6, -0.4, 0.0), (0.6, 0.4, 0.45)), FOAM)

@@ -9,7 +9,7 @@ from box_rooms import block
 from furnished import sheet
 
 from dcap.scene.types.mesh import Mesh
-from tasks.particles.bottoms import soft_bottoms
+from tasks.particles.contact_layers import soft_bottoms
 
 SEAT, THICK, WAVE = 0.45, 0.008, 0.012
 SIDE = 0.3

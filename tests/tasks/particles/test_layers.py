@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 import trimesh
 
-from dcap.language.covers import cover_thickness
-from dcap.scene.types.box import OrientedBox
+from dcap.language.material_table import cover_thickness
+from dcap.scene.types.boxes import OrientedBox
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.segmentation import Instance, Part
-from tasks.particles.covers import UNEVEN, UNSEEN, covers_beneath, covers_of, lies_under
-from tasks.particles.layers import BaseLayers, column_of
+from tasks.particles.layers import UNEVEN, UNSEEN, BaseLayers, column_of, covers_beneath, covers_of, lies_under
 
 TOP = 0.5
 

@@ -5,11 +5,9 @@ import trimesh
 from box_rooms import segmentation
 
 from dcap.language.offline.client import OfflineClient
-from dcap.scene.types.anchor import Anchor
-from dcap.scene.types.intent import Intent
+from dcap.scene.types.choices import Anchor, Intent, Rotation
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.particles import Particles
-from dcap.scene.types.rotation import Rotation
 from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
 from tasks.anchor.stage import AnchorConfig, anchor
 from tasks.intent.stage import IntentConfig, intent

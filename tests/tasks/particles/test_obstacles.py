@@ -8,7 +8,7 @@ from benches import FOAM, WOOD, cube_over
 from box_rooms import Things, block, segmentation
 
 from dcap.geometry.distance import sampler
-from dcap.scene.types.anchor import Lean
+from dcap.scene.types.choices import Lean
 from dcap.scene.types.materials import BodyModel, Material, PartMaterial, PartMaterials
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.particles import RigidSimulationBody

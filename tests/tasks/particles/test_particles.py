@@ -9,16 +9,14 @@ import trimesh
 
 from dcap.geometry.distance import sampler
 from dcap.scene.errors import GeometryError
-from dcap.scene.types.anchor import Anchor
-from dcap.scene.types.box import OrientedBox
-from dcap.scene.types.gravity import GRAVITY
-from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
+from dcap.scene.types.boxes import OrientedBox
+from dcap.scene.types.choices import Anchor, Intent, OrientationRequest, RegionRequest
 from dcap.scene.types.materials import BodyModel, Material, PartMaterial, PartMaterials
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.particles import NodeState, Particles, RigidSimulationBody, SoftSimulationBody
+from dcap.scene.types.particles import GRAVITY, NodeState, Particles, RigidSimulationBody, SoftSimulationBody
 from dcap.scene.types.segmentation import Instance, Part, Segmentation, SegmentedObject, SegmentedScene
 from dcap.scene.types.settled import EndPose
-from tasks.bodies.contact_surface import PER_CELL
+from tasks.bodies.footprint import PER_CELL
 from tasks.bodies.plan_contact import share_within
 from tasks.codec import encode
 from tasks.particles.config import ParticlesConfig

@@ -7,7 +7,7 @@ from torn import fine_box, middles, normals, scrap, where, with_hole
 
 from dcap.geometry.distance import sampler
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.repair_report import Method
+from dcap.scene.types.scan import Method
 from tasks.particles.base_bodies import BaseBodies, base_bodies
 from tasks.particles.drop_setup import DropSetup
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from box_rooms import ball, block, segmentation, thing
 
-from dcap.scene.types.anchor import Anchor
-from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
+from dcap.scene.types.choices import Anchor, Intent, OrientationRequest, RegionRequest
 from dcap.scene.types.materials import BodyModel, Material, PartMaterial, PartMaterials
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.particles import Particles, SoftSimulationBody

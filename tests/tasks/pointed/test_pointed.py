@@ -10,13 +10,10 @@ from stage_chain import Stages
 
 from dcap.language.offline.client import OfflineClient
 from dcap.scene.errors import InputError
-from dcap.scene.types.anchor import Anchor
-from dcap.scene.types.intent import Intent
+from dcap.scene.types.choices import Anchor, Intent, Rotation
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.pointed import Pointed
-from dcap.scene.types.rotation import Rotation
 from dcap.scene.types.sample import GivenPlace
-from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
+from dcap.scene.types.segmentation import Pointed, Segmentation, SegmentedObject, SegmentedScene
 from tasks.anchor.stage import AnchorConfig, anchor
 from tasks.intent.stage import IntentConfig, intent
 from tasks.pointed.stage import point, point_out

@@ -5,9 +5,9 @@ from dented_bed import anchor, ball, scene_of
 from placed_ball import FRAMES, moving
 
 from dcap.geometry.camera import looking_at
-from dcap.scene.types.paint import SourceSurface
-from tasks.render.animation import drop_pictures
+from dcap.scene.types.mesh import SourceSurface
 from tasks.render.config import RenderConfig
+from tasks.render.motion import drop_pictures
 
 PLAIN = SourceSurface.untextured()
 

@@ -13,16 +13,15 @@ from PIL import Image
 from dcap.geometry.camera import Camera, looking_at
 from dcap.geometry.camera_file import read_camera
 from dcap.geometry.raycast import Raycaster
-from dcap.geometry.rendering.composite import composite
+from dcap.geometry.rendering.coverage import composite
 from dcap.geometry.rendering.map_files import write_maps
 from dcap.geometry.rendering.picture import picture
 from dcap.scene.errors import InputError
-from dcap.scene.types.maps import HIDDEN_CONTACT, SEEN_CONTACT, ConditioningMaps
-from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.paint import PaintedMesh
+from dcap.scene.types.mesh import Mesh, PaintedMesh
+from dcap.scene.types.pictures import HIDDEN_CONTACT, SEEN_CONTACT, ConditioningMaps
 from tasks.render.config import RenderConfig
 from tasks.render.maps import SettledView, conditioning_maps, placed
-from tasks.render.source_surfaces import untouched
+from tasks.render.settled_meshes import untouched
 
 CENTER = np.array([0.0, 0.0, TOP - DEPTH + RADIUS])
 """Of the ball at rest [m]."""

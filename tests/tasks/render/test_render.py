@@ -9,14 +9,13 @@ import trimesh
 from dented_bed import DEPTH, RADIUS, TOP, anchor, ball, box_mesh, scene_of, settled
 
 from dcap.geometry.camera import looking_at
-from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.mesh import Mesh, SourceSurface
 from dcap.scene.types.outcome import HiddenObject, Infeasible, Reason
-from dcap.scene.types.paint import SourceSurface
-from dcap.scene.types.renders import Renders
+from dcap.scene.types.pictures import Renders
 from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
 from dcap.scene.types.settled import SettledBody
 from tasks.render.config import RenderConfig
-from tasks.render.profile import profile_picture
+from tasks.render.contact_picture import profile_picture
 from tasks.render.settled_meshes import settled_item, settled_scene, shown, shown_faces, structure_faces
 from tasks.render.stage import render
 from tasks.render.views import rays_between

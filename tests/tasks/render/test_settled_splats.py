@@ -12,9 +12,9 @@ from scipy.spatial.transform import Rotation
 
 from dcap.geometry.camera import Camera, looking_at
 from dcap.geometry.raycast import Raycaster
-from dcap.geometry.rendering.unlit import psnr, unlit
+from dcap.geometry.rendering.picture import psnr, unlit
 from dcap.geometry.solid.repair import subdivide_near
-from dcap.geometry.splatting.on_mesh import splats_on_mesh
+from dcap.geometry.splatting.discs import splats_on_mesh
 from dcap.geometry.splatting.render import Splatter
 from dcap.scene.errors import InputError
 from dcap.scene.readers.splats.splats import read_splats
@@ -47,7 +47,7 @@ def in_file(splats: Gaussians) -> Gaussians:
 def coarse(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """Few discs on the object, but where pictures are compared."""
     if request.node.get_closest_marker("slow") is None:
-        monkeypatch.setattr("dcap.geometry.splatting.object_discs.DETAIL", 60.0)
+        monkeypatch.setattr("dcap.geometry.splatting.discs.DETAIL", 60.0)
 
 
 @cache

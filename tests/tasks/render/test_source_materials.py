@@ -14,13 +14,11 @@ from textured import plate
 
 from dcap.geometry.rendering.painted import own_paint, painted
 from dcap.geometry.solid.repair import subdivide_near
-from dcap.scene.readers.companions import companions
-from dcap.scene.readers.frame.frame import Role
+from dcap.scene.readers.frame import Role
 from dcap.scene.readers.source import read_scan, read_surface
-from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.paint import Paint, SourceSurface
+from dcap.scene.readers.source_files import companions
+from dcap.scene.types.mesh import PLAIN, AlphaMode, MaterialMap, Mesh, Paint, SourceSurface, SurfaceMaterial
 from dcap.scene.types.sample import SourceOptions
-from dcap.scene.types.surface_material import PLAIN, AlphaMode, MaterialMap, SurfaceMaterial
 from dcap.scene.writers.glb import Node, glb_bytes
 
 Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1.0, 0], [0, 1.0, 0, 0], [0, 0, 0, 1.0]])

@@ -12,12 +12,10 @@ from textured import plate, quarters
 
 from dcap.geometry.rendering.painted import own_paint
 from dcap.scene.readers.source import read_surface
-from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.paint import Paint, SourceSurface
+from dcap.scene.types.mesh import Mesh, Paint, SourceSurface
 from dcap.scene.writers.glb import Node, glb_bytes, labelled_nodes
 from solver.certificate import ContactRow
-from tasks.render.contact_surfaces import contact_nodes
-from tasks.render.source_surfaces import object_at_rest, scene_at_rest
+from tasks.render.settled_meshes import contact_nodes, object_at_rest, scene_at_rest
 
 
 def textured_scene() -> SourceSurface:

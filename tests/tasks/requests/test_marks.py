@@ -8,10 +8,19 @@ from box_rooms import bedroom, block, segmentation
 from PIL import Image
 
 from dcap.scene.types.mesh import Mesh
-from tasks.requests.badges import INK, PAPER, draw_badges, free_box, meet, numbered
-from tasks.requests.candidates import candidates_picture, listed
-from tasks.requests.marks import framed, hidden, marked, numbers_of, plan_camera, plan_picture, room_pictures, thumbnail
-from tasks.requests.rulers import MARGIN, file_axis, ticks
+from tasks.requests.badges import INK, MARGIN, PAPER, draw_badges, file_axis, free_box, meet, numbered, ticks
+from tasks.requests.marks import (
+    candidates_picture,
+    framed,
+    hidden,
+    listed,
+    marked,
+    numbers_of,
+    plan_camera,
+    plan_picture,
+    room_pictures,
+    thumbnail,
+)
 
 ROOM = bedroom()
 

@@ -6,21 +6,19 @@ from typing import Any
 
 import numpy as np
 from box_rooms import block, segmentation
-from numpy.typing import NDArray
 
+from dcap.arrays import Array
 from dcap.language.connect import Client
 from dcap.language.offline.client import OfflineClient
-from dcap.scene.types.intent import Intent
+from dcap.scene.types.choices import Intent, Rotation
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.rotation import Rotation
 from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
+from dcap.synthetic.dataset import build_object
 from dcap.synthetic.furniture.decor import table_lamp
-from dcap.synthetic.objects import build_object
 from flows.samples import load_yaml
 from tasks.intent.stage import IntentConfig, intent
 from tasks.rotation.stage import RotationConfig, rotation
 
-Array = NDArray[np.float64]
 Alternative = dict[str, str | float]
 TRUTH: Any = load_yaml(Path(__file__).parent / "rotation_truth.yaml")
 DIRECTIONS = {

@@ -10,8 +10,8 @@ from stage_chain import Stages
 from dcap.geometry.placement.poses import about_z
 from dcap.language.protocol.replies import RotationReply
 from dcap.language.protocol.requests import FacingView, PoseView, RotationRequest
+from dcap.scene.types.choices import AskedPose
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.rotation import AskedPose
 from tasks.rotation.requested_pose import CLEAR, requested_pose
 
 OFFLINE = Stages()

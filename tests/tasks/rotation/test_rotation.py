@@ -9,18 +9,19 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation as Turn
 
+from dcap.arrays import Array
 from dcap.language.offline.client import OfflineClient
 from dcap.language.protocol.questions import Question
 from dcap.language.protocol.replies import RotationReply
 from dcap.language.protocol.requests import FacingView, PoseView, RotationRequest
 from dcap.scene.errors import LanguageError
-from dcap.scene.readers.frame.frame import Role
+from dcap.scene.readers.frame import Role
 from dcap.scene.readers.source import read_scan
-from dcap.scene.types.rotation import Rotation
+from dcap.scene.types.choices import Rotation
 from dcap.scene.types.sample import SourceOptions
 from tasks.mesh.stage import MeshConfig, cleaned
 from tasks.segment.stage import SegmentConfig, segment_object
-from tests.tasks.rotation.orientation_truth import TRUTH, Array, case_error, chosen, error_deg, parts_of, parts_read
+from tests.tasks.rotation.orientation_truth import TRUTH, case_error, chosen, error_deg, parts_of, parts_read
 
 FOLDER = Path(os.environ.get("DCAP_SAMPLE_DATA") or "nowhere")
 BOUND_DEG = 15.0

@@ -15,8 +15,8 @@ from dcap.language.protocol.client import ClientName
 from dcap.language.protocol.questions import Question
 from dcap.language.protocol.replies import RotationReply
 from dcap.language.protocol.requests import FacingView, PoseView, RotationRequest
+from dcap.scene.types.choices import Rotation
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.rotation import Rotation
 from tasks.rotation.stage import matrix_of
 
 OFFLINE = Stages()

@@ -5,17 +5,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from dcap.arrays import Array
 from dcap.geometry.segmentation.faces import FaceTable
 from dcap.geometry.segmentation.rooms.decomposition import DecomposedRoom, decompose_room
 from dcap.geometry.segmentation.rooms.unions import RoughShape, worth_most
 from dcap.scene.types.mesh import Mesh
-from dcap.synthetic.depth_scan import scanned
+from dcap.synthetic.scan import scanned
 from dcap.synthetic.shapes import columns, joined, line, moved, rounded_box, sheet
-from tasks.segment.fused_rooms import explained, likely_things, room_labels, rough_measures
+from tasks.segment.room_labels import explained, likely_things, room_labels, rough_measures
 
-Array = NDArray[np.float64]
 SIZE = (4.0, 3.6, 2.4)
 
 

@@ -14,8 +14,7 @@ from scans import scan_of
 from dcap.language.offline.client import OfflineClient
 from dcap.scene.errors import InputError
 from dcap.scene.readers.labels.given import read_given_labels
-from dcap.scene.types.given_labels import GivenLabels
-from dcap.scene.types.segmentation import SegmentedScene
+from dcap.scene.types.segmentation import GivenLabels, SegmentedScene
 from dcap.scene.writers.labels import FoundThing, labels_text, labels_tree
 from tasks.segment.stage import SegmentConfig, segment
 

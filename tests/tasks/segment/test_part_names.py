@@ -20,8 +20,7 @@ from dcap.scene.types.scan import Scan
 from dcap.scene.types.segmentation import Part, Segmentation
 from dcap.synthetic.shapes import joined, moved
 from tasks.requests.pictures import SIZE, TINT
-from tasks.segment.part_names import with_part_names
-from tasks.segment.part_pictures import paint
+from tasks.segment.part_names import paint, with_part_names
 from tasks.segment.stage import SegmentConfig, segment, segment_object
 
 

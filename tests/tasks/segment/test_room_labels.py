@@ -16,7 +16,7 @@ from dcap.language.protocol.replies import LabelReply
 from dcap.language.protocol.requests import LabelRequest
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import LanguageError
-from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.boxes import OrientedBox
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.scan import LabelBox, Scan
 from dcap.scene.types.segmentation import Segmentation

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from dcap.geometry.segmentation.faces import FaceTable
 from dcap.language.offline.client import OfflineClient
 from dcap.language.offline.lexicon import names_thing
-from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.boxes import OrientedBox, min_area_box
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.rectangle import min_area_box
 from dcap.scene.types.scan import LabelBox, Scan
 from dcap.scene.types.segmentation import Segmentation
 from tasks.segment.stage import SegmentConfig, segment, segment_object

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dcap.arrays import Array, IntArray
 from dcap.evaluation.baselines.fireplace.planar import (
     COARSE,
     FINE,
@@ -22,11 +22,9 @@ from dcap.evaluation.baselines.fireplace.planar import (
 )
 from dcap.geometry.placement.named_regions import ViewerFrame
 from dcap.geometry.raycast import Raycaster
-from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.boxes import OrientedBox
 from dcap.scene.types.mesh import Mesh
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 LOOKS = 0.7
 """Least cosine between the normal of a surface and the side that it faces [-]."""
 SLOPED = 0.4
@@ -68,7 +66,7 @@ def side_ways(frame: ViewerFrame) -> dict[str, Array]:
 
 
 def surfaces_of_part(
-    mesh: Mesh, faces: Index, part: int, way: Array, side: str, caster: Raycaster
+    mesh: Mesh, faces: IntArray, part: int, way: Array, side: str, caster: Raycaster
 ) -> list[AnchorSurface]:
     """Planar surfaces of a part, given by its faces (k,), that face a direction, and a coarse one if they are few."""
     own = mesh.submesh(faces), faces
@@ -83,7 +81,7 @@ def surfaces_of_part(
 
 
 def measured(
-    own: tuple[Mesh, Index], flatness: Flatness, kind: str, way: Array, limit: float, part: int, caster: Raycaster
+    own: tuple[Mesh, IntArray], flatness: Flatness, kind: str, way: Array, limit: float, part: int, caster: Raycaster
 ) -> list[AnchorSurface]:
     """Open planar surfaces that face a direction; `own` is a part alone and its faces in the scene."""
     found = []

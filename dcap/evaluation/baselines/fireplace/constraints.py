@@ -19,9 +19,9 @@ other by at most 2 mm, and the object is inside the room.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from dcap.arrays import Array
+
 LEAST_DISTANCE = 0.02
 """Least reference for distances [m]: no sentence is more exact."""
 LEAST_WIDTH = 0.05

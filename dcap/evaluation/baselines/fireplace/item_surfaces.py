@@ -11,20 +11,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dcap.arrays import Array
 from dcap.evaluation.baselines.fireplace.planar import FINE, LEAST_SHARE, InteractionSurface, hull_on_plane, surface_of
 from dcap.geometry.placement.poses import front_of, rotated, surface_points, symmetry_about_z
-from dcap.geometry.placement.resting_poses import resting_poses
-from dcap.geometry.placement.seat import on_legs
+from dcap.geometry.placement.resting_poses import on_legs, resting_poses
 from dcap.geometry.placement.upright import standing_pose, stands_as_read, used_vertices
-from dcap.language.offline.fronts import front_side
+from dcap.language.offline.kinds import front_side
 from dcap.language.offline.lexicon import thing_of
 from dcap.language.offline.pose_choice import to_right
 from dcap.language.protocol.requests import PoseView
 from dcap.scene.types.mesh import Mesh
 
-Array = NDArray[np.float64]
 LOWEST = 0.08
 """Depth of a side without planar faces, from its outermost point, over the extent [-]."""
 POINTS = 4000

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from dcap.arrays import Array
 from dcap.evaluation.baselines.fireplace.anchors import AnchorSurface
 from dcap.evaluation.baselines.fireplace.constraints import COLLISION
 from dcap.evaluation.baselines.fireplace.item_surfaces import surface_towards
@@ -31,10 +31,9 @@ from dcap.geometry.placement.poses import about_z, rotated, turn_between
 from dcap.geometry.placement.search import PlacementSearch
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.segmentation.faces import surface_points
-from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.boxes import OrientedBox
 from dcap.scene.types.mesh import Mesh
 
-Array = NDArray[np.float64]
 UP = np.array([0.0, 0.0, 1.0])
 LEVEL = float(np.cos(np.radians(3.0)))
 """Largest slope of a plane that counts as level [-]: noise of scans and seams."""

@@ -13,12 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 
+from dcap.arrays import Array, IntArray
 from dcap.geometry.placement.polygons import convex_hull
 from dcap.geometry.segmentation.faces import shared_edges, surface_points, welded_index
 from dcap.scene.types.mesh import Mesh
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +61,7 @@ class InteractionSurface:
     """Corners of the convex hull of its projection on its plane [m], shape (n, 3)."""
     area: float
     """[m^2]."""
-    faces: Index
+    faces: IntArray
     """Faces of the mesh it was grown on, shape (m,); none for the side of a box."""
 
     def transformed(self, rotation: Array, shift: Array, scale: float = 1.0) -> "InteractionSurface":
@@ -111,7 +109,7 @@ def planar_surfaces(mesh: Mesh, flatness: Flatness = FINE, least_area: float | N
     return [surface_of(mesh, solid[piece], f"planar {k}") for k, piece in enumerate(large[:MOST_SURFACES])]
 
 
-def adjacency(mesh: Mesh, faces: Index) -> csr_matrix:
+def adjacency(mesh: Mesh, faces: IntArray) -> csr_matrix:
     """Adjacency of faces (k,) by shared edges, a symmetric (k, k) matrix."""
     a, b = shared_edges(welded_index(mesh.vertices)[mesh.faces[faces]]).T
     ones = np.ones(2 * len(a), dtype=np.int8)
@@ -120,11 +118,11 @@ def adjacency(mesh: Mesh, faces: Index) -> csr_matrix:
 
 def grown_regions(
     graph: csr_matrix, normal: Array, middle: Array, area: Array, flatness: Flatness
-) -> list[Index]:  # fmt: skip
+) -> list[IntArray]:  # fmt: skip
     """Regions of faces, each grown ring by ring from the largest face that is left."""
     free = np.ones(len(area), dtype=bool)
     order = np.lexsort((np.arange(len(area)), -np.round(area, 12)))
-    regions: list[Index] = []
+    regions: list[IntArray] = []
     for seed in order:
         if not free[seed]:
             continue
@@ -144,7 +142,7 @@ def grown_from(
     area: Array,
     free: NDArray[np.bool_],
     flatness: Flatness,
-) -> Index:
+) -> IntArray:
     """The region about one face."""
     region, ring = np.array([seed], dtype=np.int64), np.array([seed], dtype=np.int64)
     tried = np.zeros(len(area), dtype=bool)
@@ -168,8 +166,8 @@ def grown_from(
 
 
 def merged_coplanar(
-    pieces: list[Index], normal: Array, middle: Array, area: Array, flatness: Flatness
-) -> list[Index]:  # fmt: skip
+    pieces: list[IntArray], normal: Array, middle: Array, area: Array, flatness: Flatness
+) -> list[IntArray]:  # fmt: skip
     """Pieces in one plane as one surface, the largest piece's plane deciding."""
     pieces = sorted(pieces, key=lambda one: (-round(float(area[one].sum()), 12), int(one[0])))
     directions = np.array([area[one] @ normal[one] for one in pieces]).reshape(-1, 3)
@@ -187,7 +185,7 @@ def merged_coplanar(
     return found
 
 
-def surface_of(mesh: Mesh, faces: Index, name: str) -> InteractionSurface:
+def surface_of(mesh: Mesh, faces: IntArray, name: str) -> InteractionSurface:
     """The surface made of some faces (k,) of a mesh."""
     corners = mesh.corners(faces)
     weighted = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

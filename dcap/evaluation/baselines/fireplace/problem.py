@@ -11,13 +11,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import binary_closing, binary_fill_holes, distance_transform_edt, label
 
+from dcap.arrays import Array
 from dcap.evaluation.baselines.fireplace import constraints as formulas
 from dcap.geometry.placement.search import PlacementSearch
 
-Array = NDArray[np.float64]
 RASTER = 160
 """Cells along the longer side of a surface [-]."""
 FINEST = 0.004

@@ -9,12 +9,11 @@ source: that feasible placements are found by solving all constraints together. 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dcap.arrays import Array
 from dcap.evaluation.baselines.fireplace.problem import PlacementProblem
 from dcap.evaluation.baselines.fireplace.selection import farthest_points
 
-Array = NDArray[np.float64]
 SAMPLES = 1024
 """Number of initial poses [-]."""
 YAWS = 24

@@ -4,15 +4,14 @@ from collections.abc import Sequence
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from dcap.arrays import Array
 from dcap.evaluation.baselines.asset import CanonicalAsset
 from dcap.evaluation.baselines.holodeck.constraints import Relation
 from dcap.evaluation.baselines.holodeck.floor_search import BUFFER, FloorObject, FloorRoom, search
 from dcap.evaluation.baselines.holodeck.scores import WAYS, GridPlace
 from dcap.scene.types.floor_plan import FloorPlan, PlanBox
 
-Array = NDArray[np.float64]
 CENTIMETRES = 100.0
 WALKED_ON = 0.05
 """Largest height of a thing that is no obstacle [m]: rugs."""

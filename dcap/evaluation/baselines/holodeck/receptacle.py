@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dcap.arrays import Array
 from dcap.evaluation.baselines.asset import CanonicalAsset, with_rotation
 from dcap.geometry.placement.polygons import inside
 from dcap.geometry.placement.poses import about_z
@@ -25,7 +26,6 @@ from dcap.geometry.raycast import Raycaster
 from dcap.scene.types.floor_plan import FloorPlan
 from dcap.scene.types.segmentation import Segmentation
 
-Array = NDArray[np.float64]
 SHARE = 0.9
 """Upper bound of the object's length and width over the receptacle's [-]."""
 LEVEL = 0.9

@@ -7,12 +7,11 @@ cut to integers. A room of 4 m has pixels of 16 mm: no height in a layout is fin
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dcap.language.protocol.layout_text import CssBox
+from dcap.arrays import Array
+from dcap.language.protocol.questions import CssBox
 from dcap.scene.types.floor_plan import FloorPlan, PlanBox
 
-Array = NDArray[np.float64]
 PIXELS = 256
 """Pixels along the room's shorter side."""
 LEAST_SIDE = 1e-3

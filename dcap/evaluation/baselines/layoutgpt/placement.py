@@ -7,8 +7,8 @@ the asset's box; its orientation turns the asset about the vertical. Nothing els
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dcap.arrays import Array
 from dcap.evaluation.baselines.asset import CanonicalAsset
 from dcap.evaluation.baselines.layoutgpt.exemplars import (
     condition_of,
@@ -19,13 +19,11 @@ from dcap.evaluation.baselines.layoutgpt.exemplars import (
     within_limit,
 )
 from dcap.evaluation.baselines.layoutgpt.pixels import category_of, grid_of
-from dcap.language.protocol.baseline_questions import LayoutLine, LayoutRequest
-from dcap.language.protocol.layout_text import CssBox, parsed_layout
+from dcap.language.protocol.questions import CssBox, LayoutLine, LayoutRequest, parsed_layout
 from dcap.language.protocol.requests import IntentRequest, vector
 from dcap.scene.types.floor_plan import FloorPlan, FloorPlans
 from dcap.scene.types.outcome import Infeasible, Reason
 
-Array = NDArray[np.float64]
 SHOWN = 120
 """Most characters of a bad answer that a message quotes."""
 

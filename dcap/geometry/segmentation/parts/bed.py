@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from dcap.geometry.segmentation.faces import connected_regions, level_of
-from dcap.geometry.segmentation.parts.instance_surface import InstanceSurface, SurfacePiece
-from dcap.geometry.segmentation.parts.partmap import SIDES, PartMap
+from dcap.geometry.segmentation.parts.instance_surface import SIDES, InstanceSurface, PartMap, SurfacePiece
 
 COLOR_LENGTH = 0.002
 """Ten steps of CIELAB count as two centimetres when the nearest face is sought [m]."""

@@ -3,19 +3,24 @@
 x and y run along the box's horizontal axes from its middle, z from its bottom; all in metres. A `SurfacePiece` is a
 connected patch of faces with its extents. Rules assign names to pieces where a piece is one part, and to faces where a
 fused scan makes one piece of several parts.
+
+Where a thing without a backrest faces: away from the wall that it stands against.
+
+The answer of a part rule: a name per face and where the front is.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from dcap.geometry.segmentation.color_regions import color_regions, merged_crumbs
-from dcap.geometry.segmentation.convex import convex_pieces
 from dcap.geometry.segmentation.faces import FaceTable, pairs_among, renumbered, surface_points
-from dcap.scene.types.box import OrientedBox
+from dcap.geometry.segmentation.labels import Category, category_of
+from dcap.geometry.segmentation.oversegmentation import color_regions, convex_pieces, merged_crumbs
+from dcap.scene.types.boxes import OrientedBox
+from dcap.scene.types.segmentation import Instance
 
 UPWARD = 0.75
 """A face with a normal of at least this z looks up: within 41 degrees, so that noise of a scan does not matter [-]."""
@@ -32,6 +37,14 @@ SPECK_FACES = 16
 
 MAP_CELLS = 64
 """Cells of the height map along the longer side of an instance [-]."""
+AGAINST = 0.25
+"""A thing stands against a wall that is nearer than this [m]."""
+
+SMALLEST = 0.4
+"""A small thing of no known kind turns no side to the wall [m]."""
+
+WITHOUT_FRONT = frozenset({Category.LAMP, Category.STOOL, Category.FLAT, Category.STRUCTURE, Category.PLANT})
+"""Categories that have no front."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -191,3 +204,52 @@ def _open_above(corners: NDArray[np.float64], area: NDArray[np.float64]) -> tupl
     is_open = points[:, 2] > highest[number] - cell
     mostly = np.bincount(owner, is_open, len(area)) >= 0.5 * np.bincount(owner, minlength=len(area))
     return np.asarray(mostly), np.asarray(owner[last])
+
+
+@dataclass(eq=False, slots=True)
+class PartMap:
+    """Names of the faces of one instance; a rule fills it and hands it back."""
+
+    names: NDArray[np.object_]
+    """Part name per face, shape (k,)."""
+    confidence: float = 0.5
+    """0..1, how well the rule's picture of the thing fits."""
+    front: NDArray[np.float64] | None = None
+    """Horizontal unit vector in the instance's frame, shape (3,)."""
+    separate: frozenset[str] = field(default_factory=frozenset)
+    """Names of which every connected patch is a part of its own."""
+
+    @classmethod
+    def filled(cls, count: int, name: str) -> "PartMap":
+        """All faces under one name."""
+        return cls(np.full(count, name, dtype=object))
+
+
+SIDES = (np.array([1.0, 0, 0]), np.array([-1.0, 0, 0]), np.array([0, 1.0, 0]), np.array([0, -1.0, 0]))
+"""Outward directions of the four sides of an instance's box."""
+
+
+def facing_away_from_wall(thing: Instance, walls: list[Instance]) -> NDArray[np.float64] | None:
+    """Horizontal unit vector away from the nearest wall, by the longest side that stands against one."""
+    small = 2.0 * float(thing.box.half_extents.max()) < SMALLEST
+    if category_of(thing.label) in WITHOUT_FRONT or (small and category_of(thing.label) is Category.OTHER):
+        return None
+    best, found = 0.0, None
+    for side in SIDES:
+        axis = int(np.argmax(np.abs(side)))
+        outward = thing.box.axes @ side
+        middle = thing.box.center + outward * thing.box.half_extents[axis]
+        if any(_near(middle, outward, wall) for wall in walls) and thing.box.half_extents[1 - axis] > best:
+            best, found = float(thing.box.half_extents[1 - axis]), 0.0 - outward
+    return found
+
+
+def _near(point: NDArray[np.float64], outward: NDArray[np.float64], wall: Instance) -> bool:
+    """Whether a wall lies close behind a point, seen along `outward`."""
+    local = wall.box.to_local(point[None])[0]
+    direction = wall.box.axes.T @ outward
+    axis = int(np.argmin(wall.box.half_extents[:2]))
+    across = abs(float(direction[axis])) > 0.9
+    beside = abs(float(local[1 - axis])) <= wall.box.half_extents[1 - axis] + AGAINST
+    gap = -float(np.sign(direction[axis])) * float(local[axis]) - float(wall.box.half_extents[axis])
+    return across and beside and -2.0 * wall.box.half_extents[axis] - 0.05 < gap < AGAINST

@@ -5,7 +5,6 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.geometry.segmentation.color_regions import merged_crumbs
 from dcap.geometry.segmentation.faces import FaceTable, connected_regions, renumbered
 from dcap.geometry.segmentation.labels import (
     Category,
@@ -13,9 +12,9 @@ from dcap.geometry.segmentation.labels import (
     part_word,
     plain_structure,
 )
+from dcap.geometry.segmentation.oversegmentation import merged_crumbs
 from dcap.geometry.segmentation.parts.bed import bed_parts
-from dcap.geometry.segmentation.parts.instance_surface import InstanceSurface, instance_surface
-from dcap.geometry.segmentation.parts.partmap import PartMap
+from dcap.geometry.segmentation.parts.instance_surface import InstanceSurface, PartMap, instance_surface
 from dcap.geometry.segmentation.parts.seating import chair_parts, sofa_parts, stool_parts
 from dcap.geometry.segmentation.parts.small_things import (
     bathtub_parts,
@@ -36,9 +35,8 @@ from dcap.geometry.segmentation.parts.tables import (
     table_parts,
     window_parts,
 )
-from dcap.scene.names import readable, says_something
-from dcap.scene.types.box import OrientedBox
-from dcap.scene.types.rectangle import min_area_box
+from dcap.scene.text import readable, says_something
+from dcap.scene.types.boxes import OrientedBox, min_area_box
 from dcap.scene.types.segmentation import Instance, Part
 
 RULES: dict[Category, Callable[[InstanceSurface], PartMap]] = {

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.geometry.segmentation.faces import level_of
-from dcap.geometry.segmentation.parts.instance_surface import InstanceSurface, SurfacePiece
-from dcap.geometry.segmentation.parts.partmap import SIDES, PartMap
+from dcap.geometry.segmentation.parts.instance_surface import SIDES, InstanceSurface, PartMap, SurfacePiece
 
 SEAT_BAND = 0.06
 """Sitting surfaces lie within this share of the height above and below the level [-]."""

@@ -3,10 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.geometry.segmentation.color_regions import color_clusters
 from dcap.geometry.segmentation.faces import level_of
-from dcap.geometry.segmentation.parts.instance_surface import InstanceSurface, SurfacePiece
-from dcap.geometry.segmentation.parts.partmap import PartMap
+from dcap.geometry.segmentation.oversegmentation import color_clusters
+from dcap.geometry.segmentation.parts.instance_surface import InstanceSurface, PartMap, SurfacePiece
 
 
 def lamp_parts(surface: InstanceSurface) -> PartMap:

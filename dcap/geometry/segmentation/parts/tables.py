@@ -4,8 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.geometry.segmentation.faces import connected_regions, level_of, pairs_among
-from dcap.geometry.segmentation.parts.instance_surface import InstanceSurface
-from dcap.geometry.segmentation.parts.partmap import PartMap
+from dcap.geometry.segmentation.parts.instance_surface import InstanceSurface, PartMap
 from dcap.geometry.segmentation.parts.seating import underside
 
 SEVERAL = 0.2

@@ -9,8 +9,8 @@ so is what hangs on a wall.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dcap.arrays import IntArray, Mask
 from dcap.geometry.segmentation.rooms.contacts import (
     FEW,
     UP,
@@ -21,9 +21,6 @@ from dcap.geometry.segmentation.rooms.contacts import (
     patch_area,
     plan_area,
 )
-
-Index = NDArray[np.int64]
-Mask = NDArray[np.bool_]
 
 ON_FLOOR = 0.03
 """Segments this near to the floor stand on it [m]."""
@@ -67,7 +64,7 @@ class SegmentContact:
     """Share of the segment's surface that lies sideways against the neighbour [-]."""
     mutual: float
     """Mean of that share and the neighbour's [-]."""
-    points: Index
+    points: IntArray
     """Of the segment, shape (k,)."""
     on: Mask
     """Pairs in which the segment stands on the neighbour, shape (k,)."""
@@ -172,7 +169,7 @@ def _leaning(contacts: dict[int, SegmentContact]) -> tuple[float, int]:
     return max((c.mutual, other) for other, c in leaning.items())
 
 
-def _stands(segments: Segments, around: Surroundings, segment: Segment, below: Index) -> bool:
+def _stands(segments: Segments, around: Surroundings, segment: Segment, below: IntArray) -> bool:
     """Whether a segment keeps upright on the floor and on its points that stand on others."""
     position = segments.position[segment.points]
     points = np.concatenate([position[position[:, 2] < around.floor + ON_FLOOR], segments.position[below]])
@@ -183,7 +180,7 @@ def _stands(segments: Segments, around: Surroundings, segment: Segment, below: I
 
 
 def _hangs(
-    segments: Segments, around: Surroundings, segment: Segment, below: Index, contacts: dict[int, SegmentContact]
+    segments: Segments, around: Surroundings, segment: Segment, below: IntArray, contacts: dict[int, SegmentContact]
 ) -> bool:  # fmt: skip
     """Whether a segment hangs at a wall: without a foot, and not held from both ends by another segment."""
     if plan_area(segments.position[below]) > FOOT * plan_area(segments.position[segment.points]):

@@ -9,17 +9,13 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
+from dcap.arrays import Array, IntArray
 from dcap.geometry.segmentation.faces import connected_regions
-from dcap.geometry.segmentation.rooms.surfels import VOXEL, Surfels
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
-Mask = NDArray[np.bool_]
+from dcap.geometry.segmentation.rooms.contacts import VOXEL, Surfels
 
 LEVEL = 0.8
 """Least normal z of what carries [-]: 37 degrees from the vertical."""
@@ -66,7 +62,7 @@ ROUNDS = 3
 class Pieces:
     """Pieces that a fused scan falls into."""
 
-    owner: Index
+    owner: IntArray
     """Number of the piece of each surfel, -1 for none, shape (n,)."""
     patches: int
     """The first so many pieces have a supporting patch, the largest first; the others have none."""
@@ -87,7 +83,7 @@ def carrying_pieces(surfels: Surfels, floor: float) -> Pieces:
     return Pieces(owner, count, total, level)
 
 
-def _patches(surfels: Surfels, floor: float) -> tuple[Index, int]:
+def _patches(surfels: Surfels, floor: float) -> tuple[IntArray, int]:
     """Number of the patch of each surfel, -1 for none, the largest first, and how many there are."""
     z = surfels.position[:, 2]
     chosen = np.flatnonzero((surfels.normal[:, 2] > LEVEL) & (z > floor + RAISED))
@@ -113,7 +109,7 @@ def _patches(surfels: Surfels, floor: float) -> tuple[Index, int]:
     return result, len(large)
 
 
-def _levelled(position: Array, pairs: Index, region: Index) -> Index:
+def _levelled(position: Array, pairs: IntArray, region: IntArray) -> IntArray:
     """The regions, shape (n,), cut where one of them has several levels: a ramp of a rough scan joins the back of a
     sofa to the table next to it. What lies between two levels is no patch, and hangs from the higher one; what lies
     below or above all goes with the one that it is nearest to over the surface."""
@@ -170,7 +166,7 @@ def _bands_of(position: Array) -> list[tuple[float, float]]:
     return [(first + (one - 1) * BAND, first + (one + 2) * BAND) for one in sorted(peaks)] if len(peaks) > 1 else []
 
 
-def _plan_areas(position: Array, region: Index) -> Array:
+def _plan_areas(position: Array, region: IntArray) -> Array:
     """Area of each region seen from above [m^2]: by cells, so that rough surfaces do not count more."""
     cell = np.floor(position[:, :2] / (1.5 * VOXEL)).astype(np.int64)
     seen = np.unique(np.c_[region, cell], axis=0)
@@ -178,7 +174,7 @@ def _plan_areas(position: Array, region: Index) -> Array:
     return np.asarray(count * (1.5 * VOXEL) ** 2, dtype=np.float64)
 
 
-def _hanging(surfels: Surfels, patch: Index, level: Array) -> Index:
+def _hanging(surfels: Surfels, patch: IntArray, level: Array) -> IntArray:
     """The patch from which each surfel hangs down, -1 for none, shape (n,)."""
     n, owner = len(patch), patch.copy()
     if not (patch >= 0).any():
@@ -203,7 +199,7 @@ def _hanging(surfels: Surfels, patch: Index, level: Array) -> Index:
     return owner
 
 
-def _drop_far(surfels: Surfels, owner: Index, patch: Index, level: Array) -> None:
+def _drop_far(surfels: Surfels, owner: IntArray, patch: IntArray, level: Array) -> None:
     """Drop surfels too far outside the patch of their piece, seen from above: floor and wall that the scan fused."""
     order = np.argsort(owner, kind="stable")
     order = order[np.searchsorted(owner[order], 0) :]
@@ -215,7 +211,7 @@ def _drop_far(surfels: Surfels, owner: Index, patch: Index, level: Array) -> Non
             owner[mine[away > OUTWARD[0] + OUTWARD[1] * below]] = -1
 
 
-def _add_rest(surfels: Surfels, owner: Index, count: int, floor: float) -> int:
+def _add_rest(surfels: Surfels, owner: IntArray, count: int, floor: float) -> int:
     """Number what no patch owns by smooth pieces, the largest first; how many pieces there are then."""
     rest = (owner < 0) & (surfels.position[:, 2] > floor + FLOORING)
     a, b = surfels.pairs.T

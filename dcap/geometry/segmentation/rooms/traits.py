@@ -6,19 +6,14 @@ In: a room taken apart. Out: one `Traits` per thing, in the same order. Nothing 
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from skimage.color import lab2rgb
 
+from dcap.arrays import Array, IntArray
 from dcap.geometry.segmentation.faces import FaceTable
 from dcap.geometry.segmentation.rooms.contacts import FEW, Segments, segments_of
-from dcap.geometry.segmentation.rooms.decomposition import DecomposedRoom
-from dcap.geometry.segmentation.rooms.fused import FusedThing
-from dcap.scene.types.box import OrientedBox
-from dcap.scene.types.rectangle import min_area_box
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
+from dcap.geometry.segmentation.rooms.decomposition import DecomposedRoom, FusedThing
+from dcap.scene.types.boxes import OrientedBox, min_area_box
 
 FLOOR, WALL, CEILING, NOTHING = "floor", "wall", "ceiling", "nothing"
 """Parts of the room that may hold a thing, or none."""
@@ -154,12 +149,12 @@ def _floor(table: FaceTable, room: DecomposedRoom) -> float:
     return float(table.corners[..., 2].min()) if np.isnan(level) else level
 
 
-def _color(table: FaceTable, faces: Index) -> tuple[float, float, float]:
+def _color(table: FaceTable, faces: IntArray) -> tuple[float, float, float]:
     red, green, blue = lab2rgb(np.average(table.lab[faces], axis=0, weights=table.area[faces] + 1e-15))
     return float(red), float(green), float(blue)
 
 
-def _varied(table: FaceTable, faces: Index) -> float:
+def _varied(table: FaceTable, faces: IntArray) -> float:
     """Distance from the mean colour that a twentieth of the surface exceeds [CIELAB units]."""
     weight = table.area[faces] + 1e-15
     away = np.linalg.norm(table.lab[faces] - np.average(table.lab[faces], axis=0, weights=weight), axis=1)

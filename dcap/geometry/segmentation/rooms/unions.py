@@ -9,16 +9,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 from skimage.color import lab2rgb
 
+from dcap.arrays import Array, IntArray
+from dcap.geometry.segmentation.rooms.contacts import VOXEL, Surfels
 from dcap.geometry.segmentation.rooms.pieces import Pieces
-from dcap.geometry.segmentation.rooms.surfels import VOXEL, Surfels
-from dcap.scene.types.rectangle import min_area_box
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
+from dcap.scene.types.boxes import min_area_box
 
 CELL = 1.5 * VOXEL
 """Cell in which what is seen from above is counted [m]."""
@@ -101,7 +98,7 @@ class _Piece:
     """Corners of its convex hull seen from above, without strays, shape (h, 2)."""
     low: float
     high: float
-    windows: Index
+    windows: IntArray
     """Lowest bands of the levels in which something looks up, shape (b,)."""
     areas: Array
     """Area of each, seen from above [m^2], shape (b,)."""
@@ -246,7 +243,7 @@ def _wall_gaps(position: Array, planes: Array) -> Array:
     return np.asarray(np.abs(position @ planes[:, :3].T - planes[:, 3]).min(axis=1, initial=np.inf), dtype=np.float64)
 
 
-def _piece(surfels: Surfels, mine: Index, gap: Array, floor: float) -> _Piece:
+def _piece(surfels: Surfels, mine: IntArray, gap: Array, floor: float) -> _Piece:
     position, up = surfels.position[mine], surfels.normal[mine, 2] > 0.75
     height = position[:, 2] - floor
     low, high = np.percentile(position, [STRAY, 100.0 - STRAY], axis=0)
@@ -275,7 +272,7 @@ def _outline(points: Array) -> Array:
         return points
 
 
-def _windows(height: Array, plan: Array) -> tuple[Index, Array, Array]:
+def _windows(height: Array, plan: Array) -> tuple[IntArray, Array, Array]:
     """Of what looks up, for every level of THICK bands: its lowest band, its area seen from above and mean height."""
     band = np.repeat(np.floor(height / BAND).astype(np.int64), THICK) - np.tile(np.arange(THICK), len(height))
     cell = np.repeat(np.floor(plan / CELL).astype(np.int64), THICK, axis=0)
@@ -306,7 +303,7 @@ def _levels(members: Sequence[_Piece], plan: float) -> tuple[float | None, float
     return height, area, levels
 
 
-def _touching(surfels: Surfels, owner: Index, known: dict[int, _Piece]) -> dict[int, dict[int, int]]:
+def _touching(surfels: Surfels, owner: IntArray, known: dict[int, _Piece]) -> dict[int, dict[int, int]]:
     """Surfels of the smaller side of every contact."""
     a, b = owner[surfels.pairs].T
     apart = np.flatnonzero((a != b) & (a >= 0) & (b >= 0))
@@ -324,7 +321,7 @@ def _touching(surfels: Surfels, owner: Index, known: dict[int, _Piece]) -> dict[
 
 
 def _over(
-    surfels: Surfels, pieces: Pieces, members: dict[int, Index], known: dict[int, _Piece], floor: float
+    surfels: Surfels, pieces: Pieces, members: dict[int, IntArray], known: dict[int, _Piece], floor: float
 ) -> dict[int, dict[int, int]]:  # fmt: skip
     """In how many cells each piece lies over a patch that is lower than it begins."""
     cell = np.floor(surfels.position[:, :2] / CELL).astype(np.int64)

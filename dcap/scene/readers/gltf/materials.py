@@ -14,12 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.scene.errors import InputError
-from dcap.scene.readers.files.image import PixelBudget, read_image, read_transparent
-from dcap.scene.readers.gltf.accessor import INCONSISTENT, Accessors
-from dcap.scene.readers.gltf.document import Entry, Json, entries, require
-from dcap.scene.readers.gltf.uri import missing, uri_bytes
+from dcap.scene.readers.files import PixelBudget, read_image, read_transparent
+from dcap.scene.readers.gltf.document import INCONSISTENT, Accessors, Entry, Json, entries, missing, require, uri_bytes
 from dcap.scene.srgb import CLAMP, MIRROR, REPEAT, Wrap, srgb_from_linear
-from dcap.scene.types.surface_material import PLAIN, AlphaMode, MaterialMap, SurfaceMaterial
+from dcap.scene.types.mesh import PLAIN, AlphaMode, MaterialMap, SurfaceMaterial
 
 WRAPS = {10497: REPEAT, 33648: MIRROR, 33071: CLAMP}
 """Modes of a sampler."""

@@ -10,16 +10,11 @@ from math import isfinite
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dcap.scene.errors import FormatError
-from dcap.scene.given_text import short_name
-from dcap.scene.problems import short
-from dcap.scene.spelling import did_you_mean
-from dcap.scene.types.given_labels import CornerFrame, GivenLabels, GivenPart, GivenThing
-
-Index = NDArray[np.int64]
-Array = NDArray[np.float64]
+from dcap.arrays import Array, IntArray
+from dcap.scene.errors import FormatError, short
+from dcap.scene.text import did_you_mean, short_name
+from dcap.scene.types.segmentation import CornerFrame, GivenLabels, GivenPart, GivenThing
 
 VERSION = 1
 KEYS = ("number", "id", "label", "guess", "confidence", "structure", "size_m", "surface_m", "box", "parts", "faces",
@@ -131,7 +126,7 @@ class EntryReader:
             raise self.wrong(f"guesses is {short(rows)}, expected a list of [label, probability]")
         return tuple((name, float(self.numbers("guesses", [share], 1)[0])) for name, share in rows)
 
-    def runs(self, key: str, value: object) -> Index:
+    def runs(self, key: str, value: object) -> IntArray:
         """Runs of faces, shape (k, 2)."""
         rows = [] if value is None else value
         if not isinstance(rows, list):

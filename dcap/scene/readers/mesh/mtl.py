@@ -3,10 +3,13 @@
 What is missing or cannot be used is a note, not an error: the shape is still there. A diffuse texture's own alpha does
 not count, as the format has `map_d` for that. Of the keywords for physically based rendering `Pm`, `Pr`, `Ke`, `map_Ke`
 and `norm` are read.
+
+Properties of the materials of an OBJ beyond colours and diffuse textures, put on its faces.
 """
 
 import posixpath
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,11 +17,19 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from dcap.scene.errors import FormatError
-from dcap.scene.readers.files.content import read_bytes
-from dcap.scene.readers.files.image import PixelBudget, read_image, read_transparent
-from dcap.scene.readers.files.references import MTL_TEXTURES, absence, find_file, material_lines, texture_beside
+from dcap.scene.readers.files import (
+    MTL_TEXTURES,
+    PixelBudget,
+    absence,
+    find_file,
+    material_lines,
+    read_bytes,
+    read_image,
+    read_transparent,
+    texture_beside,
+)
 from dcap.scene.srgb import linear_from_srgb
-from dcap.scene.types.surface_material import AlphaMode
+from dcap.scene.types.mesh import PLAIN, AlphaMode, MaterialMap, Paint, SurfaceMaterial
 
 GREY = (200, 200, 200)
 """Colour of a surface that names none (sRGB)."""
@@ -185,3 +196,36 @@ def _cut_out(images: MtlImages, material: MtlMaterial, image: Rgb) -> None:
         size = own.shape[1], own.shape[0]
         alpha = np.asarray(Image.fromarray(np.ascontiguousarray(alpha)).resize(size, Image.Resampling.BILINEAR))
     material.texture = images.budget.spend(np.dstack([own, alpha]))
+
+
+def with_materials(
+    paint: Paint,
+    library: Mapping[str, MtlMaterial],
+    line_material: NDArray[np.int32],
+    names: tuple[str, ...],
+    owner: NDArray[np.int64],
+    has_uv: NDArray[np.bool_],
+) -> Paint:
+    """Paint of triangles that are parts of the face lines `owner` (m,), with the material of each line, an index into
+    `names`, -1 for none. Images count on the triangles that have texture coordinates (m,)."""
+    textures, flat, mapped = list(paint.textures), [], []
+    for name in names:
+        found = library.get(name, MtlMaterial())
+        uses: dict[str, MaterialMap] = {}
+        for keyword, image in found.images.items():
+            uses[keyword] = MaterialMap(len(textures))
+            textures.append(image)
+        said = SurfaceMaterial(
+            name=name, alpha_mode=found.alpha_mode, alpha=found.opacity, metallic=found.metallic,
+            roughness=found.roughness, emission=found.emission,
+        )  # fmt: skip
+        flat.append(said)
+        mapped.append(replace(said, normal_map=uses.get(NORMAL), emissive_map=uses.get(LIGHT)))
+    materials = tuple(dict.fromkeys([PLAIN, *mapped, *flat]))
+    number = {one: index for index, one in enumerate(materials)}
+    with_uv, without = (np.array([number[one] for one in (*of, PLAIN)], dtype=np.int32) for of in (mapped, flat))
+    face_material = line_material[owner]
+    return replace(
+        paint, textures=tuple(textures), face_material=np.where(has_uv, with_uv[face_material], without[face_material]),
+        materials=materials,
+    )  # fmt: skip

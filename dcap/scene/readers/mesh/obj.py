@@ -13,16 +13,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.scene.errors import FormatError, InputError
-from dcap.scene.given_text import short_name
-from dcap.scene.problems import Report, error, refusing
-from dcap.scene.readers.files.content import read_bytes
-from dcap.scene.readers.files.references import library_names, meanings
-from dcap.scene.readers.mesh.mtl import MtlMaterial, read_mtl
-from dcap.scene.readers.mesh.obj_materials import with_materials
-from dcap.scene.readers.mesh.polygons import triangulate
-from dcap.scene.readers.mesh.raw import RawMesh, check_face_count, check_vertex_count
-from dcap.scene.types.paint import Paint
+from dcap.scene.errors import FormatError, InputError, Report, error, refusing
+from dcap.scene.readers.files import library_names, meanings, read_bytes
+from dcap.scene.readers.mesh.mtl import MtlMaterial, read_mtl, with_materials
+from dcap.scene.readers.mesh.raw import RawMesh, check_face_count, check_vertex_count, triangulate
+from dcap.scene.text import short_name
+from dcap.scene.types.mesh import Paint
 
 CORNER = re.compile(rb"-?\d{1,18}(?:/(?:-?\d{1,18})?){0,2}")
 """One corner of a face: position, texture coordinate and normal."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from dcap.scene.readers.mesh.raw import RawMesh
 from dcap.scene.srgb import linear_from_srgb, sampled, srgb_from_linear
-from dcap.scene.types.paint import Paint
+from dcap.scene.types.mesh import Paint
 
 EDGE_FRACTION = 0.01
 """Target edge of faces whose texture varies, as a share of the mesh's largest extent [-]."""

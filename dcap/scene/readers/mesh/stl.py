@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.scene.errors import FormatError
-from dcap.scene.problems import Report
-from dcap.scene.readers.files.content import read_bytes
+from dcap.scene.errors import FormatError, Report
+from dcap.scene.readers.files import read_bytes
 from dcap.scene.readers.mesh.raw import RawMesh, check_face_count
 
 HEADER, FACET = 84, 50

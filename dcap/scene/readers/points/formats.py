@@ -12,14 +12,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.scene.errors import FormatError, InputError
-from dcap.scene.problems import short
-from dcap.scene.readers.files.content import MAX_FILE_BYTES, read_bytes
-from dcap.scene.readers.mesh.ply import colors_of
-from dcap.scene.readers.mesh.ply_table import describes_splats, is_scalar, read_header, read_tables, scalar
+from dcap.scene.errors import FormatError, InputError, short
+from dcap.scene.readers.files import MAX_FILE_BYTES, read_bytes
+from dcap.scene.readers.mesh.ply import colors_of, describes_splats, is_scalar, read_header, read_tables, scalar
 from dcap.scene.readers.mesh.raw import RawMesh
-from dcap.scene.readers.points.columns import Notes, check_point_count, cloud_of, cloud_of_rows
-from dcap.scene.readers.points.pcd import read_pcd
+from dcap.scene.readers.points.pcd import Notes, check_point_count, cloud_of, cloud_of_rows, read_pcd
 from dcap.scene.types.point_cloud import PointCloud, local_planes
 
 FACES = ("face", "tristrips")

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.scene.errors import FormatError, GeometryError, InputError
-from dcap.scene.readers.files.content import read_bytes
-from dcap.scene.types.colmap import ColmapModel, Pinhole, PosedImage
+from dcap.scene.readers.files import read_bytes
+from dcap.scene.types.pictures import ColmapModel, Pinhole, PosedImage
 
 MODELS = ("SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE", "FULL_OPENCV", "FOV",
           "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "THIN_PRISM_FISHEYE")  # fmt: skip

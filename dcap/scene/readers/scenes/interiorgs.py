@@ -11,12 +11,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.scene.given_text import short_name
-from dcap.scene.problems import Place, Report, error, lenient, note, refusing, short, warning
-from dcap.scene.readers.files.json_text import read_json
-from dcap.scene.spelling import did_you_mean
-from dcap.scene.types.box import OrientedBox
-from dcap.scene.types.rectangle import min_area_box
+from dcap.scene.errors import Place, Report, error, lenient, note, refusing, short, warning
+from dcap.scene.readers.files import read_json
+from dcap.scene.text import did_you_mean, short_name
+from dcap.scene.types.boxes import OrientedBox, min_area_box
 from dcap.scene.types.scan import LabelBox, Room
 
 LABELS, STRUCTURE = "labels.json", "structure.json"

@@ -13,13 +13,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.scene.errors import InputError
-from dcap.scene.problems import Report, error, note, refusing, short, warning
-from dcap.scene.readers.files.content import read_bytes
-from dcap.scene.readers.files.image import MAX_PIXELS, read_gray
-from dcap.scene.readers.files.json_text import read_json
-from dcap.scene.spelling import did_you_mean
-from dcap.scene.types.occupancy import FREE, OCCUPIED, UNKNOWN, Occupancy
+from dcap.scene.errors import InputError, Report, error, note, refusing, short, warning
+from dcap.scene.readers.files import MAX_PIXELS, read_bytes, read_gray, read_json
+from dcap.scene.text import did_you_mean
+from dcap.scene.types.floor_plan import FREE, OCCUPIED, UNKNOWN, Occupancy
 from dcap.scene.types.scan import Room
 
 MAX_CELLS = MAX_PIXELS

@@ -14,12 +14,10 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, Field, FiniteFloat, NonNegativeInt, PositiveFloat, ValidationError
 from scipy.spatial import cKDTree
 
-from dcap.scene.errors import FormatError, GeometryError, InputError
-from dcap.scene.problems import refusing
-from dcap.scene.readers.files.json_text import read_json
-from dcap.scene.readers.mesh.ply import read_ply
-from dcap.scene.readers.mesh.ply_table import read_header, read_tables, scalar
-from dcap.scene.types.box import OrientedBox
+from dcap.scene.errors import FormatError, GeometryError, InputError, refusing
+from dcap.scene.readers.files import read_json
+from dcap.scene.readers.mesh.ply import read_header, read_ply, read_tables, scalar
+from dcap.scene.types.boxes import OrientedBox
 from dcap.scene.types.earlier import Deformation, EarlierPlacements, PlacedThing
 from dcap.scene.types.materials import BodyModel, LayerConstants, Material, PartMaterial
 from dcap.scene.types.mesh import Mesh

@@ -12,14 +12,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.scene.errors import FormatError
-from dcap.scene.given_text import short_name
-from dcap.scene.problems import Place, Report, error, note, refusing, short, warning
-from dcap.scene.readers.files.content import read_bytes
-from dcap.scene.readers.files.json_text import read_json
+from dcap.scene.errors import FormatError, Place, Report, error, note, refusing, short, warning
+from dcap.scene.readers.files import read_bytes, read_json
 from dcap.scene.readers.mesh.ply import read_ply
 from dcap.scene.readers.mesh.raw import RawMesh
-from dcap.scene.types.caution import Cause, Caution
+from dcap.scene.text import short_name
+from dcap.scene.types.outcome import Cause, Caution
 
 MESHES = (
     ("_vh_clean_2.ply", "_vh_clean_2.0.010000.segs.json", (".aggregation.json", "_vh_clean.aggregation.json")),

@@ -7,11 +7,11 @@ import re
 from pathlib import Path
 
 from dcap.scene.errors import InputError
-from dcap.scene.names import words_of
 from dcap.scene.readers.points.formats import POINT_SUFFIXES, is_points
 from dcap.scene.readers.splats.formats import SPLAT_SUFFIXES, is_splats
 from dcap.scene.readers.splats.sog import META
 from dcap.scene.readers.usd.usd import USD_SUFFIXES
+from dcap.scene.text import words_of
 
 MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", *USD_SUFFIXES, *SPLAT_SUFFIXES, *POINT_SUFFIXES)
 

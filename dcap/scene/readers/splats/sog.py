@@ -17,17 +17,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.scene.errors import FormatError
-from dcap.scene.problems import Report, refusing, short
-from dcap.scene.readers.files.content import read_bytes
-from dcap.scene.readers.files.image import read_rgba
-from dcap.scene.readers.files.json_text import parse_json
-from dcap.scene.readers.files.references import find_file
+from dcap.arrays import Array, ByteArray
+from dcap.scene.errors import FormatError, Report, refusing, short
+from dcap.scene.readers.files import find_file, parse_json, read_bytes, read_rgba
 from dcap.scene.readers.splats.splats import MOST_SPLATS, Fields, check_count, gaussians_of, logit_of
 from dcap.scene.types.gaussians import COEFFICIENTS, Gaussians
-
-U8 = NDArray[np.uint8]
-Array = NDArray[np.float64]
 
 META = "meta.json"
 LARGEST_MEMBER = 512 << 20
@@ -157,7 +151,7 @@ def _file(path: Path, meta: Mapping[str, object], name: str, index: int) -> str:
     return str(names[index])
 
 
-def _pixels(files: SogFiles, meta: Mapping[str, object], name: str, index: int, count: int) -> U8:
+def _pixels(files: SogFiles, meta: Mapping[str, object], name: str, index: int, count: int) -> ByteArray:
     """The first `count` pixels of a picture, red, green, blue and alpha, shape (count, 4)."""
     file = _file(files.path, meta, name, index)
     pixels = read_rgba(files.read(file), f"{files.path}: {file}", 4 * MOST_SPLATS).reshape(-1, 4)
@@ -166,7 +160,7 @@ def _pixels(files: SogFiles, meta: Mapping[str, object], name: str, index: int, 
     return pixels[:count]
 
 
-def _values(path: Path, meta: Mapping[str, object], name: str, pixels: U8, version: int) -> Array:
+def _values(path: Path, meta: Mapping[str, object], name: str, pixels: ByteArray, version: int) -> Array:
     """Values that the bytes (n, k) of a picture stand for, shape (n, k)."""
     if version == 2:
         return np.asarray(_numbers(path, meta, name, "codebook", 256)[pixels])
@@ -174,7 +168,7 @@ def _values(path: Path, meta: Mapping[str, object], name: str, pixels: U8, versi
     return np.asarray(low + (high - low) * (pixels / 255.0))
 
 
-def _rotation(pixels: U8) -> Array:
+def _rotation(pixels: ByteArray) -> Array:
     """Quaternions (w, x, y, z), shape (n, 4); those with a tag that there is not are left unturned."""
     three = (pixels[:, :3] / 255.0 * 2.0 - 1.0) / np.sqrt(2.0)
     which = pixels[:, 3].astype(np.int64) - TAG

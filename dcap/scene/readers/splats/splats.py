@@ -13,13 +13,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.scene.errors import FormatError, InputError
-from dcap.scene.problems import Problem, Report, error, refusing, warning
-from dcap.scene.readers.mesh.ply_table import Table, describes_splats, read_header, read_tables, scalar
+from dcap.arrays import Float32Array
+from dcap.scene.errors import FormatError, InputError, Problem, Report, error, refusing, warning
+from dcap.scene.readers.mesh.ply import Table, describes_splats, read_header, read_tables, scalar
 from dcap.scene.readers.mesh.raw import RawMesh
 from dcap.scene.types.gaussians import COEFFICIENTS, DC, Gaussians
 
-F32 = NDArray[np.float32]
 U32 = NDArray[np.uint32]
 
 CHUNK = 256
@@ -98,7 +97,7 @@ def check_count(path: Path, count: int) -> None:
         raise InputError(f"{path}: {count} splats > {MOST_SPLATS}; decimate them first")
 
 
-Fields = tuple[F32, F32, F32, F32, F32, F32]
+Fields = tuple[Float32Array, Float32Array, Float32Array, Float32Array, Float32Array, Float32Array]
 """Positions, log scales, rotations, logits, constant harmonics and the others, as of `Gaussians`."""
 
 
@@ -110,7 +109,7 @@ def _plain(path: Path, table: Table) -> Fields:
     columns = {name: scalar(path, table, name) for name in ("x", "y", "z", *PLAIN)}
     rest = [scalar(path, table, f"f_rest_{i}") for i in range(count)]
 
-    def stacked(*names: str) -> F32:
+    def stacked(*names: str) -> Float32Array:
         return np.stack([columns[n] for n in names], axis=1).astype(np.float32)
 
     n = len(columns["x"])
@@ -233,7 +232,7 @@ def _harmonic_bytes(path: Path, table: Table | None, count: int) -> list[NDArray
     return columns
 
 
-def _harmonics(path: Path, table: Table | None, count: int) -> F32:
+def _harmonics(path: Path, table: Table | None, count: int) -> Float32Array:
     """Higher harmonics from bytes, channel by channel, shape (n, 3, k)."""
     columns = _harmonic_bytes(path, table, count)
     byte = np.stack(columns, axis=1) if columns else np.zeros((count, 0), np.uint8)
@@ -241,7 +240,7 @@ def _harmonics(path: Path, table: Table | None, count: int) -> F32:
     return ((share - 0.5) * HARMONIC_RANGE).astype(np.float32).reshape(count, 3, -1)
 
 
-def _bounded(logit: F32) -> F32:
+def _bounded(logit: Float32Array) -> Float32Array:
     """Opacities beyond all bounds, infinite ones among them, are cut."""
     return np.clip(logit, -LARGEST_LOGIT, LARGEST_LOGIT)
 

@@ -16,13 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.packages import module_command
-from dcap.scene.errors import FormatError, InputError
-from dcap.scene.problems import Report, error
-from dcap.scene.readers.files.content import read_bytes
-from dcap.scene.readers.files.image import PixelBudget, read_image
+from dcap.scene.errors import FormatError, InputError, Report, error
+from dcap.scene.readers.files import PixelBudget, read_bytes, read_image
 from dcap.scene.readers.mesh.raw import RawMesh
 from dcap.scene.readers.usd import usd_stage
-from dcap.scene.types.paint import Paint
+from dcap.scene.types.mesh import Paint
 
 USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 

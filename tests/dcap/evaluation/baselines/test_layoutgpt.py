@@ -20,8 +20,7 @@ from dcap.evaluation.baselines.layoutgpt.exemplars import (
 from dcap.evaluation.baselines.layoutgpt.pixels import category_of, grid_of
 from dcap.evaluation.baselines.layoutgpt.placement import new_line, others_of, proposed_pose
 from dcap.language.offline.client import OfflineClient
-from dcap.language.protocol.layout_text import CssBox, parsed_layout, parsed_line
-from dcap.language.protocol.questions import LAYOUTGPT
+from dcap.language.protocol.questions import LAYOUTGPT, CssBox, parsed_layout, parsed_line
 from dcap.scene.types.floor_plan import FloorPlan, FloorPlans, PlanBox
 from dcap.scene.types.outcome import Infeasible
 

@@ -20,8 +20,8 @@ from dcap.evaluation.judging.cameras import (
     sample_cameras,
     sights_of,
 )
-from dcap.scene.types.judged_views import Sights
 from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.pictures import Sights
 
 RADIUS, TOP = 0.1, 0.5
 

@@ -20,7 +20,7 @@ from dcap.evaluation.judging.validation import judge_accuracy
 from dcap.evaluation.statistics.comparisons import JudgedAxis
 from dcap.language.offline.client import OfflineClient
 from dcap.scene.errors import InputError
-from dcap.scene.types.judged_views import PLACED
+from dcap.scene.types.pictures import PLACED
 from dcap.synthetic.rooms import build_room
 from flows.judge_known import ROOMS
 

@@ -12,8 +12,8 @@ from dcap.evaluation.referee.onward import STEP
 from dcap.evaluation.referee.overlap import overlap_depth
 from dcap.evaluation.referee.rest import RestVerdict, Surroundings, judge_rest
 from dcap.scene.errors import GeometryError, InputError
-from dcap.scene.types.gravity import GRAVITY
 from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.particles import GRAVITY
 
 TOP = 0.75
 """Of the table [m]."""

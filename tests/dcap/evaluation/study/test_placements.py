@@ -33,7 +33,7 @@ from dcap.evaluation.study.design import method_pairs
 from dcap.evaluation.study.placed_surface import read_placed_surface
 from dcap.evaluation.study.placements import read_study_run, views_of
 from dcap.scene.errors import FormatError, InputError
-from dcap.scene.types.judged_views import PLACED
+from dcap.scene.types.pictures import PLACED
 from flows.judge_run import read_rows
 from flows.study.check_views import check_pictures
 

@@ -5,7 +5,7 @@ import pytest
 from box_rooms import block
 from scipy.spatial.transform import Rotation
 
-from dcap.geometry.placement.ends import end_axis, own_box
+from dcap.geometry.placement.resting_poses import end_axis, own_box
 from dcap.scene.types.mesh import Mesh
 
 TILTED = Rotation.from_euler("xyz", (20, 35, 50), degrees=True).as_matrix()

@@ -15,7 +15,7 @@ from dcap.geometry.placement.named_regions import (
 )
 from dcap.geometry.placement.polygons import counter_clockwise, inside
 from dcap.geometry.placement.poses import about_z
-from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.boxes import OrientedBox
 
 
 def box(x: float, y: float, wide: float, deep: float, yaw: float = 0.0) -> OrientedBox:

@@ -6,7 +6,7 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dcap.geometry.boundary import is_closed
+from dcap.geometry.pieces import is_closed
 from dcap.geometry.placement.poses import (
     about_z,
     center_of_mass,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from box_rooms import block, toy
 
-from dcap.geometry.placement.seat import sits
+from dcap.geometry.placement.resting_poses import sits
 from dcap.scene.types.mesh import Mesh
 
 UP = np.array([0.0, 0.0, 1.0])

@@ -9,11 +9,10 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from dcap.geometry.distance import MeshDistance
-from dcap.geometry.placement.clearance import Clearance
+from dcap.geometry.placement.clearance import Clearance, Start, set_down
 from dcap.geometry.placement.named_regions import Region
 from dcap.geometry.placement.poses import about_z
 from dcap.geometry.placement.search import PlacementSearch
-from dcap.geometry.placement.set_down import Start, set_down
 from dcap.geometry.raycast import Raycaster
 from dcap.scene.types.mesh import Mesh
 

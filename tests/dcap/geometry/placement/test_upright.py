@@ -9,7 +9,7 @@ from dcap.geometry.placement.poses import center_of_mass, front_of, rotated
 from dcap.geometry.placement.upright import opening, round_axis, standing_features, stands_as_read, upright_pose
 from dcap.geometry.raycast import Raycaster
 from dcap.scene.types.mesh import Mesh
-from dcap.synthetic.objects import build_object
+from dcap.synthetic.dataset import build_object
 
 DOWN = np.array([0.0, 0.0, -1.0])
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from dcap.geometry.boundary import boundary_edges
 from dcap.geometry.deform import displaced
-from dcap.geometry.rendering.cutaway import cut_faces
+from dcap.geometry.pieces import boundary_edges
+from dcap.geometry.rendering.view_volume import cut_faces
 from dcap.geometry.solid.repair import subdivide_near
 from dcap.scene.types.mesh import Mesh
 

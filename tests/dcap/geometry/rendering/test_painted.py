@@ -17,8 +17,7 @@ from dcap.geometry.rendering.painted import (
 from dcap.geometry.rendering.picture import picture
 from dcap.geometry.solid.repair import subdivide_near
 from dcap.scene.srgb import linear_from_srgb, sampled
-from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.paint import PaintedMesh, SourceSurface
+from dcap.scene.types.mesh import Mesh, PaintedMesh, SourceSurface
 
 EVERYWHERE = np.array([[-9.0] * 3, [9.0] * 3])
 

@@ -9,13 +9,10 @@ from textured import plate, quarters
 from dcap.geometry.camera import Camera, looking_at
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.rendering.coverage import coverage, silhouette
-from dcap.geometry.rendering.painted import own_paint, painted
+from dcap.geometry.rendering.painted import SeeThroughCaster, alpha_at, caster_of, own_paint, painted
 from dcap.geometry.rendering.picture import exposed
-from dcap.geometry.rendering.see_through import SeeThroughCaster, alpha_at, caster_of
 from dcap.geometry.solid.repair import subdivide_near
-from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.paint import PaintedMesh, SourceSurface
-from dcap.scene.types.surface_material import AlphaMode, SurfaceMaterial
+from dcap.scene.types.mesh import AlphaMode, Mesh, PaintedMesh, SourceSurface, SurfaceMaterial
 
 MASK = SurfaceMaterial("leaf", AlphaMode.MASK, 0.5)
 GREEN = (20, 200, 40)

@@ -3,10 +3,10 @@
 import numpy as np
 
 from dcap.geometry.camera import looking_at
-from dcap.geometry.rendering import visibility as module
+from dcap.geometry.rendering import shading as module
+from dcap.geometry.rendering.shading import PLANE_TOLERANCE, WINDOW, Lights, gather
 from dcap.geometry.rendering.surface import PreparedMeshes, RenderScene, SurfaceHits
 from dcap.geometry.rendering.view_volume import SKY_REACH
-from dcap.geometry.rendering.visibility import PLANE_TOLERANCE, WINDOW, Lights, gather
 from dcap.scene.types.mesh import Mesh
 
 HEIGHT, WIDTH = 13, 11

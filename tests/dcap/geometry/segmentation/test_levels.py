@@ -2,15 +2,13 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from dcap.arrays import Array
 from dcap.geometry.segmentation.faces import FaceTable
+from dcap.geometry.segmentation.rooms.contacts import surfels_of
 from dcap.geometry.segmentation.rooms.pieces import carrying_pieces
-from dcap.geometry.segmentation.rooms.surfels import surfels_of
 from dcap.scene.types.mesh import Mesh
 from dcap.synthetic.shapes import columns, line, sheet
-
-Array = NDArray[np.float64]
 
 
 def terrain(height: Array) -> Mesh:

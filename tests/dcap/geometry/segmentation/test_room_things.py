@@ -10,8 +10,7 @@ from dcap.geometry.primitives import Box
 from dcap.geometry.segmentation.faces import FaceTable
 from dcap.geometry.segmentation.rooms.composites import CompositeThing, composites
 from dcap.geometry.segmentation.rooms.decomposition import DecomposedRoom
-from dcap.geometry.segmentation.rooms.shell import ScannedShell
-from dcap.geometry.segmentation.rooms.structure import Levels
+from dcap.geometry.segmentation.rooms.shell import Levels, ScannedShell
 from dcap.geometry.segmentation.rooms.traits import CEILING, FLOOR, WALL, Traits, describe_things, thing_segments
 from dcap.scene.types.mesh import Mesh
 from dcap.synthetic.shapes import joined, moved

@@ -7,7 +7,7 @@ from dcap.geometry.primitives import Box
 from dcap.geometry.segmentation.faces import FaceTable
 from dcap.geometry.segmentation.parts.instance_surface import InstanceSurface, instance_surface
 from dcap.geometry.segmentation.parts.seating import sofa_parts
-from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.boxes import OrientedBox
 from dcap.scene.types.mesh import Mesh
 from dcap.synthetic.shapes import joined, moved
 

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from dcap.geometry.segmentation.convex import convex_pieces, grown
 from dcap.geometry.segmentation.faces import FaceTable
+from dcap.geometry.segmentation.oversegmentation import convex_pieces, grown
 from dcap.geometry.segmentation.rooms.contacts import inner_distance, patch_area, plan_area
 from dcap.geometry.segmentation.rooms.decomposition import decompose_room
 from dcap.scene.types.mesh import Mesh

@@ -9,7 +9,7 @@ from dcap.geometry.solid.columns import column_solid
 from dcap.geometry.solid.repair_log import RepairLog
 from dcap.geometry.solid.soundness import agreement, well_formed
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.repair_report import Method
+from dcap.scene.types.scan import Method
 
 TOP = 0.4
 REGION = np.array([[-0.15, -0.2, 0.2], [0.15, 0.22, 0.7]])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from dcap.geometry.boundary import is_closed
+from dcap.geometry.pieces import is_closed
 from dcap.geometry.solid.contact_pieces import TOLERANCE, overlap, with_room
 from dcap.geometry.solid.convex_pieces import (
     OUTSIDE,

@@ -6,8 +6,8 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dcap.geometry.boundary import boundary_edges, hole_loops, is_closed
 from dcap.geometry.distance import MeshDistance
+from dcap.geometry.pieces import boundary_edges, hole_loops, is_closed
 from dcap.geometry.solid.cleaning import split_at_junctions
 from dcap.geometry.solid.repair import (
     FILL_SAMPLES,

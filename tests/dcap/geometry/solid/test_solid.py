@@ -8,9 +8,8 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dcap.geometry.boundary import is_closed
 from dcap.geometry.distance import MeshDistance
-from dcap.geometry.pieces import signed_volume
+from dcap.geometry.pieces import is_closed, signed_volume
 from dcap.geometry.solid.cleaning import cleaned, face_stacks, heights
 from dcap.geometry.solid.closed import RepairLimits, simulation_ready, tidied
 from dcap.geometry.solid.repair_log import RepairLog
@@ -18,8 +17,8 @@ from dcap.geometry.solid.soundness import agreement, moved, well_formed
 from dcap.geometry.solid.support import ready_support
 from dcap.scene.errors import GeometryError
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.repair_report import Method, RepairReport
-from dcap.synthetic.objects import build_object
+from dcap.scene.types.scan import Method, RepairReport
+from dcap.synthetic.dataset import build_object
 
 ROUNDING = 2.5e-6  # vertices are welded to 1e-6, single precision of less than 2e-6 is not looked at again
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dcap.geometry.solid.support import carried_bottoms, shell_bottoms, support_solid
-from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.boxes import OrientedBox
 from dcap.scene.types.mesh import Mesh
 
 REGION = np.array([[-0.5, -0.5, -1.0], [0.5, 0.5, 1.0]])

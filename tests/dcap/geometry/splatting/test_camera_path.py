@@ -10,14 +10,14 @@ from dcap.geometry.distance import MeshDistance
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.segmentation.labels import category_of
 from dcap.geometry.splatting.camera_path import FURNITURE, PathConfig, camera_path, entries, unhidden, worthwhile
+from dcap.geometry.splatting.discs import splats_on_mesh
 from dcap.geometry.splatting.filled_cells import CELL, STRIDE, FilledCells, filled_cells
-from dcap.geometry.splatting.on_mesh import splats_on_mesh
 from dcap.geometry.splatting.viewpoints import far_apart_index
 from dcap.scene.readers.scenes.interiorgs import read_labels, read_structure
 from dcap.scene.readers.scenes.occupancy import read_occupancy
-from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.boxes import OrientedBox
+from dcap.scene.types.floor_plan import FREE, OCCUPIED, Occupancy
 from dcap.scene.types.gaussians import Gaussians
-from dcap.scene.types.occupancy import FREE, OCCUPIED, Occupancy
 from dcap.scene.types.scan import LabelBox
 from dcap.scene.writers.interiorgs import write_interiorgs
 from dcap.synthetic.rooms import BuiltRoom, build_room

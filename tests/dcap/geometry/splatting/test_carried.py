@@ -8,16 +8,20 @@ from scipy.spatial.transform import Rotation
 
 from dcap.geometry.splatting.carried import (
     CLOSE,
+    FAINT,
     FAR,
     MOST_PIECES,
     MOST_STRETCH,
+    REACH,
+    STEPS,
     CarriedSplats,
     SurfaceMotion,
     carried,
+    pieces,
+    split,
     steps_within,
     strained,
 )
-from dcap.geometry.splatting.split import FAINT, REACH, STEPS, pieces, split
 from dcap.scene.types.gaussians import COEFFICIENTS, Gaussians, harmonics, turned_harmonics
 from dcap.scene.types.mesh import Mesh
 

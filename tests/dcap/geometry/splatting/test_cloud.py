@@ -13,7 +13,7 @@ from dcap.geometry.splatting.cloud import evenly_thinned, is_room, mesh_of_point
 from dcap.geometry.splatting.config import SurfaceConfig
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.point_cloud import PointCloud, local_planes
-from dcap.synthetic.objects import build_object
+from dcap.synthetic.dataset import build_object
 from dcap.synthetic.rooms import build_room
 from solver.runtime import start
 

@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 from dcap.geometry.camera import looking_at
 from dcap.geometry.distance import MeshDistance
 from dcap.geometry.raycast import Raycaster
-from dcap.geometry.splatting.object_discs import MOST, disc_spacing, discs_on
+from dcap.geometry.splatting.discs import MAX_DISCS, disc_spacing, discs_on
 from dcap.geometry.splatting.render import Splatter
 from dcap.scene.types.mesh import Mesh
 from solver.runtime import start
@@ -75,4 +75,4 @@ def test_colours_may_come_from_elsewhere():
 def test_a_huge_surface_gets_larger_discs():
     sheets = [Mesh.of([[0, 0, z], [1, 0, z], [1, 1, z], [0, 1, z]], [[0, 1, 2], [0, 2, 3]]) for z in range(90)]
     mesh = Mesh.concatenate(sheets)
-    assert mesh.face_areas.sum() / disc_spacing(mesh) ** 2 < 1.001 * MOST
+    assert mesh.face_areas.sum() / disc_spacing(mesh) ** 2 < 1.001 * MAX_DISCS

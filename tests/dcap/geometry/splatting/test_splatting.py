@@ -7,12 +7,11 @@ from scipy.spatial.transform import Rotation
 from dcap.geometry.camera import Camera, looking_at
 from dcap.geometry.distance import MeshDistance
 from dcap.geometry.splatting.config import SurfaceConfig
+from dcap.geometry.splatting.discs import FLATNESS, JITTER, OPACITY, OVERLAP, splats_on_mesh
 from dcap.geometry.splatting.kernels import BLUR, settle_on_ridge
-from dcap.geometry.splatting.on_mesh import FLATNESS, JITTER, OPACITY, OVERLAP, splats_on_mesh
 from dcap.geometry.splatting.render import Splatter
 from dcap.geometry.splatting.surface import SurfacePoints, kept_apart, mesh_of_splats, surface_points, thinned
-from dcap.geometry.splatting.viewpoints import enclosure, far_apart, fibonacci, viewpoints
-from dcap.geometry.splatting.visibility import best_origins
+from dcap.geometry.splatting.viewpoints import best_origins, enclosure, far_apart, fibonacci, viewpoints
 from dcap.scene.errors import GeometryError
 from dcap.scene.types.gaussians import DC, Gaussians
 from dcap.scene.types.mesh import Mesh

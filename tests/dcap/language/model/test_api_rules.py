@@ -39,7 +39,7 @@ from dcap.language.protocol.client import ClientName, LanguageConfig
 from dcap.language.protocol.questions import INTENT, Question
 from dcap.language.protocol.requests import Picture
 from dcap.language.protocol.session import Session
-from dcap.scene.types.judged_views import BEFORE, PLACED
+from dcap.scene.types.pictures import BEFORE, PLACED
 
 EVERY: tuple[Question[Any, Any], ...] = (*QUESTIONS.values(), JUDGE_SCORE, JUDGE_PAIR)
 ANTHROPIC = {"x-api-key": "k", "anthropic-version": "2023-06-01"}

@@ -2,7 +2,7 @@
 
 import pytest
 
-from dcap.language.offline.deformable import deformable_kind, deformable_supports
+from dcap.language.offline.kinds import deformable_kind, deformable_supports
 
 
 @pytest.mark.parametrize(

@@ -6,13 +6,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dcap.language.offline.client import OfflineClient
-from dcap.language.offline.grounded import Target
 from dcap.language.offline.lexicon import split_words
 from dcap.language.offline.placing import placing_of
 from dcap.language.offline.reading import Reading
 from dcap.language.offline.sentence import read
 from dcap.language.offline.target import target_of
-from dcap.language.offline.where import facing_of
+from dcap.language.offline.where import Target, facing_of
 from dcap.language.offline.words import SceneWords, tokens_of
 from dcap.language.protocol.questions import INTENT
 from dcap.scene.errors import LanguageError

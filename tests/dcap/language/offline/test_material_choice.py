@@ -5,9 +5,8 @@ import pytest
 from dcap.language.material_table import FAMILIES, families, load_materials
 from dcap.language.offline.client import OfflineClient
 from dcap.language.offline.lexicon import part_words, rows, things
-from dcap.language.offline.made_of import FAMILIES as GENERIC
-from dcap.language.offline.made_of import MADE_OF, materials_in, named_phrases
-from dcap.language.offline.material_choice import OBJECT, USUAL, chosen_materials
+from dcap.language.offline.material_choice import FAMILY_FILE as GENERIC
+from dcap.language.offline.material_choice import MADE_OF, OBJECT, USUAL, chosen_materials, materials_in, named_phrases
 from dcap.language.protocol.questions import INTENT
 from dcap.language.protocol.requests import MaterialQuestion, MaterialsRequest, PartView
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from dcap.language.offline.object_name import object_name
+from dcap.language.offline.placing import object_name
 
 HASH = "0a1b2c3d4e5f60718293a4b5c6d7e8f9"
 

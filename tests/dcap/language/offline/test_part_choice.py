@@ -2,7 +2,7 @@
 
 import pytest
 
-from dcap.language.offline.part_choice import chosen_part
+from dcap.language.offline.pose_choice import chosen_part
 from dcap.language.protocol.requests import AnchorRequest, PartView
 
 HEIGHTS = {"case with a roof": (0.09, 0.39, 0.70, 1.00), "three boards": (0.1, 0.5, 0.9)}

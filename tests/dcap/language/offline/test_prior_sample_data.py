@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from dcap.evaluation.prior_scores import SIZE_FACTOR, Published, misses, prior_score, share_within
-from dcap.language.offline.priors import prior_of
-from dcap.scene.readers.frame.frame import Role
+from dcap.language.offline.kinds import prior_of
+from dcap.scene.readers.frame import Role
 from dcap.scene.readers.source import read_scan
 from dcap.scene.types.sample import SourceOptions
 from tasks.intent.rescale import rescale

@@ -3,8 +3,7 @@
 import pytest
 
 from dcap.language.offline.client import OfflineClient
-from dcap.language.offline.typos import edit_distance, meant_by
-from dcap.language.offline.words import SceneWords, tokens_of, words_of
+from dcap.language.offline.words import SceneWords, edit_distance, meant_by, tokens_of, words_of
 from dcap.language.protocol.questions import INTENT
 
 KNOWN = frozenset({"table", "chair", "chairs", "sofa", "sofas", "near", "the", "coat", "lamp", "left", "lift"})

@@ -6,7 +6,7 @@ from furnished_views import thing
 from dcap.language.offline.client import intent
 from dcap.language.protocol.replies import IntentReply
 from dcap.language.protocol.requests import InstanceView, IntentRequest, ObjectView
-from dcap.scene.types.caution import Cause, Caution, cautions
+from dcap.scene.types.outcome import Cause, Caution, cautions
 
 Direction = tuple[float, float, float]
 AROUND = {"west": (-1.1, 0.0), "east": (1.1, 0.0), "north": (0.0, 0.9), "south": (0.0, -0.9)}

@@ -12,12 +12,10 @@ from hypothesis import strategies as st
 from json_trees import Tree, trees
 from PIL import Image
 
-from dcap.geometry.splatting.on_mesh import splats_on_mesh
-from dcap.scene.checks.findings import MOST_PER_FILE, Finding, Findings
-from dcap.scene.checks.layout import layout_of
-from dcap.scene.checks.places import json_places
-from dcap.scene.checks.scene_folder import check_scene
-from dcap.scene.problems import Severity, note
+from dcap.geometry.splatting.discs import splats_on_mesh
+from dcap.scene.checks.findings import MOST_PER_FILE, Finding, Findings, json_places
+from dcap.scene.checks.scene_folder import check_scene, layout_of
+from dcap.scene.errors import Severity, note
 from dcap.scene.writers.gaussians import write_splats
 from dcap.scene.writers.interiorgs import write_interiorgs, write_interiorgs_splats
 from dcap.synthetic.rooms import BuiltRoom, build_room

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from json_trees import Tree, trees
 
-from dcap.scene.checks.places import json_lines, json_places, repeated_keys
+from dcap.scene.checks.findings import json_lines, json_places, repeated_keys
 
 
 @given(trees, st.sampled_from([0, 1, 3]))

@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from dcap.scene.errors import FormatError, GeometryError, InputError
 from dcap.scene.readers.scenes.colmap import read_colmap
-from dcap.scene.types.colmap import ColmapModel, Pinhole, posed
-from dcap.scene.writers.colmap import write_colmap, write_colmap_text
+from dcap.scene.types.pictures import ColmapModel, Pinhole, posed
+from dcap.scene.writers.sugar import write_colmap, write_colmap_text
 
 WRITERS = [write_colmap, write_colmap_text]
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from dcap.scene.readers.companions import companions
-from dcap.scene.readers.files.references import absence, find_file
-from dcap.scene.readers.frame.frame import Role
+from dcap.scene.readers.files import absence, find_file
+from dcap.scene.readers.frame import Role
 from dcap.scene.readers.source import read_scan
+from dcap.scene.readers.source_files import companions
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.scan import Scan
 from tasks.artifact import Source, Store

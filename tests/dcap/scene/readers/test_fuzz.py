@@ -21,9 +21,8 @@ from PIL import Image
 
 from dcap.scene.checks.findings import Findings
 from dcap.scene.checks.scene_folder import check_scene
-from dcap.scene.errors import DcapError
-from dcap.scene.problems import Severity
-from dcap.scene.readers.frame.frame import Role
+from dcap.scene.errors import DcapError, Severity
+from dcap.scene.readers.frame import Role
 from dcap.scene.readers.source import read_scan
 from dcap.scene.readers.source_files import source_files
 from dcap.scene.types.gaussians import Gaussians

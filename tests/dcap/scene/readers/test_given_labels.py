@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from dcap.scene.errors import DcapError, InputError
-from dcap.scene.readers.frame.frame import Role
+from dcap.scene.readers.frame import Role
 from dcap.scene.readers.labels.given import read_given_labels
 from dcap.scene.readers.labels.things import up_frame
 from dcap.scene.readers.source import read_scan
-from dcap.scene.types.given_labels import CornerFrame, GivenLabels, VertexLabels
 from dcap.scene.types.sample import SourceOptions
+from dcap.scene.types.segmentation import CornerFrame, GivenLabels, VertexLabels
 
 IDENTITY = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
 MESH = {"faces": 10, "digest": "0123456789abcdef"}

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from dcap.scene.checks.findings import Findings
 from dcap.scene.checks.scene_folder import check_scene
 from dcap.scene.errors import InputError
-from dcap.scene.readers.frame.frame import Role
+from dcap.scene.readers.frame import Role
 from dcap.scene.readers.gltf.gltf import read_gltf
 from dcap.scene.readers.mesh.raw import RawMesh
 from dcap.scene.readers.source import read_scan

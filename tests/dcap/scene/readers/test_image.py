@@ -13,8 +13,8 @@ import pytest
 from PIL import Image
 
 from dcap.scene.errors import FormatError, InputError
-from dcap.scene.readers.files.image import MAX_TOGETHER, PixelBudget, read_gray, read_image, read_rgba, read_transparent
-from dcap.scene.readers.frame.frame import Role
+from dcap.scene.readers.files import MAX_TOGETHER, PixelBudget, read_gray, read_image, read_rgba, read_transparent
+from dcap.scene.readers.frame import Role
 from dcap.scene.readers.source import read_scan
 from dcap.scene.types.sample import SourceOptions
 from flows.map_output import read_photo

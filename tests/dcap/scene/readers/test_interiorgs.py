@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from dcap.scene.errors import InputError
-from dcap.scene.readers.frame.frame import Role
+from dcap.scene.readers.frame import Role
 from dcap.scene.readers.scenes.interiorgs import read_labels, read_structure
 from dcap.scene.readers.scenes.sugar import find_mesh
 from dcap.scene.readers.source import read_scan
 from dcap.scene.readers.splat_scene import read_splat_scene
-from dcap.scene.types.rectangle import min_area_box
+from dcap.scene.types.boxes import min_area_box
 from dcap.scene.types.sample import SourceOptions
 
 SQUARE = "v 0 0 0\nv 3 0 0\nv 3 3 0\nv 0 3 0\nf 1 2 3 4\n"

@@ -9,13 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
+from dcap.scene.checks.annotations import check_occupancy
 from dcap.scene.checks.findings import Findings
-from dcap.scene.checks.occupancy import check_occupancy
-from dcap.scene.errors import FormatError, GeometryError, InputError
-from dcap.scene.problems import Severity
+from dcap.scene.errors import FormatError, GeometryError, InputError, Severity
 from dcap.scene.readers.scenes.interiorgs import read_structure
 from dcap.scene.readers.scenes.occupancy import MAX_CELLS, read_occupancy
-from dcap.scene.types.occupancy import FREE, OCCUPIED, UNKNOWN, Occupancy
+from dcap.scene.types.floor_plan import FREE, OCCUPIED, UNKNOWN, Occupancy
 from dcap.scene.types.scan import Room
 from dcap.scene.writers.interiorgs import write_interiorgs
 from dcap.synthetic.rooms import BuiltRoom, build_room

@@ -10,7 +10,7 @@ import trimesh
 from point_files import WRITERS, points_on, without_normals, write_npy, write_pcd, write_ply_points
 
 from dcap.scene.errors import InputError
-from dcap.scene.readers.frame.frame import Role
+from dcap.scene.readers.frame import Role
 from dcap.scene.readers.points.formats import is_points, read_points
 from dcap.scene.readers.scenes.sugar import find_mesh, has_no_faces
 from dcap.scene.readers.source import read_file, read_scan

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from mesh_files import CUBE, QUADS, cube_document, glb, refusal, scan_of, write_obj
 from numpy.typing import NDArray
 
-from dcap.scene.readers.frame.frame import Role
+from dcap.scene.readers.frame import Role
 
 
 @pytest.mark.parametrize("role", Role)

@@ -15,7 +15,7 @@ from mesh_files import CUBE, QUADS, cube_document, glb, refusal, scan_of, volume
 from PIL import Image
 
 from dcap.scene.errors import FormatError, InputError
-from dcap.scene.readers.frame.frame import Role
+from dcap.scene.readers.frame import Role
 
 
 @pytest.mark.parametrize("order", ["a", "<", ">"])
@@ -288,7 +288,7 @@ def test_ply_texture_coordinates_do_not_slow_triangles_down(tmp_path: Path, monk
     head += "element face 1\nproperty list uchar int vertex_indices\nproperty list uchar float texcoord\nend_header\n"
     body = CUBE[:3].astype("<f4").tobytes() + struct.pack("<B3iB6f", 3, 0, 1, 2, 6, *range(6))
     (tmp_path / "x.ply").write_bytes(head.encode() + body)
-    monkeypatch.setattr("dcap.scene.readers.mesh.ply_table._by_value", None)
+    monkeypatch.setattr("dcap.scene.readers.mesh.ply._by_value", None)
     assert len(scan_of(tmp_path / "x.ply").mesh.faces) == 1
 
 

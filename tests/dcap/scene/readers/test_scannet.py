@@ -11,11 +11,9 @@ from numpy.typing import NDArray
 
 from dcap.language.offline.client import OfflineClient
 from dcap.scene.checks.findings import Findings
-from dcap.scene.checks.layout import layout_of
-from dcap.scene.checks.scene_folder import check_scene
-from dcap.scene.errors import InputError
-from dcap.scene.problems import Severity
-from dcap.scene.readers.frame.frame import Role
+from dcap.scene.checks.scene_folder import check_scene, layout_of
+from dcap.scene.errors import InputError, Severity
+from dcap.scene.readers.frame import Role
 from dcap.scene.readers.scenes.scannet import is_scannet
 from dcap.scene.readers.source import read_scan
 from dcap.scene.readers.source_files import source_files, telling_folder

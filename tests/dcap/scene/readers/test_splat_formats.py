@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from splat_files import sog, sog_parts, splat_records, spz
 
 from dcap.scene.errors import DcapError, FormatError
-from dcap.scene.readers.frame.frame import Role
+from dcap.scene.readers.frame import Role
 from dcap.scene.readers.scenes.sugar import has_only_splats
 from dcap.scene.readers.source import read_scan
 from dcap.scene.readers.splats.formats import is_splats, read_gaussians

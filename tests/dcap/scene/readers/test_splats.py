@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dcap.scene.errors import FormatError, GeometryError, InputError
-from dcap.scene.readers.frame.frame import Role
+from dcap.scene.readers.frame import Role
 from dcap.scene.readers.scenes.sugar import has_only_splats
 from dcap.scene.readers.source import read_scan
 from dcap.scene.readers.splats.splats import CHUNK, read_splats

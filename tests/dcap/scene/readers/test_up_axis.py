@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from dcap.geometry.splatting.on_mesh import splats_on_mesh
+from dcap.geometry.splatting.discs import splats_on_mesh
 from dcap.scene.errors import InputError
-from dcap.scene.readers.frame.frame import WORLD_FROM_FILE, Role
-from dcap.scene.readers.frame.up_axis import up_of_scene
+from dcap.scene.readers.frame import WORLD_FROM_FILE, Role, up_of_scene
 from dcap.scene.readers.mesh.raw import RawMesh
 from dcap.scene.readers.source import read_scan
 from dcap.scene.types.gaussians import Gaussians
@@ -19,7 +18,7 @@ from dcap.scene.types.point_cloud import PointCloud
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.scan import Scan
 from dcap.scene.writers.gaussians import write_splats
-from dcap.scene.writers.ply import mesh_to_ply
+from dcap.scene.writers.meshes import mesh_to_ply
 from dcap.synthetic.recipes import room_names
 from dcap.synthetic.rooms import build_room
 

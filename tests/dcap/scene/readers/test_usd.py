@@ -11,10 +11,10 @@ from textured import quarters
 
 from dcap.language.offline.client import OfflineClient
 from dcap.scene.errors import InputError
-from dcap.scene.readers.companions import companions
-from dcap.scene.readers.frame.frame import Role
+from dcap.scene.readers.frame import Role
 from dcap.scene.readers.scenes.sugar import find_mesh
 from dcap.scene.readers.source import read_scan, read_surface
+from dcap.scene.readers.source_files import companions
 from dcap.scene.readers.usd.usd import read_usd
 from dcap.scene.types.gaussians import Gaussians
 from dcap.scene.types.sample import SourceOptions

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from dcap.scene.errors import GeometryError
-from dcap.scene.types.anchor import Anchor
-from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.boxes import OrientedBox
+from dcap.scene.types.choices import Anchor
 from dcap.scene.types.materials import ContactFriction
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.particles import (

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from dcap.scene.writers.earlier_files import copy_earlier, lost_notes, note_files, note_path
+from dcap.scene.writers.placed_scene import copy_earlier, lost_notes, note_files, note_path
 
 FILES = {"scene": "scene.glb", "script": "deep/one.js"}
 

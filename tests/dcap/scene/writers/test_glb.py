@@ -12,10 +12,10 @@ import trimesh
 from dcap.language.offline.client import OfflineClient
 from dcap.scene.checks.findings import Findings
 from dcap.scene.checks.scene_folder import check_scene
-from dcap.scene.readers.frame.frame import Role
+from dcap.scene.readers.frame import Role
 from dcap.scene.readers.source import read_scan
+from dcap.scene.types.boxes import min_area_box
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.rectangle import min_area_box
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.segmentation import Instance, Part, Segmentation
 from dcap.scene.writers import glb

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from dcap.scene.types.floor_plan import FREE
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.occupancy import FREE
 from dcap.scene.writers.interiorgs import MESH_NAME, write_interiorgs, write_ply
 from dcap.synthetic.rooms import BuiltRoom, build_room
 

@@ -11,8 +11,8 @@ from dented_bed import RADIUS, TOP, anchor, ball, scene_of, settled
 from dented_export import BALL, BED, MASS, PAIR, exported, particles
 from rested import drift, written
 
-from dcap.scene.types.gravity import GRAVITY
 from dcap.scene.types.materials import ContactFriction
+from dcap.scene.types.particles import GRAVITY
 from dcap.scene.writers.mjcf import mjcf_files
 from dcap.scene.writers.urdf import urdf_files
 from dcap.scene.writers.usda import usda_files

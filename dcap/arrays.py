@@ -1,0 +1,10 @@
+"""Short names for the arrays of numpy by the type of their entries."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Float32Array = NDArray[np.float32]
+IntArray = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+ByteArray = NDArray[np.uint8]

@@ -1,0 +1,228 @@
+"""Knowledge of kinds of things, by their names: usual size and mass, figures, vessels, fronts, softness.
+
+Size and mass priors of the object by its name.
+
+In: the noun of the prompt and the label of the file. Out: the more specific of the two, with the lexicon's numbers;
+masses follow the size of the mesh. An unknown name keeps the mesh's own size as long as anything in a home may be that
+large, else the unit that makes it so is taken, and a note says what was assumed.
+
+Which things are figures: what has a body that can sit or stand, where others are just set down.
+
+In: `lexicon/figures.csv`, ids of things whose kinds are figures too.
+
+Which things hold something: what is open of them is their mouth, not damage.
+
+In: `lexicon/vessels.csv`, ids of things whose kinds hold something too; `face` says where their opening is their face.
+
+On which side of a thing its front is, where its category says so: at an end of its long side or in the middle of it.
+
+In: `lexicon/fronts.csv`. A car drives along its long side, a television looks across it; shape alone tells neither.
+
+Which things of a scene give way under what is put on them, by their labels alone.
+
+The paper counts deformable supports per scene (its figure 3): beds, sofas, cushions, blankets and so on. Here a label
+counts if the lexicon knows it as one of KINDS, or as furniture that carries, and the library's material of the part
+that carries is soft: its Young's modulus does not exceed 1 GPa. Nothing is measured: a scan may hold a wooden bed.
+"""
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cache
+from types import MappingProxyType
+
+from dcap.language.material_table import load_materials
+from dcap.language.offline.lexicon import Size, Thing, first_part, is_a, label_words, lineage, rows, thing_of, things
+from dcap.language.offline.material_choice import material_of, parts_named
+from dcap.language.offline.nouns import Noun
+from dcap.language.protocol.replies import LONGEST_NAME
+from dcap.language.protocol.requests import MaterialQuestion, PartView
+from dcap.scene.types.outcome import Cause, Caution
+from dcap.scene.types.scan import TAKEN_AS_METRES
+
+GENERIC = frozenset({"toy", "food", "fruit", "clothes", "furniture", "cutlery", "structure", "object"})
+UNKNOWN_DENSITY = 150.0
+"""Mass of an unknown thing over the volume of its bounding box [kg/m^3]: most household things are 50 to 500."""
+UNKNOWN_LENGTH = (0.005, 3.0)
+"""The longest extent of an unknown thing, a coin to a pole: a mesh within stays as it is [m]."""
+THINNEST = 1e-4
+"""A sheet of paper: what a mesh without thickness is taken for [m]."""
+TYPICAL_LENGTH = 0.25
+"""Where several units are possible, the one that brings the longest extent nearest to this is taken [m]."""
+RIGID_ABOVE = 1.0e9
+"""Young's modulus above which a part is rigid [Pa]; the paper's 1 GPa."""
+
+MATTRESS = "mattress"
+"""A part that scenes annotate by itself."""
+
+KINDS = {
+    "bed": ("bed",),
+    "sofa": ("sofa",),
+    "soft seat": ("armchair", "chair", "stool", "bench"),
+    MATTRESS: (),
+    "pillow or cushion": ("pillow", "cushion"),
+    "blanket or towel": ("blanket", "sheet", "towel"),
+    "soft toy": ("plush toy",),
+    "rug": ("rug",),
+}
+"""Kinds of deformable supports and the things that belong to each, in the order in which they are shown."""
+
+OTHER = "other"
+"""Furniture that carries softly and is none of KINDS."""
+
+
+@dataclass(frozen=True, slots=True)
+class Prior:
+    """Sizes and mass of the object that are known from its name."""
+
+    name: str
+    sizes: tuple[Size, ...]
+    """Extents of each shape it is met in, largest first [m]; the most usual one first."""
+    spread: float
+    mass: float
+    """[kg]."""
+    hollow: bool
+    notes: tuple[str, ...]
+
+
+def object_thing(theme: Noun | None, label: str) -> Thing | None:
+    """Thing that the object is: the prompt's word, or the file's where it is more specific or the prompt says none."""
+    said = things().get(theme.thing) if theme is not None else None
+    filed = thing_of(label)
+    if said is None:
+        return filed
+    if filed is not None and (said.id in GENERIC or is_a(filed.id, said.id)):
+        return filed
+    return said
+
+
+def prior_of(theme: Noun | None, label: str, size: Size) -> Prior:
+    """The prior for an object whose mesh has these extents, largest first [m]."""
+    thing = object_thing(theme, label)
+    if thing is not None:
+        return Prior(thing.id, thing.sizes, thing.spread, thing.mass, thing.hollow, mismatch(theme, label, thing))
+    said = theme.text.removeprefix("the ").removeprefix("a ") if theme is not None and not theme.pronoun else label
+    name = said[:LONGEST_NAME] or "object"
+    scale, assumed = unknown_scale(max(size[0], THINNEST))
+    length, width, height = (max(scale * extent, THINNEST) for extent in size)
+    mass = max(1e-3, UNKNOWN_DENSITY * length * width * height)
+    note = f"{name!r} is not in the lexicon: {assumed}; {UNKNOWN_DENSITY:g} kg/m^3 over its box is assumed"
+    return Prior(name, ((length, width, height),), 1.0, mass, True, (Caution(Cause.ASSUMED, note),))
+
+
+def unknown_scale(longest: float) -> tuple[float, str]:
+    """Factor for a mesh of an unknown thing with this longest extent [m], and what that assumes."""
+    low, high = UNKNOWN_LENGTH
+    if low <= longest <= high:
+        return 1.0, "the mesh keeps its size"
+    fitting = {name: unit for name, unit in TAKEN_AS_METRES.items() if low <= longest * unit <= high}
+    if not fitting:
+        return TYPICAL_LENGTH / longest, f"nothing at home is {longest:.3g} m long, so {TYPICAL_LENGTH:g} m are assumed"
+    name = min(fitting, key=lambda name: abs(math.log(longest * fitting[name] / TYPICAL_LENGTH)))
+    return fitting[name], f"nothing at home is {longest:.3g} m long, so {name} are assumed"
+
+
+def mismatch(theme: Noun | None, label: str, chosen: Thing) -> tuple[str, ...]:
+    """A note where prompt and file speak of different things."""
+    filed = thing_of(label)
+    if theme is None or not theme.thing or filed is None or is_a(filed.id, chosen.id):
+        return ()
+    told = f"the prompt says {theme.thing!r}, the file is named {label!r}; the prompt counts"
+    return (Caution(Cause.ASSUMED, told),)
+
+
+@cache
+def figures() -> frozenset[str]:
+    """Ids of things that are figures."""
+    return frozenset(row["id"] for row in rows("lexicon/figures.csv"))
+
+
+def is_figure(name: str) -> bool | None:
+    """Whether what a name means is a figure; None where the lexicon does not know it."""
+    thing = thing_of(name)
+    return None if thing is None else bool(figures() & set(lineage(thing.id)))
+
+
+@cache
+def vessels() -> frozenset[str]:
+    """Ids of things that hold something."""
+    return frozenset(row["id"] for row in rows("lexicon/vessels.csv"))
+
+
+@cache
+def faced_by_opening() -> frozenset[str]:
+    """Ids of those that lie on their face when their opening is down."""
+    return frozenset(row["id"] for row in rows("lexicon/vessels.csv") if row["face"] == "opening")
+
+
+def is_vessel(name: str) -> bool | None:
+    """Whether what a name means holds something; None where the lexicon does not know it."""
+    thing = thing_of(name)
+    return None if thing is None else bool(vessels() & set(lineage(thing.id)))
+
+
+class FrontSide(StrEnum):
+    """Where the front is, seen from above."""
+
+    LONG = "long"
+    """At an end of the longer horizontal side."""
+    SHORT = "short"
+    """Across it."""
+    UNKNOWN = ""
+
+
+@cache
+def front_sides() -> Mapping[str, FrontSide]:
+    """By thing id."""
+    return MappingProxyType({row["id"]: FrontSide(row["front"]) for row in rows("lexicon/fronts.csv")})
+
+
+def front_side(name: str) -> FrontSide:
+    """Of the thing that a name means, or of its nearest kind that says."""
+    thing = thing_of(name)
+    kinds = lineage(thing.id) if thing else ()
+    return next((front_sides()[kind] for kind in kinds if kind in front_sides()), FrontSide.UNKNOWN)
+
+
+def deformable_supports(labels: Iterable[str]) -> Counter[str]:
+    """How many of the labels are deformable supports, by kind."""
+    return Counter(kind for label in labels if (kind := deformable_kind(label)))
+
+
+@cache
+def deformable_kind(label: str) -> str:
+    """The kind of deformable support that a label names; empty if it names none."""
+    thing = thing_of(label)
+    if thing is None:
+        return MATTRESS if MATTRESS in parts_named(label_words(label)) and _is_soft(label, MATTRESS) else ""
+    kind = next((kind for kind, things in KINDS.items() if any(is_a(thing.id, one) for one in things)), "")
+    if not kind and not is_a(thing.id, "furniture"):
+        return ""
+    return (kind or OTHER) if _is_soft(label, first_part(thing.id) or "body") else ""
+
+
+def deformable_materials(things: Iterable[tuple[str, Sequence[str]]]) -> Counter[str]:
+    """How many parts are made of each deformable material of the library, for things given by label and names of parts;
+    the material is the one that is usual for such a part of such a thing."""
+    moduli = _moduli()
+    tags = (_material(label, part) for label, parts in things for part in parts)
+    return Counter(material for material in tags if moduli[material] <= RIGID_ABOVE)
+
+
+def _is_soft(label: str, part: str) -> bool:
+    """Whether the library's material for a part of a thing is not rigid."""
+    return _moduli()[_material(label, part)] <= RIGID_ABOVE
+
+
+@cache
+def _material(label: str, part: str) -> str:
+    """The id of the library's material for a part of a thing."""
+    view = PartView(0, part, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    return material_of(MaterialQuestion("", label, view), set(_moduli()))[0]
+
+
+@cache
+def _moduli() -> dict[str, float]:
+    return {name: material.youngs_modulus for name, material in load_materials().items()}

@@ -1,1 +1,0 @@
-"""Contents of foreign files and the files that they name: JSON, pictures, companions."""
