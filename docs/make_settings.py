@@ -10,6 +10,8 @@ from flows.settings.table import setting_keys
 PAGE = Path(__file__).with_name("configuration.md")
 HEAD = "| key | default | option | meaning |\n|---|---|---|---|\n"
 TABLE = re.compile(r"(?<=^## `)(\w+)`\n\n(?:\|.*\n)*", re.MULTILINE)
+TWINS = {"object_mesh.": "scene_mesh.", "drift.solver.": "drop.solver."}
+"""Beginnings of keys whose settings are those of other keys, but for some defaults."""
 
 
 def page_with_tables(page: str) -> str:
@@ -21,10 +23,23 @@ def page_with_tables(page: str) -> str:
 
 
 def section_table(section: str) -> str:
-    """Return the settings of a section as a table."""
-    rows = [one for one in setting_keys() if section_of(one.key) == section]
-    return HEAD + "".join(
-        f"| `{one.key}` | {in_code(one.default)} | {in_code(one.option)} | {escaped(one.meaning)} |\n" for one in rows
+    """Return the settings of a section as a table; one row stands for all that equal those of a twin."""
+    known = {one.key: one for one in setting_keys()}
+    twins = {new: old for new, old in TWINS.items() if new.startswith(f"{section}.")}
+    equal = {
+        new + key.removeprefix(old)
+        for new, old in twins.items()
+        for key, one in known.items()
+        if key.startswith(old) and (twin := known.get(new + key.removeprefix(old))) and twin.default == one.default
+    }
+    rows = [one for one in known.values() if section_of(one.key) == section and one.key not in equal]
+    return (
+        HEAD
+        + "".join(f"| `{new}*` | | | as `{old}*`, unless listed below |\n" for new, old in twins.items())
+        + "".join(
+            f"| `{one.key}` | {in_code(one.default)} | {in_code(one.option)} | {escaped(one.meaning)} |\n"
+            for one in rows
+        )
     )
 
 

@@ -132,9 +132,9 @@ class PhysicsOptions(Options):
     resolution: Annotated[CellSize | None, Setting("particles.cell")] = None
     """Cell size at the contact [m]; default: from the physics."""
     threads: Annotated[NonNegativeInt, Setting("run.threads")] = 0
-    """Threads of each heavy stage, 0: all cores, in a benchmark its workers' share of them; never changes a result."""
+    """Threads of each heavy stage; 0: all cores, in a benchmark shared among workers. Results do not depend on it."""
     arch: Annotated[Literal["auto", "cpu", "cuda"], Setting("run.arch")] = "cpu"
-    """Where the solver runs: cpu, cuda (a graphics card) or auto (cuda if it works)."""
+    """Device of the solver: cpu, cuda (a graphics card) or auto (cuda if it works)."""
     stability: Annotated[bool, Setting("drop.solver.stability")] = False
     """Push the bodies at rest and grade how much they withstand."""
     load_aware: Annotated[bool, Setting("materials.load_aware")] = False
@@ -161,13 +161,13 @@ class StageOptions(PhysicsOptions):
     """Who reads the sentence: offline (default), anthropic, openai, or replay (default where a recording is named)."""
     model: Annotated[Phrase, Setting("run.model"), Field(description=f"Model to ask; default: {DEFAULT_MODEL}.")] = ""
     effort: Annotated[Effort, Setting("run.effort")] = ""
-    """How much the model thinks: low, medium, high ... (each model knows some); default: its own."""
+    """Amount of thinking: low, medium, high ... (depends on the model); default: the model's."""
     max_tokens: Annotated[MaxTokens, Setting("run.max_tokens")] = MAX_TOKENS
-    """Longest answer of the model, thoughts included; one that is cut off is asked for again with twice the room."""
+    """Longest answer of the model with its thoughts; a cut-off answer is requested again with twice the room."""
     reply_timeout: Annotated[ReplyTimeout, Setting("run.reply_timeout")] = TIMEOUT
     """Longest wait for one answer of the model [s]."""
     record: Annotated[TextOrPath, Setting("run.record", "DIR")] = ""
-    """Keep a copy of each reply in this folder, for --replay."""
+    """Copy each reply into this folder, for --replay."""
     replay: Annotated[TextOrPath, Setting("run.replay", "DIR")] = ""
     """Answer from replies recorded in this folder."""
     paper_limits: Annotated[bool, Setting("materials.paper_limits")] = False
@@ -243,13 +243,13 @@ class BenchmarkOptions(DatasetOptions):
     """Options of `benchmark`."""
 
     objects: Annotated[HomePath | None, Setting("run.objects", "FOLDER")] = None
-    """Meshes that are placed in a folder of scenes, named by their kind or by an assets.csv next to them."""
+    """Meshes to place in a folder of scenes, named by their kind or by an assets.csv next to them."""
     per_scene: Annotated[int, Field(ge=1, le=200), Setting("run.per_scene")] = 3
     """Samples of each scene of a folder."""
     sugar: Annotated[HomePath | None, Setting("run.sugar", "FOLDER")] = None
-    """SuGaR's repository: it makes the meshes of scenes that only have splats; default: their surface is our own."""
+    """SuGaR's repository, which meshes scenes of splats; default: our own reconstruction."""
     judge: Annotated[Language, Setting("run.judge")] = ""
-    """Model that judges the methods by pictures: anthropic, openai or replay; default: the offline rubric alone."""
+    """Model that judges the methods by pictures: anthropic, openai or replay; default: the offline rubric."""
     judge_model: Annotated[Phrase, Setting("run.judge_model")] = ""
     """Model that judges, by name."""
     judge_record: Annotated[TextOrPath, Setting(metavar="DIR")] = ""
@@ -265,13 +265,13 @@ class BenchmarkOptions(DatasetOptions):
     batch: Annotated[bool, Setting("run.batch")] = False
     """Ask in batches: half the price, answers within minutes to a day."""
     runner: Annotated[Literal["local", "dask", "ray", "pool"], Setting("run.runner")] = "local"
-    """Who places the samples: local (threads of this program), dask, ray, or pool (workers)."""
+    """Workers: local (threads of this program), dask, ray, or pool (dcap worker)."""
     cluster: Annotated[str, Setting("run.cluster", "ADDRESS")] = ""
-    """A cluster of Dask or Ray that is there; default: one of this machine for the time of the run."""
+    """Address of a running Dask or Ray cluster; default: a temporary one on this machine."""
     simulations: Annotated[PositiveInt | None, Setting("run.simulations", is_flag=False)] = None
-    """Most drops and drifts at a time on all machines of a server; default: as many as there are samples at work."""
+    """Most drops and drifts at a time on all machines of a server; default: no limit."""
     model_calls: Annotated[PositiveInt | None, Setting("run.model_calls", is_flag=False)] = None
-    """Most stages at a time that ask a model, on all machines of a server; default: as many as there are."""
+    """Most stages at a time that ask a model, on all machines of a server; default: no limit."""
 
 
 class PaperOptions(BenchmarkOptions):
@@ -302,13 +302,13 @@ class JudgeOptions(Options):
     model: Phrase = ""
     """Model to ask; it must take pictures."""
     effort: Effort = ""
-    """How much the model thinks: low, medium, high ... (each model knows some); default: its own."""
+    """Amount of thinking: low, medium, high ... (depends on the model); default: the model's."""
     max_tokens: MaxTokens = MAX_TOKENS
-    """Longest answer of the model, thoughts included; one that is cut off is asked for again with twice the room."""
+    """Longest answer of the model with its thoughts; a cut-off answer is requested again with twice the room."""
     reply_timeout: ReplyTimeout = TIMEOUT
     """Longest wait for one answer of the model [s]."""
     record: Annotated[TextOrPath, Setting(metavar="DIR")] = ""
-    """Keep a copy of each reply in this folder."""
+    """Copy each reply into this folder, for --replay."""
     replay: Annotated[TextOrPath, Setting(metavar="DIR")] = ""
     """Judge by replies recorded in this folder."""
     max_cost: Cost | None = None
@@ -337,9 +337,9 @@ class AllSettings(BenchmarkOptions, UiOptions):
     data: Annotated[str, Setting("paths.data", is_flag=False)] = ""
     """Folder of cache, runs and generated rooms; default: `data/` of the clone, or the user's data folder."""
     store: Annotated[str, Setting("paths.store", is_flag=False)] = ""
-    """Where the artifacts lie, a folder or a URL, if not in the cache."""
+    """Shared store of the artifacts, a folder or a URL; default: the cache only."""
     api_url: Annotated[str, Setting("server.api_url", is_flag=False)] = ""
-    """Address of a server that runs already; default: one is started where there is work."""
+    """Address of a running Prefect server; default: one is started if needed."""
 
 
 KEYS = {key: name for name, field in AllSettings.model_fields.items() if (key := setting_of(field).key)}

@@ -13,66 +13,56 @@ class SolverConfig(BaseModel, frozen=True, extra="forbid"):
     seed: int = 0
     """Seed of the verification kick."""
     arch: Literal["cpu", "cuda"] = "cpu"
-    """Where the kernels run; decides the last digits of a result, so what `auto` stands for is settled before a
-    configuration is made (runtime.available_arch)."""
+    """Device of the kernels; decides the last digits of a result. runtime.available_arch resolves `auto`."""
     method: Literal["tl", "mls"] = "tl"
-    """tl: implicit, total-Lagrangian, the default; mls: explicit MLS-MPM, as the paper's."""
+    """tl: implicit, total-Lagrangian; mls: explicit MLS-MPM, as the paper's."""
 
     start_overlap: PositiveFloat = 5e-3
-    """Bodies that start deeper inside each other than this [m] are refused: no rest state can be reached from
-    there honestly. Where a final state is simulated on, they are pushed apart."""
+    """Bodies that overlap more than this at the start [m] are refused; for a measured drift they are pushed apart."""
     step_seconds: PositiveFloat = 4e-3
-    """First step [s]: a fall of 1 cm takes 45 ms, so about ten steps resolve it."""
+    """First step [s]; a fall of 1 cm takes 45 ms."""
     step_distance: PositiveFloat = 2e-3
-    """Steps are short enough that no free body moves farther than this [m] in one, or than step_share."""
+    """No free body moves farther than this in a step [m], or than step_share."""
     step_share: PositiveFloat = 0.01
-    """... of its size L [-]: larger bodies may move farther, contact is implicit."""
+    """... of its size L [-], if that is more."""
     longest_step: PositiveFloat = 0.3
-    """Longest step on the way to rest over sqrt(L / 2g), the time in which a body of size L falling over leaves its
-    balance by a factor e: backward Euler follows that growth up to 1, a third of it closely [-]."""
+    """Longest step on the way to rest over sqrt(L / 2g), the time constant of a body that topples [-]."""
     hanging_step_seconds: PositiveFloat = 0.16
-    """Longest step of clamped bodies alone [s]: nearly static solves, with no contact to skip."""
+    """Longest step if only clamped bodies deform [s]."""
     shortest_step_seconds: PositiveFloat = 2.5e-4
-    """A step that does not converge is halved down to this, then UnstableStep."""
+    """A step that does not converge is halved down to this [s], then UnstableStep."""
 
     newton_limit: PositiveInt = 12
-    """Newton iterations in a step before it counts as not converged."""
+    """Newton iterations before a step counts as not converged."""
     newton_tolerance: PositiveFloat = 1e-3
-    """Residual of a body over its weight, or what it carries, at which a step at rest is solved: a fifth of what the
-    certificate allows."""
+    """Residual of a body over its weight or load at which a step near rest is solved [-]."""
     moving_tolerance: PositiveFloat = 1e-2
-    """The same while a free body is faster than moving_speed."""
+    """The same while a free body is faster than moving_speed [-]."""
     moving_speed: PositiveFloat = 0.02
-    """Speed over sqrt(g L) above which the looser tolerance is enough [-]."""
+    """Speed over sqrt(g L) above which moving_tolerance holds [-]."""
     acceptable_residual: PositiveFloat = 0.1
-    """A step that ends above this after newton_limit iterations is taken back and halved."""
+    """A step that ends above this after newton_limit iterations is taken back and halved [-]."""
     impact_share: NonNegativeFloat = 0.05
-    """... plus this share of the force that would stop the fastest body within the step: in an impact forces are
-    many weights, and the bound then keeps errors of its speed below acceptable_residual times this [-]."""
+    """... plus this share of the force that would stop the fastest body within the step, for impacts [-]."""
     linear_tolerance: PositiveFloat = 1e-1
-    """Reduction of the preconditioned residual per Newton step: inexact Newton, tighter pays only where it stalls
-    (step.py then asks for a hundred times more)."""
+    """Reduction of the preconditioned residual per Newton step [-]; a hundred times smaller where Newton stalls."""
     linear_limit: PositiveInt = 400
     """Iterations of the linear solver per Newton step."""
     tangent_refresh: NonNegativeFloat = 0.1
-    """The elastic tangent is rebuilt when an entry of a particle's deformation gradient has changed by this [-], in all
-    cells where one has by half of that."""
+    """Change of an entry of the deformation gradient that rebuilds the elastic tangent [-]."""
     longest_move: PositiveFloat = 0.01
     """Longest move of any point per Newton iteration [m]."""
 
     penetration_target: PositiveFloat = 5e-5
-    """Load-weighted mean penetration [m] that the contact stiffness aims at: invisible in any picture."""
+    """Load-weighted mean penetration that the contact stiffness aims at [m]."""
     inertia: bool = False
-    """tl: true-mass elastodynamics: no material damping, the theta method, steps that resolve elastic waves. Bodies
-    ring and rebound; hardly anything but friction brings them to rest."""
+    """Follow elastic waves with true masses and without material damping (tl); bodies ring and seldom come to rest."""
     inertia_theta: Annotated[float, Field(ge=0.5, le=1.0)] = 0.52
-    """Where in a step forces are taken [-]: 1/2 (midpoint) keeps energy and angular momentum, 1 is backward Euler;
-    above 1/2 energy never grows, and frequencies that the step does not resolve die out."""
+    """Point in a step at which forces are taken [-]: 1/2 conserves energy and angular momentum, 1 is backward Euler."""
     inertia_step: PositiveFloat = 0.1
-    """Longest step with inertia over the time that a wave of speed sqrt(E / rho) takes through the thinnest soft body:
-    the first period of a bar held at one end has at least 40 of them [-]."""
+    """Longest step with inertia over the time that a wave takes through the thinnest soft body [-]."""
     damping_ratio: NonNegativeFloat = 1.0
-    """Damping of the predicted bounce of the object on soft supports, relative to critical."""
+    """Damping of the object's predicted bounce, relative to critical [-]."""
 
     step_limit: PositiveInt = 600
     """Steps before the verdict is no_equilibrium."""
@@ -81,45 +71,43 @@ class SolverConfig(BaseModel, frozen=True, extra="forbid"):
     rest_speed: PositiveFloat = 5e-4
     """Largest speed at rest over sqrt(g L), L the object's size [-]."""
     rest_drift: PositiveFloat = 1e-4
-    """Largest change of centre of mass and of the joint box over the rest window, over L [-]."""
+    """Largest change of centre of mass and of the joint box over these steps, over L [-]."""
     rest_residual: PositiveFloat = 5e-3
-    """Unbalanced force on a free body over its weight, or over what it carries where that is more (torque: over that
-    times half the size) [-]."""
+    """Unbalanced force on a free body over its weight or load [-] (torque: over that times half its size)."""
 
     kick_speed: NonNegativeFloat = 1e-3
-    """Verification kick [m/s]."""
+    """Linear speed of the kick [m/s]."""
     kick_angular_speed: NonNegativeFloat = 1e-2
-    """Verification kick [rad/s]."""
+    """Angular speed of the kick [rad/s]."""
     kick_seconds: PositiveFloat = 0.5
-    """How long the kicked state is followed before it is judged [s]."""
+    """Time for which the kicked state is followed [s]."""
     kick_segments: PositiveInt = 4
-    """How often that time is added while the motion is small but neither dies nor leaves."""
+    """Most extensions by that time, while the motion is small but neither dies nor leaves."""
     kick_decay: PositiveFloat = 0.5
-    """Share of the kick's speeds that may be left after that time [-]; an unstable balance gains speed."""
+    """Share of the kick's speeds that may remain [-]."""
     kick_distance: PositiveFloat = 5e-3
-    """How far the kicked state may end from the rest state, over L [-]."""
+    """Largest distance from the rest state after the kick, over L [-]."""
     kick_angle: PositiveFloat = 0.0174533
-    """How far it may turn [rad]: one degree."""
+    """Largest turn from the rest state after the kick [rad]."""
 
     stability: bool = False
-    """Push the verified rest state around and grade how far it can be nudged (stability.py); tl only."""
+    """Push the verified rest state and report the largest push that it survives; tl only."""
     push_directions: PositiveInt = 8
-    """Horizontal directions, the first one along x."""
+    """Horizontal directions of pushes, the first along x."""
     push_step: PositiveFloat = 0.02
-    """Difference of neighbouring pushes over the pushed body's weight: how finely the grade is known [-]."""
+    """Resolution of the push over the weight [-]."""
     push_most: PositiveFloat = 1.26
-    """Largest push over the weight [-]: 63 steps, six trials by bisection."""
+    """Largest push over the weight [-]."""
     push_time: PositiveFloat = 4.0
-    """Time in which a push grows, and then stays, over sqrt(L / 2g), in which a balance is lost by a factor e [-]: what
-    is 3 % above the tipping push has gone by then."""
+    """Time in which a push grows, and then stays, over sqrt(L / 2g) [-]."""
     push_distance: PositiveFloat = 0.05
-    """How far from the rest state it may come to rest after a push, over the pushed body's size [-]."""
+    """Largest distance from the rest state after a survived push, over the body's size [-]."""
     push_angle: PositiveFloat = 0.0872665
-    """How far turned [rad]: five degrees."""
+    """Largest turn after a survived push [rad]."""
 
     mls_step_seconds: PositiveFloat = 5e-4
-    """Explicit step of mls [s]. Inertia against strain is scaled up until waves are slow enough for it."""
+    """Explicit step of mls [s]; inertia against strain is scaled up until waves are slow enough."""
     mls_cfl: PositiveFloat = 0.2
-    """Share of a cell that waves and particles may cross in one explicit step of mls [-]."""
+    """Share of a cell that waves and particles may cross in a step of mls [-]."""
     mls_interval_seconds: PositiveFloat = 8e-3
-    """mls judges its motion this often [s]: step_limit and rest_steps count these intervals."""
+    """Interval at which mls judges its motion [s]; step_limit and rest_steps count these."""

@@ -32,13 +32,13 @@ class OverviewConfig(BaseModel, frozen=True, extra="forbid"):
     size: PositiveInt = 1024
     """Side of each picture [pixels]."""
     fov_deg: PositiveFloat = 55.0
-    """Field of view [degrees], as in the other pictures."""
+    """Field of view [degrees]."""
     elevation_deg: PositiveFloat = 35.0
-    """Height of the camera over the horizon [degrees]: supports are seen from above."""
+    """Elevation of the camera [degrees]."""
     distance_factor: PositiveFloat = 1.5
     """Camera distance over the diagonal of its target [-]."""
     scene_factor: PositiveFloat = 0.8
-    """Camera distance for the whole scene, whose corners may be outside the picture, over its diagonal [-]."""
+    """Camera distance for the whole scene over its diagonal [-]."""
 
 
 def overview(

@@ -57,9 +57,9 @@ class AnchorConfig(BaseModel, frozen=True, extra="forbid"):
     clearance: PositiveFloat = 0.01
     """Smallest vertical gap at the start [m]; the paper's 1 cm."""
     subparts: bool = True
-    """Whether part and region are chosen; else the aim is the middle of the support: an ablation."""
+    """Choose part and region; otherwise the aim is the middle of the support: an ablation."""
     face_up: bool = False
-    """Whether only level faces may carry, as in methods with planar supports: an ablation."""
+    """Only level faces carry, as in methods with planar supports: an ablation."""
 
 
 def anchor(

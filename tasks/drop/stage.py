@@ -47,18 +47,18 @@ class DropConfig(BaseModel, frozen=True, extra="forbid"):
     threads: NonNegativeInt = 0
     """Worker threads, 0: all cores; never changes a result."""
     topple_angle: PositiveFloat = 0.7854
-    """Change of the object's own tilt that counts as toppling, if an orientation was requested [rad]."""
+    """Change of the object's tilt that counts as toppling, if an orientation was requested [rad]."""
     turn_angle: PositiveFloat = 0.7854
     """Turn about the vertical that misses a requested facing [rad]."""
     lean_angle: PositiveFloat = 0.2618
     """Change of a leaning object's tilt that counts as sliding down or falling back [rad]."""
     held_share: PositiveFloat = 0.005
-    """Least share of all force on a leaning object that comes from the thing that it leans on [-]."""
+    """Least share of the force on a leaning object that comes from the thing it leans on [-]."""
     foreseen_share: PositiveFloat = 0.5
-    """Least share of the contact's points inside the predicted patch; else the contact is resolved at its place too
+    """Least share of the contact inside the predicted patch; below it the drop is repeated with fine cells there
     [-]."""
     object_share: PositiveFloat = 0.5
-    """Least share of the object's weight that the base carries for the object to be on it [-]."""
+    """Least share of the object's weight that the base carries [-]."""
 
 
 def drop(particles: Particles, anchor: Anchor, intent: Intent, seed: int, config: DropConfig) -> Settled | Infeasible:

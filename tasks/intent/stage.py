@@ -43,14 +43,13 @@ class IntentConfig(BaseModel, frozen=True, extra="forbid"):
 
     language: LanguageConfig = LanguageConfig()
     ambiguous: Literal["ask", "best"] = "ask"
-    """If the sentence may also mean another thing (with at least half of the best one's likelihood): ask which, or take
-    the likeliest with a note."""
+    """If another thing has at least half of the best one's likelihood: ask, or take the best with a note."""
     smallest_scale: PositiveFloat = 1e-3
-    """Lower clamp of the isotropic factor [-]: millimetres read as metres."""
+    """Smallest isotropic scale factor [-]."""
     largest_scale: PositiveFloat = 1e3
-    """Upper clamp [-]."""
+    """Largest isotropic scale factor [-]."""
     mass_factor: PositiveFloat = 5.0
-    """A size far from the prior changes the mass prior by at most this factor [-]."""
+    """Largest change of the usual mass because of an unusual size [-]."""
 
 
 def intent(

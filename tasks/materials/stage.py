@@ -90,17 +90,15 @@ class MaterialsConfig(BaseModel, frozen=True, extra="forbid"):
     rigid_above: PositiveFloat = 1.0e9
     """Young's modulus above which a part is rigid [Pa]; the paper's 1 GPa."""
     paper_limits: bool = False
-    """Clamp the rows as the paper's section 4.3 does (`--paper-limits`); makes every foam alike."""
+    """Clamp the constants as the paper's section 4.3 does; makes most foams alike."""
     blended: bool = False
-    """Whether constants are blended with the mean of all rows of the same kind instead of taken from one row: an
-    ablation."""
+    """Blend constants with the mean of all rows of the same kind: an ablation."""
     load_aware: bool = False
-    """Whether parts of object and base with an invisible deflection under the object's weight are rigid too."""
+    """Parts with an invisible deflection under the object's weight are rigid too."""
     invisible: PositiveFloat = 5e-5
-    """Invisible deflection [m]: the penetration of the solver's contacts (its penetration_target), which does not
-    depend on the cells."""
+    """Invisible deflection [m]; the penetration_target of the solver."""
     neighbour_distance: NonNegativeFloat = 0.3
-    """Distance between the boxes of a neighbour and of the object's start [m]."""
+    """Largest distance between the boxes of a neighbour and of the object's start [m]."""
 
 
 def materials(

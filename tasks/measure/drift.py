@@ -49,9 +49,9 @@ class DriftConfig(BaseModel, frozen=True, extra="forbid"):
     seconds: PositiveFloat = 1.0
     """Simulated time [s]."""
     most_steps: PositiveInt = 60
-    """Most steps: a rest state takes about 25 for a second, a fall more."""
+    """Most steps; a rest state takes about 25."""
     most_work: PositiveFloat = 3e6
-    """Most material points times Newton iterations: four to six seconds of one core."""
+    """Most material points times Newton iterations."""
     threads: NonNegativeInt = 0
     """Worker threads, 0: all cores; never changes a result."""
 

@@ -41,9 +41,9 @@ class MeshConfig(BaseModel, frozen=True, extra="forbid"):
     """Settings of cleaning a mesh."""
 
     weld_fraction: PositiveFloat = 1e-7
-    """Distance over the largest extent within which vertices are merged [-]; float32 files cannot distinguish them."""
+    """Distance over the largest extent within which vertices are merged [-]."""
     color_levels: PositiveInt = 16
-    """Colour levels per channel; vertices within the same level may be merged [-]."""
+    """Colour levels per channel; only vertices of the same level are merged."""
     surface: SurfaceConfig = SurfaceConfig()
     """Settings of the surface from splats or points."""
     threads: NonNegativeInt = 0

@@ -15,15 +15,15 @@ class RenderConfig(BaseModel, frozen=True, extra="forbid"):
     nearest: PositiveFloat = 2.2
     """Smallest camera distance over the object's diagonal [-]."""
     farthest: PositiveFloat = 14.0
-    """Largest camera distance over the object's diagonal [-]: beyond it the object is too small to judge."""
+    """Largest camera distance over the object's diagonal [-]."""
     closeup_factor: PositiveFloat = 1.35
     """Camera distance of the close-up over the object's diagonal [-]."""
     elevations_deg: tuple[float, ...] = (27.0, 14.0, 45.0)
-    """Elevations of the camera that are tried [degrees], the preferred one first."""
+    """Elevations of the camera to try [degrees], the preferred one first."""
     from_above_deg: tuple[float, ...] = (65.0, 85.0)
-    """Elevations that are tried if those show little of the object, as in a deep vessel [degrees]."""
+    """Elevations to try if those show little of the object [degrees]."""
     azimuths_deg: tuple[float, ...] = (20.0, -20.0, 45.0, -45.0, 70.0, -70.0, 100.0, -100.0, 180.0)
-    """Azimuths off the base's front that are tried [degrees]."""
+    """Azimuths from the base's front to try [degrees]."""
     samples: PositiveInt = 2
     """Rays across a pixel at edges."""
     least_visible: NonNegativeFloat = 0.02

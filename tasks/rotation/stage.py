@@ -56,11 +56,11 @@ class RotationConfig(BaseModel, frozen=True, extra="forbid"):
     picture_size: PositiveInt = 512
     """Width and height [pixels]."""
     chosen: bool = True
-    """Whether a rotation is chosen at all; else the pose of the file is kept: an ablation."""
+    """Choose a rotation; otherwise the pose of the file is kept: an ablation."""
     views: Literal[3, 12] = 3
-    """Pictures that are shown: the three flips, or each of them from four sides: an ablation."""
+    """Pictures for a model: three flips, or each from four sides: an ablation."""
     pose_strip: bool = False
-    """Whether one more picture shows all other poses, each with its id: an ablation."""
+    """One more picture shows all other poses with their ids: an ablation."""
 
 
 def rotation(

@@ -34,7 +34,7 @@ class SegmentConfig(BaseModel, frozen=True, extra="forbid"):
 
     language: LanguageConfig = LanguageConfig()
     min_faces: PositiveInt = 2
-    """Instances with fewer faces are left out [-]: a stray triangle is noise, two make a floor."""
+    """Instances with fewer faces are left out."""
 
 
 def segment(
