@@ -8,7 +8,7 @@ from flows.given_settings import section_of
 from flows.settings.table import setting_keys
 
 PAGE = Path(__file__).with_name("configuration.md")
-HEAD = "| key | default | option | meaning |\n|---|---|---|---|\n"
+HEAD = "| key | default | meaning |\n|---|---|---|\n"
 TABLE = re.compile(r"(?<=^## `)(\w+)`\n\n(?:\|.*\n)*", re.MULTILINE)
 TWINS = {"object_mesh.": "scene_mesh.", "drift.solver.": "drop.solver."}
 """Beginnings of keys whose settings are those of other keys, but for some defaults."""
@@ -35,12 +35,16 @@ def section_table(section: str) -> str:
     rows = [one for one in known.values() if section_of(one.key) == section and one.key not in equal]
     return (
         HEAD
-        + "".join(f"| `{new}*` | | | as `{old}*`, unless listed below |\n" for new, old in twins.items())
+        + "".join(f"| `{new}*` | | as `{old}*`, unless listed below |\n" for new, old in twins.items())
         + "".join(
-            f"| `{one.key}` | {in_code(one.default)} | {in_code(one.option)} | {escaped(one.meaning)} |\n"
-            for one in rows
+            f"| `{one.key}` | {in_code(one.default)} | {option(one.option)}{escaped(one.meaning)} |\n" for one in rows
         )
     )
+
+
+def option(name: str) -> str:
+    """Return the option of a setting before its meaning; nothing if it has none."""
+    return name and f"{in_code(name)}: "
 
 
 def in_code(value: object) -> str:

@@ -158,7 +158,7 @@ class StageOptions(PhysicsOptions):
     """Options that configure the stages of a placement."""
 
     language: Annotated[Language, Setting("run.language")] = ""
-    """Who reads the sentence: offline (default), anthropic, openai, or replay (default where a recording is named)."""
+    """Reader of the sentence: offline (default), anthropic, openai, or replay (default with --replay)."""
     model: Annotated[Phrase, Setting("run.model"), Field(description=f"Model to ask; default: {DEFAULT_MODEL}.")] = ""
     effort: Annotated[Effort, Setting("run.effort")] = ""
     """Amount of thinking: low, medium, high ... (depends on the model); default: the model's."""
@@ -173,7 +173,7 @@ class StageOptions(PhysicsOptions):
     paper_limits: Annotated[bool, Setting("materials.paper_limits")] = False
     """Clamp materials to the paper's limits (E >= 5e4 Pa ...)."""
     ambiguous: Ambiguous = "ask"
-    """Where the sentence may mean several things: ask (and end) or take the best."""
+    """If the sentence may mean several things: ask (and end) or take the best."""
 
 
 class PlaceOptions(StageOptions):
@@ -229,7 +229,7 @@ class DatasetOptions(StageOptions):
     limit: Annotated[int | None, Field(ge=1)] = None
     """Only the first N samples."""
     ambiguous: Ambiguous = "best"
-    """Where a sentence may mean several things: ask (and end) or take the best."""
+    """If a sentence may mean several things: ask (and end) or take the best."""
 
 
 class PlanOptions(DatasetOptions):
@@ -298,7 +298,7 @@ class JudgeOptions(Options):
     """Options of `judge`; none has a key, because who judges need not be who reads the sentences."""
 
     language: Language = ""
-    """Who judges: offline (default: the metric rubric), anthropic, openai or replay."""
+    """Judge: offline (default: the metric rubric), anthropic, openai or replay."""
     model: Phrase = ""
     """Model to ask; it must take pictures."""
     effort: Effort = ""
