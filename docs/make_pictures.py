@@ -28,7 +28,7 @@ from dcap.scene.types.mesh import Mesh, PaintedMesh
 from dcap.scene.types.particles import SoftSimulationBody
 from dcap.scene.types.segmentation import Segmentation
 from dcap.synthetic.dataset import make_dataset
-from flows.map_output import automatic_camera
+from flows.extra_output import automatic_camera
 from flows.placement_json import Values
 from flows.run_files import finished_placement
 from tasks.anchor.request import base_from_above, neighbours

@@ -5,7 +5,7 @@ import re
 from pathlib import Path
 
 from flows.given_settings import section_of
-from flows.settings.table import setting_keys
+from flows.settings import setting_keys
 
 PAGE = Path(__file__).with_name("configuration.md")
 HEAD = "| key | default | meaning |\n|---|---|---|\n"

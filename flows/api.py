@@ -17,7 +17,7 @@ from dcap.scene.machine_errors import as_machine_errors
 from dcap.scene.settings import runs_root
 from flows.options import DropOptions, Options, PlaceOptions, check_case, check_out, check_prompt
 from flows.results import Placement, Result
-from flows.settings.effective import effective_options, exported_paths
+from flows.settings import effective_options, exported_paths
 
 AnyPath = str | os.PathLike[str]
 Function = TypeVar("Function", bound=Callable[..., object])
@@ -73,7 +73,7 @@ def drop(case: AnyPath | Mapping[str, object], **options: object) -> Result:
     out = chosen.out or new_folder("drop")
     check_out(out)
     with quiet_imports():
-        from flows.drop_one import drop_case
+        from flows.place_one import drop_case
 
     with as_machine_errors():
         return Result.of(drop_case(case, chosen, out, quiet=True), out)

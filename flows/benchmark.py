@@ -21,9 +21,8 @@ from dcap.evaluation.method_report import MethodTable, shown_lines
 from dcap.evaluation.methods import DCAP, METHODS, by_method, split_id, with_examples
 from dcap.evaluation.outcome_table import ExpectedOutcome, SampleOutcome, read_truth
 from dcap.evaluation.report import write_report
-from dcap.evaluation.run_folder import sample_folder
-from dcap.evaluation.run_summary import RunSummary, summary_of
-from dcap.evaluation.sampling.spread import spread_samples
+from dcap.evaluation.run_folder import RunSummary, sample_folder, summary_of
+from dcap.evaluation.sampling.splits import spread_samples
 from dcap.language.model.batch import batch_queue
 from dcap.language.model.ledger import check_budget, spending_of
 from dcap.language.protocol.client import ClientName
@@ -34,24 +33,23 @@ from dcap.scene.machine_errors import is_server_error
 from dcap.scene.settings import data_root, runs_root, version
 from dcap.scene.text import not_one_of
 from dcap.scene.types.sample import Sample
+from flows.configure import LEDGER, LanguageOptions
 from flows.display import Display, console_on_stderr, print_lines, print_table, summary_line
 from flows.failed_before import failed_before
 from flows.find_run import ASKED_VERSION, RUN, find_run, input_errors, read_keys, read_request
 from flows.judge_run import judge_run, judged_rows, write_rows
-from flows.language_options import LEDGER, LanguageOptions
-from flows.measures_file import write_measures
 from flows.output import readable_json, write_placement
 from flows.place import PlaceConfig
 from flows.place_one import stage_lines
+from flows.prepare_sugar import with_sugar
 from flows.run_files import load_run_request, located, read_result, sample_from_json
 from flows.run_names import benchmark_tags
 from flows.runners import RunnerName, SampleRunner
 from flows.sample_run import OVERVIEW, STAGE_NAMES, FailedSample, FinishedSample, plan_sample
 from flows.samples import EMBEDDED, SPLAT_ROOMS, TRUTH, load_samples, load_yaml
 from flows.scene_lists import of_scenes
-from flows.scoring import scored_row
+from flows.scoring import scored_row, write_measures
 from flows.server import pages_of, prefect_server
-from flows.sugar_meshes import with_sugar
 from tasks.code import installed_version
 from tasks.mesh.stage import mesh_object_task, mesh_scene_task
 from tasks.run_context import RunContext, use_context

@@ -10,10 +10,9 @@ from dcap.evaluation.methods import methods_of
 from dcap.scene.errors import InputError
 from dcap.scene.settings import runs_root
 from flows.benchmark import Run, Selection, run_benchmark
-from flows.configure import configured, with_threads
+from flows.configure import LanguageOptions, configured, language_options, with_threads
 from flows.dataset_sample import SAMPLES_FILE, SampledDataset, SamplingOptions, sample_dataset
 from flows.display import print_lines
-from flows.language_options import LanguageOptions, language_options
 from flows.options import BenchmarkOptions, PlaceOptions, StageOptions
 from flows.place import PlaceConfig
 from flows.runners import RunnerName, SampleRunner, check_runner

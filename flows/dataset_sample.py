@@ -12,13 +12,10 @@ from pathlib import Path
 import numpy as np
 
 from dcap.evaluation.outcome_table import ExpectedOutcome
-from dcap.evaluation.sampling.chance import chance
-from dcap.evaluation.sampling.questions import MOST_SAMPLES, SAMPLES, SampleDraft, SamplesRequest
-from dcap.evaluation.sampling.read_back import misread
-from dcap.evaluation.sampling.requests import PlacedAsset
+from dcap.evaluation.sampling.questions import MOST_SAMPLES, SAMPLES, SampleDraft, SamplesRequest, misread
+from dcap.evaluation.sampling.requests import PlacedAsset, chance
 from dcap.evaluation.sampling.splits import shares_of, split_scenes
-from dcap.evaluation.supports_plot import save_supports_plot
-from dcap.evaluation.supports_table import supports_table
+from dcap.evaluation.supports_plot import save_supports_plot, supports_table
 from dcap.geometry.placement.poses import front_of
 from dcap.geometry.placement.upright import stands_as_read
 from dcap.language.connect import Client, connect
@@ -33,14 +30,22 @@ from dcap.scene.readers.scenes.sugar import MESH_SUFFIXES
 from dcap.scene.settings import runs_root
 from dcap.scene.types.sample import Sample, SourceOptions
 from dcap.scene.types.segmentation import Segmentation
-from flows.asset_names import ASSETS, asset_labels
-from flows.configure import configured
-from flows.language_options import language_options
+from flows.configure import configured, language_options
 from flows.options import PlaceOptions
-from flows.sample_files import TRUTH_FILE, SampledRow, check_free, dataset_text, lists_of, slug, truth_text
+from flows.prepare_sugar import with_sugar
+from flows.sample_files import (
+    ASSETS,
+    TRUTH_FILE,
+    SampledRow,
+    asset_labels,
+    check_free,
+    dataset_text,
+    lists_of,
+    slug,
+    truth_text,
+)
 from flows.scene_contents import read_all
 from flows.scene_lists import named_paths, named_scenes
-from flows.sugar_meshes import with_sugar
 from tasks.artifact import Store
 from tasks.intent.rescale import rescale
 from tasks.requests.views import instance_views, object_view, room_center

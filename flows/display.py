@@ -16,7 +16,7 @@ from rich.text import Text
 
 from dcap.evaluation.methods import joined_id
 from dcap.evaluation.outcome_table import SampleOutcome
-from dcap.evaluation.run_summary import RunSummary
+from dcap.evaluation.run_folder import RunSummary
 from dcap.language.model.ledger import in_words
 from dcap.scene.types.sample import Sample
 from tasks.run_context import Event, OnEvent, StageEvent

@@ -14,10 +14,10 @@ from dcap.scene.types.export_scene import ExportScene
 from dcap.scene.writers.mjcf import mjcf_files
 from dcap.scene.writers.urdf import urdf_files
 from dcap.scene.writers.usda import usda_files
-from flows.export_files import FOLDER, SPLATS, Files, write_files
+from flows.extra_output import FOLDER, SPLATS, Files, write_files
 from flows.options import check_out
+from flows.output import SETTLED_SPLATS, settled_scene_splats, write_made
 from flows.run_files import FinishedPlacement, finished_placement
-from flows.scene_splats import SETTLED_SPLATS, settled_scene_splats, write_made
 from tasks.export.settled_export import export_scene
 
 

@@ -3,8 +3,10 @@
 In: a run of several methods with its rows, and a judge. Out: `judging/` (scores, comparisons, judge.json), the three
 columns of results.parquet that a judge makes, `tables/table1.csv|tex` of a model, `tables/metric_scores.csv|tex` of the
 rubric, and `tables/comparisons_by_method.csv|tex`.
-dcap/evaluation/judging/standing.py decides which samples are judged, and the scores of the others. Nothing is written
+dcap/evaluation/judging/judge.py decides which samples are judged, and the scores of the others. Nothing is written
 before every question is answered.
+
+Accuracy of a judge on pairs of placements whose better one is known, asked in both orders.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -17,26 +19,28 @@ import pyarrow.parquet as pq
 
 from dcap.evaluation.comparison_report import comparison_table, write_comparison_table
 from dcap.evaluation.judging.judge import (
-    JudgedPlacement,
-    JudgedScore,
-    comparisons,
-    judge_name,
-    pairs,
-    same_family,
-    scores,
-)
-from dcap.evaluation.judging.judged_pictures import pictures_in
-from dcap.evaluation.judging.judging_folder import (
     COMPARISONS,
     JUDGING,
+    JudgedPlacement,
+    JudgedScore,
     JudgeRecord,
+    Standing,
+    comparisons,
+    judge_name,
+    lowest_scores,
+    pairs,
+    pictures_in,
     read_record,
     read_scores,
+    same_family,
+    scores,
+    side_tree,
+    standing_of,
+    with_judged_scores,
     write_judging,
 )
-from dcap.evaluation.judging.row_metrics import row_metrics
-from dcap.evaluation.judging.rubric import RUBRIC, Metrics, rubric_scores
-from dcap.evaluation.judging.standing import Standing, lowest_scores, standing_of, with_judged_scores
+from dcap.evaluation.judging.known_answers import JudgeAccuracy, judge_accuracy, known_answers
+from dcap.evaluation.judging.rubric import RUBRIC, Metrics, row_metrics, rubric_scores
 from dcap.evaluation.method_report import MethodTable, method_table, write_method_table
 from dcap.evaluation.methods import OFFLINE, joined_id, split_id
 from dcap.evaluation.outcome_table import SampleOutcome
@@ -50,15 +54,22 @@ from dcap.language.protocol.client import ClientName, LanguageConfig
 from dcap.language.protocol.requests import Picture
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import FormatError, InputError
-from dcap.scene.json_tree import whole_file
+from dcap.scene.json_tree import whole_file, write_whole
+from dcap.scene.settings import runs_root
 from dcap.scene.types.pictures import BEFORE, PLACED
+from flows.configure import LanguageOptions
 from flows.find_run import RUN, find_run, input_errors, read_request
 from flows.judge_views import VIEWS, take_views
-from flows.language_options import LanguageOptions
-from flows.measures_file import changed_since, states_of
+from flows.output import readable_json
 from flows.run_files import chooser_of
+from flows.scoring import changed_since, states_of
 
 RESULTS = "results.parquet"
+ROOMS = ("bedroom_01", "bedroom_02", "bedroom_03", "kids_01", "kids_02")
+"""Embedded rooms with a bed and free floor next to it."""
+VALIDATION = "validation.json"
+WITHOUT_RUN = "judge"
+"""Folder among the runs for a judge that is validated without one."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -262,3 +273,36 @@ def read_rows(folder: Path) -> tuple[SampleOutcome, ...]:
         raise FormatError(
             f"{path}: no results that can be judged ({type(error).__name__}: {error}); run the benchmark again"
         ) from None
+
+
+@dataclass(frozen=True, slots=True)
+class JudgeValidation:
+    """Accuracy of a judge, and the file that records it."""
+
+    accuracy: JudgeAccuracy
+    path: Path
+
+
+def validate_judge(
+    run: str | None,
+    options: LanguageOptions,
+    say: Callable[[str], None] = lambda text: None,
+    rooms: Sequence[str] = ROOMS,
+) -> JudgeValidation:
+    """Ask a judge questions with known answers about some rooms. validation.json goes into the `judging` of a run, if
+    one is named, else into the folder `judge` next to the runs."""
+    folder = find_run(run) / JUDGING if run else runs_root() / WITHOUT_RUN
+    config = options.config()
+    session = Session() if config.client is ClientName.OFFLINE else options.session(folder)
+    with asking(session, say):
+        client, judge = connect(config, session), judge_name(config)
+        answers = list(known_answers(rooms[0]))
+        if not options.batch:  # a model that cannot be asked is an error before all rooms are prepared
+            judge_accuracy(client, answers[:1], judge)
+        answers += [one for name in rooms[1:] for one in known_answers(name)]
+        found = judge_accuracy(client, answers, judge)
+    folder.mkdir(parents=True, exist_ok=True)
+    tree = {**asdict(found), "sides": side_tree(found.sides), "accuracy": found.accuracy}
+    tree |= {"rooms": list(rooms), "client": config.client.value}
+    write_whole(folder / VALIDATION, readable_json(tree))
+    return JudgeValidation(found, folder / VALIDATION)

@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from dcap.evaluation.judging.cameras import SampleCameras, sample_cameras
-from dcap.evaluation.judging.standing import Standing, standing_of
+from dcap.evaluation.judging.judge import Standing, standing_of
 from dcap.evaluation.methods import joined_id
 from dcap.evaluation.outcome_table import SampleOutcome
 from dcap.evaluation.run_folder import sample_folder
@@ -19,10 +19,10 @@ from dcap.scene.errors import InputError
 from dcap.scene.json_tree import write_whole
 from dcap.scene.types.pictures import BEFORE, PLACED, JudgedViews, SceneBefore, Sights, Viewpoint
 from flows.find_run import input_errors, read_keys
-from flows.measures_file import states_of
 from flows.output import load, readable_json
 from flows.run_files import RunRequest, finished_sample, load_run_request
 from flows.sample_run import FinishedSample, sample_context
+from flows.scoring import states_of
 from tasks.artifact import Ref, Store
 from tasks.measure.views import judged_views_task, scene_before_task, sights_task
 from tasks.run_context import RunContext

@@ -19,9 +19,8 @@ from dcap.scene.types.sample import Sample
 from dcap.scene.types.scan import Scan
 from dcap.scene.types.segmentation import Instance, Segmentation
 from dcap.scene.writers.labels import FoundThing, labels_text, labels_tree
-from flows.configure import configured
+from flows.configure import configured, language_options
 from flows.display import console_on
-from flows.language_options import language_options
 from flows.options import PlaceOptions
 from flows.place import PlaceConfig, SceneRefs, scene_of
 from flows.place_one import sample_of, stage_lines

@@ -32,7 +32,7 @@ from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.scan import Scan
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
 from dcap.synthetic.dataset import make_dataset
-from flows.language_options import LanguageOptions
+from flows.configure import LanguageOptions
 from tasks.anchor.stage import AnchorConfig, anchor
 from tasks.artifact import Source
 from tasks.intent.stage import IntentConfig, intent

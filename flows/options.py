@@ -3,7 +3,7 @@
 From these models follow the command line (flows/cli/checks.py), the keys of `dcap.yaml` with their environment
 variables (flows/settings), the keywords of `dcap.place` and `dcap.drop`, and tables of docs/configuration.md. A model
 takes missing values from the environment, then from `dcap.yaml`, then from its defaults;
-`effective_options` (flows/settings/effective.py) does that with messages that name the option or the place of a value.
+`effective_options` (flows/settings.py) does that with messages that name the option or the place of a value.
 """
 
 import os

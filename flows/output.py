@@ -1,12 +1,25 @@
-"""Writes the results of a placement into a folder: placement.json, object.ply, scene.glb and pictures."""
+"""Writes the results of a placement into a folder: placement.json, object.ply, scene.glb and pictures.
+
+Records of a placement: `records.json` next to placement.json, by which the cache keeps them.
+
+It lists the keys of the records, which hold everything else; `inputs` are artifacts that no stage made (source files,
+labels).
+
+Gaussians of a splat scene with the placement in them: scene_settled.ply.
+
+In: a finished sample and the results of its stages. Out: one file of plain 3DGS, in the scene file's own frame and
+unit, so that it can replace the input file.
+"""
 
 import json
+import logging
 import os
 import shutil
 from collections.abc import Mapping
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import pyarrow as pa
@@ -14,9 +27,13 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from dcap.geometry.distance import sampler
+from dcap.geometry.rendering.painted import painted, surface_colors
 from dcap.geometry.rendering.surface import ShadingNormals
+from dcap.scene.errors import DcapError, InputError
 from dcap.scene.json_tree import JsonObject, JsonValue, draft_folder
 from dcap.scene.readers.scenes.placed_scene import DEFORMED, FACTS
+from dcap.scene.readers.scenes.sugar import find_splats
+from dcap.scene.readers.splats.formats import is_splats, read_gaussians
 from dcap.scene.types.choices import Anchor, Intent
 from dcap.scene.types.materials import PartMaterials
 from dcap.scene.types.mesh import Mesh, PaintedMesh, SourceSurface
@@ -26,20 +43,28 @@ from dcap.scene.types.pictures import Renders
 from dcap.scene.types.scan import Scan
 from dcap.scene.types.segmentation import Segmentation
 from dcap.scene.types.settled import Settled
+from dcap.scene.writers.gaussians import write_splat_parts
 from dcap.scene.writers.glb import Node, glb_bytes, labelled_nodes
 from dcap.scene.writers.meshes import mesh_to_ply
 from dcap.scene.writers.placed_scene import copy_earlier, note_files
 from flows.next_scene import next_scene_files
 from flows.placement_json import AS_POSED, AT_REST, Values, placement_json
-from flows.placement_schema import placement_schema
-from flows.sample_records import RECORDS, records_json
+from flows.results import placement_schema
 from flows.sample_run import FinishedSample
-from flows.scene_splats import SETTLED_SPLATS, splat_artifact
-from tasks.artifact import Ref, Store
+from tasks.artifact import Ref, Source, Store
 from tasks.code import code_of
+from tasks.records import refs_in
 from tasks.render.particle_table import distances, iso_surface, particle_columns, soft_bodies
 from tasks.render.settled_meshes import contact_nodes, object_at_rest, scene_at_rest, settled_item
+from tasks.render.settled_splats import SettledSplats, settled_splats
 
+RECORDS = "records.json"
+VERSION = 1
+LOG = logging.getLogger(__name__)
+
+SETTLED_SPLATS = "scene_settled.ply"
+DEGREE = 3
+"""Degree of the file's harmonics, as 3DGS and SuGaR read it; lower degrees are padded with zeros."""
 RESULT, SCHEMA = "placement.json", "placement.schema.json"
 """The result, and the JSON Schema of its keys."""
 PARTICLES, ISO = "particles.parquet", "iso.glb"
@@ -48,6 +73,65 @@ GEOMETRY = ("object.ply", "object.glb", "contacts.glb", "scene.glb", PARTICLES, 
 OWNED = frozenset({*GEOMETRY, *(f"{name}.png" for name in PICTURES)})
 
 Kind = TypeVar("Kind")
+
+
+def records_json(finished: FinishedSample) -> JsonObject:
+    """Return the content of records.json."""
+    made = {one.ref for one in finished.results}
+    given = {ref for one in finished.results for ref in refs_in(one.record.recipe)} - made
+    rows = [{"stage": one.stage, "key": one.record.key, **one.ref.to_json()} for one in finished.results]
+    return {"version": VERSION, "records": rows, "inputs": [dict(ref.to_json()) for ref in sorted(given)]}
+
+
+def read_needs(folder: Path) -> set[Ref[Any]] | None:
+    """Return the artifacts that the placement in a folder needs; None where the file is missing or damaged."""
+    try:
+        tree = json.loads((folder / RECORDS).read_bytes())
+        return {Ref.from_json(row) for row in (*tree["records"], *tree["inputs"])}
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def splats_of(given: str) -> Path | None:
+    """The file of Gaussians of an input scene, None without one. InputError if there are several."""
+    path = Path(given)
+    return find_splats(path) if path.is_dir() else path if is_splats(path) else None
+
+
+def splat_artifact(finished: FinishedSample, values: Values, folder: Path) -> dict[str, str]:
+    """Write the file if the scene has Gaussians and something rests in it; a failure is only reported."""
+    try:
+        if values.settled is None or splats_of(finished.sample.scene) is None:
+            return {}
+        made = settled_scene_splats(finished, values)
+    except DcapError as error:  # the placement is sound without it
+        LOG.warning("no %s: %s", SETTLED_SPLATS, error)
+        return {}
+    write_made(made, folder)
+    return {"splats": SETTLED_SPLATS}
+
+
+def settled_scene_splats(finished: FinishedSample, values: Values) -> SettledSplats:
+    """Content of the file. InputError if the scene has no Gaussians, or the placement no rest state."""
+    sample = finished.sample
+    scan, scene, item, anchor, settled = values.scan, values.scene, values.item, values.anchor, values.settled
+    if splats_of(sample.scene) is None:
+        raise InputError(f"{sample.scene}: no Gaussian splats; --format splats takes a placement in a scene of splats")
+    if scan is None or scene is None or item is None or anchor is None or settled is None:
+        reason = values.infeasible.reason.value if values.infeasible else "nothing settled"
+        raise InputError(f"{sample.id} has no settled splats: {reason}")
+    store = Store.default()
+    source = store.load(store.add_source(sample.scene))  # the file at the time of the placement
+    assert isinstance(source, Source)
+    kept = splats_of(str(source.path))
+    assert kept is not None
+    colors = partial(surface_colors, painted(item.mesh, values.object_surface))
+    return settled_splats(read_gaussians(kept), scan.world_from_file, scene, item, anchor, settled, colors=colors)
+
+
+def write_made(made: SettledSplats, folder: Path) -> None:
+    """Write the file into a folder."""
+    write_splat_parts(folder / SETTLED_SPLATS, made.parts(), len(made), DEGREE, made.comments)
 
 
 def load_values(finished: FinishedSample, store: Store) -> Values:

@@ -11,8 +11,7 @@ from functools import partial
 from pathlib import Path
 
 from dcap.evaluation.methods import DCAP, methods_of, split_id
-from dcap.evaluation.paper.page import PaperNotes, write_paper_page
-from dcap.evaluation.paper.scene_facts import SceneFacts
+from dcap.evaluation.paper.page import PaperNotes, SceneFacts, write_paper_page
 from dcap.geometry.pieces import boundary_edges
 from dcap.scene.errors import InputError
 from dcap.scene.settings import runs_root
@@ -31,6 +30,7 @@ from flows.dataset_sample import SAMPLES_FILE, SampledDataset
 from flows.display import console_on_stderr, summary_line
 from flows.options import PaperOptions
 from flows.place import PlaceConfig
+from flows.prepare_sugar import mesh_source
 from flows.run_files import load_run_request
 from flows.run_names import benchmark_tags
 from flows.sample_files import slug
@@ -38,7 +38,6 @@ from flows.sample_run import plan_sample
 from flows.samples import EMBEDDED
 from flows.server import prefect_server
 from flows.study.serve import prepare_study
-from flows.sugar_meshes import mesh_source
 from tasks.artifact import Store
 from tasks.segment.stage import segment_task
 

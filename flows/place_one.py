@@ -2,10 +2,12 @@
 
 Where a Prefect server runs already (a team's, or that of `dcap ui` or a benchmark), the placement is a flow run there;
 where nobody watches, no server is started for it.
+
+One drop for a person: options to the physics.
 """
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from rich.console import Console
@@ -18,13 +20,11 @@ from dcap.language.protocol.session import Session
 from dcap.scene.errors import InputError
 from dcap.scene.json_tree import JsonObject, write_whole
 from dcap.scene.types.sample import Sample, SourceOptions
-from flows.configure import configured
+from flows.configure import LanguageOptions, configured, language_options
 from flows.display import console_on
-from flows.export_files import clear_exports
-from flows.film_output import FILM, write_film
-from flows.language_options import LanguageOptions, language_options
-from flows.map_output import FOLDER, clear_maps, write_maps_of
-from flows.options import PlaceOptions
+from flows.extra_output import FILM, MAPS_FOLDER, clear_exports, clear_maps, write_film, write_maps_of
+from flows.given_settings import given_settings
+from flows.options import DropOptions, PlaceOptions
 from flows.output import ISO, iso_glb, load_values, write_placement
 from flows.place import PlaceConfig
 from flows.placement_json import AT_REST
@@ -32,9 +32,14 @@ from flows.run_files import FinishedPlacement, located, write_request
 from flows.sample_run import STAGE_NAMES, FinishedSample, run_sample
 from flows.scene_hints import height_of, place_of
 from flows.server import watching_server
+from flows.settings import OWN
 from tasks.arch import chosen_arch
 from tasks.artifact import Store
+from tasks.case.run import run_case
 from tasks.run_context import Event, OnEvent, RunContext, StageEvent
+
+SOLVER = "drop.solver."
+"""Section whose settings are those of a case's solver, too."""
 
 
 def place_files(scene: str, thing: str, prompt: str, options: PlaceOptions, out: Path, *, quiet: bool) -> JsonObject:
@@ -114,17 +119,44 @@ def write_results(
     """Write all files of a placement, the optional ones included; returns placement.json."""
     tree = write_placement(finished, out)
     write_request(out, finished.sample, config, asking)
-    clear_maps(out / FOLDER)  # of an earlier result in the same folder
+    clear_maps(out / MAPS_FOLDER)  # of an earlier result in the same folder
     clear_exports(out)
     (out / FILM).unlink(missing_ok=True)
     (out / ISO).unlink(missing_ok=True)
     if tree["verdict"] == AT_REST and (options.maps or options.animate or options.surface == "iso"):
         found = FinishedPlacement(out, finished, load_values(finished, Store.default()), config)
         if options.maps:
-            write_maps_of(found, out / FOLDER)
+            write_maps_of(found, out / MAPS_FOLDER)
         settled, particles = found.values.settled, found.values.particles
         if options.surface == "iso" and settled and particles:
             write_whole(out / ISO, iso_glb(settled, particles))
         if options.animate:
             write_film(found, out)
     return tree
+
+
+def drop_case(case: Path | Mapping[str, object], options: DropOptions, out: Path, *, quiet: bool) -> JsonObject:
+    """Settle the bodies of a case; writes the results into `out`, returns result.json."""
+    return run_case(
+        case,
+        out,
+        solver=options.solver,
+        arch=chosen_arch(options.arch),
+        resolution=options.resolution,
+        threads=options.threads,
+        stability=options.stability,
+        load_aware=options.load_aware,
+        settings=solver_settings(),
+        quiet=quiet,
+    )
+
+
+def solver_settings() -> Mapping[str, object]:
+    """The solver's settings from `dcap.yaml` and the environment, checked together with those of the stages."""
+    given = [key for key in given_settings() if key.partition(".")[0] not in OWN]
+    if not given:
+        return {}
+    from flows.settings import stage_settings  # only then: the stages bring heavy libraries
+
+    solver = stage_settings().drop.solver.model_dump()
+    return {key.removeprefix(SOLVER): solver[key.removeprefix(SOLVER)] for key in given if key.startswith(SOLVER)}

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation as Turn
 
-from dcap.evaluation.region import part_missed, region_missed
+from dcap.evaluation.metrics.right_place import part_missed, region_missed
 from dcap.scene.json_tree import JsonObject, JsonValue, object_to_json, sorted_keys, to_json
 from dcap.scene.types.choices import Anchor, Intent
 from dcap.scene.types.materials import PartMaterial, PartMaterials

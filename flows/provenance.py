@@ -17,11 +17,11 @@ from dcap.language.model.reply_folder import ReplyFolder
 from dcap.scene.errors import InputError
 from dcap.scene.json_tree import digest_of_file
 from dcap.scene.settings import data_root, replies_root, runs_root
+from flows.configure import LEDGER
 from flows.find_run import RUN, read_keys, read_request
-from flows.language_options import LEDGER
+from flows.output import RECORDS
 from flows.place import SECTIONS, PlaceConfig
 from flows.run_files import PLACEMENT
-from flows.sample_records import RECORDS
 from tasks.artifact import FILES, Record, Ref, Source, Store, files_in
 from tasks.cache import deciding
 from tasks.code import changed_sources, files_behind

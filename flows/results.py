@@ -2,6 +2,11 @@
 
 In: the content of those files and the folder they lie in. Out: frozen values, nested as in the files; units and
 meanings of the keys are in docs/formats.md. Objects without fixed keys (bodies, timings) are `NamedValues` mappings.
+
+The JSON Schema of placement.json, from the types that `dcap.place` returns.
+
+In: `Placement`. Out: a schema of draft 2020-12. Keys are only added within a version; what is removed, renamed or means
+something else makes a new one.
 """
 
 import json
@@ -16,8 +21,11 @@ from pydantic import GetCoreSchemaHandler, TypeAdapter, ValidationError
 from pydantic_core import CoreSchema, core_schema
 
 from dcap.scene.errors import InputError
+from dcap.scene.json_tree import JsonObject, object_to_json
+from dcap.scene.types.outcome import Reason
 from dcap.scene.types.settled import PlacementChecks, SettledMaterial
 from flows.find_run import read_keys
+from flows.placement_json import AT_REST, SCHEMA_VERSION
 from solver.certificate import Certificate, ContactRow
 
 Value = TypeVar("Value")
@@ -29,6 +37,8 @@ Bounds = tuple[Vector, Vector]
 Row = tuple[float, float, float, float]
 Matrix = tuple[Row, Row, Row, Row]
 """4x4, row by row, acts on column vectors."""
+OWN = ("checks", "evidence", "folder", "tree")
+"""Fields of `Placement` that are not keys of the file."""
 
 
 class NamedValues(Mapping[str, Value], Generic[Value]):
@@ -354,3 +364,34 @@ def rounded(position: Vector) -> list[float]:
 def warning_count(warnings: tuple[str, ...]) -> str:
     """Number of warnings in words; empty without any."""
     return f"{len(warnings)} warnings, " if warnings else ""
+
+
+@cache
+def placement_schema() -> JsonObject:
+    """The schema."""
+    found = adapter(Placement).json_schema()
+    keys = {name: value for name, value in found["properties"].items() if name not in OWN}
+    keys["verdict"] = {"enum": [AT_REST, "infeasible"]}
+    keys["reason"] = {"enum": [None, *(one.value for one in Reason)]}
+    keys["visible_fraction"] = {"anyOf": [{"type": "number", "minimum": 0, "maximum": 1}, {"type": "null"}]}
+    keys["schema"] = {"const": SCHEMA_VERSION, "description": "Version of this schema."}
+    keys["certificate"] = {
+        "description": "Of a drop: its signals and what was asked (placement, column); else what a stage found.",
+        "anyOf": [{"type": "object", "properties": certificate(found)}, {"type": "null"}],
+    }
+    return object_to_json(
+        {
+            "$schema": "https://json-schema.org/draft/2020-12/schema",
+            "title": f"placement.json of dcap, version {SCHEMA_VERSION}",
+            "type": "object",
+            "properties": keys,
+            "required": sorted(keys),
+            "$defs": found["$defs"],
+        }
+    )
+
+
+def certificate(found: Mapping[str, Any]) -> dict[str, Any]:
+    """Schema of the certificate's keys."""
+    known = dict(found["$defs"]["Certificate"]["properties"])
+    return {**known, "placement": {"$ref": "#/$defs/PlacementChecks"}}

@@ -13,8 +13,8 @@ from dcap.scene.errors import InputError
 from dcap.scene.json_tree import JsonObject, write_whole
 from dcap.scene.settings import runs_root
 from dcap.scene.types.sample import GivenPlace, KnownHeight, Sample, SourceOptions
+from flows.configure import LanguageOptions
 from flows.find_run import ASKED_VERSION, RUN, find_run, input_errors, read_keys, read_request
-from flows.language_options import LanguageOptions
 from flows.output import load_values, readable_json
 from flows.place import PlaceConfig
 from flows.placement_json import Values

@@ -1,9 +1,12 @@
 """Rows of a run with measurements and scores: raw units first, then the rubric's two scores.
 
 Intended outcomes (the truth) come in here, after every stage has ended.
+
+`measures.json` of a sample: measurements of its final state, by any method.
 """
 
-from collections.abc import Mapping
+import hashlib
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -11,8 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.evaluation.judging.row_metrics import row_metrics
-from dcap.evaluation.judging.rubric import RUBRIC, rubric_scores
+from dcap.evaluation.judging.rubric import RUBRIC, row_metrics, rubric_scores
 from dcap.evaluation.metrics.placeit3d import (
     ConstraintKind,
     FinalBox,
@@ -22,22 +24,62 @@ from dcap.evaluation.metrics.placeit3d import (
     room_size,
     upright_box,
 )
-from dcap.evaluation.metrics.right_place import place_measures
+from dcap.evaluation.metrics.right_place import TOLERANCE_M, place_measures
 from dcap.evaluation.outcome_table import AS_POSED, AT_REST, QUADRANT_DEG, ExpectedOutcome, SampleOutcome, row_of
-from dcap.evaluation.region import TOLERANCE_M
+from dcap.evaluation.run_folder import sample_folder
 from dcap.geometry.placement.named_regions import BESIDE, regions
-from dcap.scene.json_tree import JsonObject, JsonValue
+from dcap.scene.json_tree import JsonObject, JsonValue, object_to_json, write_whole
 from dcap.scene.types.choices import Intent
+from dcap.scene.types.measures import Drift, Indentation, Measures, RefereeMeasures
 from dcap.scene.types.sample import Sample
 from dcap.scene.types.segmentation import Segmentation
-from flows.find_run import input_errors
-from flows.measures_file import read_measures
-from flows.output import RESULT
+from flows.find_run import input_errors, read_keys
+from flows.output import RESULT, load, readable_json
+from flows.sample_run import FinishedSample
 from tasks.artifact import Ref, Store
 from tasks.requests.surroundings import part_frame
 
+MEASURES = "measures.json"
 REFERENCED = frozenset(BESIDE)
 """Region words that mean a place next to something: the truth does not say next to what."""
+
+
+def write_measures(finished: FinishedSample, out: Path) -> JsonObject | None:
+    """Write the measurements next to placement.json; None without any, after removing an earlier file."""
+    refs, store = finished.placement, Store.default()
+    path = out / MEASURES
+    if refs.measures is None:
+        path.unlink(missing_ok=True)
+        return None
+    kinds = (("measures", refs.measures, Measures), ("indentation", refs.indentation, Indentation),
+             ("drift", refs.drift, Drift), ("referee", refs.referee, RefereeMeasures))  # fmt: skip
+    found = {name: load(store, ref, kind) if ref else None for name, ref, kind in kinds}
+    tree = object_to_json({"scene": refs.scene.to_json(), "intent": refs.intent.to_json(), **found})
+    write_whole(path, readable_json(tree))
+    return tree
+
+
+def fingerprint(folder: Path) -> str:
+    """Digest of the measurements of a final state, which tells two final states apart; empty without measurements."""
+    path = folder / MEASURES
+    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
+
+
+def states_of(run: Path, names: Iterable[str]) -> dict[str, str]:
+    """Fingerprints of samples of a run by their names, METHOD/SAMPLE."""
+    return {name: fingerprint(sample_folder(run, name)) for name in names}
+
+
+def changed_since(run: Path, states: Mapping[str, str]) -> tuple[str, ...]:
+    """Samples of a run whose final states differ from the fingerprints in `states`."""
+    now = states_of(run, states)
+    return tuple(name for name, state in states.items() if now[name] != state)
+
+
+def read_measures(out: Path) -> Mapping[str, JsonValue]:
+    """Read the file of `write_measures`; empty without one, InputError where it is damaged."""
+    path = out / MEASURES
+    return read_keys(path) if path.is_file() else {}
 
 
 def scored_row(

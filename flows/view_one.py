@@ -21,10 +21,9 @@ from dcap.scene.types.choices import Rotation
 from dcap.scene.types.mesh import SourceSurface
 from dcap.scene.types.scan import Scan
 from dcap.scene.types.segmentation import Segmentation
-from flows.configure import configured
+from flows.configure import configured, language_options
 from flows.find_run import RUN
 from flows.label_one import found_scene
-from flows.language_options import language_options
 from flows.options import PlaceOptions, check_out
 from flows.output import load
 from flows.place import PlaceConfig
@@ -33,11 +32,9 @@ from flows.placement_json import certificate_of, placement_json
 from flows.run_files import PLACEMENT, FinishedPlacement, finished_placement
 from flows.view.model import middle_of, placement_view, scene_view
 from flows.view.nodes import PlacementNodes, place_cameras
-from flows.view.panel import PanelText, PlacementPanel
-from flows.view.pick_panel import PickPanel
-from flows.view.picking import PickedPoint, SurfacePicker
+from flows.view.panel import PanelText, PlacementPanel, signal_series
+from flows.view.picking import PickedPoint, PickPanel, SurfacePicker
 from flows.view.serving import arrange, open_browser, open_server, url_of
-from flows.view.signals import signal_series
 from tasks.artifact import Store
 
 

@@ -16,8 +16,7 @@ from dcap.scene.types.choices import Anchor
 from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
 from dcap.scene.types.settled import Settled
 from flows.benchmark import DATASET_SEED, ensure_dataset
-from flows.film_output import write_film
-from flows.map_output import automatic_camera, write_maps_of
+from flows.extra_output import automatic_camera, write_film, write_maps_of
 from flows.options import PlaceOptions
 from flows.output import write_geometry
 from flows.place_one import place_files

@@ -24,7 +24,7 @@ from rich.table import Table
 
 from dcap.evaluation.methods import split_id
 from dcap.evaluation.run_folder import sample_folder
-from dcap.evaluation.run_page.costs import Timings, timings_of
+from dcap.evaluation.run_page.sections import Timings, timings_of
 from dcap.scene.errors import InputError
 from flows.find_run import RUN, find_run
 

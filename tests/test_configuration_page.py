@@ -5,7 +5,7 @@ import runpy
 
 from dcap.packages import ROOT
 from flows.given_settings import section_of
-from flows.settings.table import setting_keys
+from flows.settings import setting_keys
 
 PAGE = ROOT / "docs" / "configuration.md"
 

@@ -8,13 +8,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from dcap.evaluation.judging.judging_folder import JudgeRecord
+from dcap.evaluation.judging.judge import JudgeRecord
 from dcap.evaluation.methods import DCAP, METHODS, baselines_among, shown_name
-from dcap.evaluation.preference_table import MARKED, best_first, row_cells, tabular
 from dcap.evaluation.statistics.bootstrap import RESAMPLES
 from dcap.evaluation.statistics.comparisons import Comparison, JudgedAxis, methods_of, on_axis
 from dcap.evaluation.statistics.method_tables import PreferenceRow, preference_rows
-from dcap.evaluation.table_files import TABLES, csv_of, table_files, write_table
+from dcap.evaluation.table_files import MARKED, TABLES, best_first, csv_of, row_cells, table_files, tabular, write_table
 
 TABLE = "comparisons_by_method"
 

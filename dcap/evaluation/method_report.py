@@ -12,17 +12,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.evaluation.judging.judging_folder import JudgeRecord
+from dcap.evaluation.judging.judge import JudgeRecord, Standing, standing_of
 from dcap.evaluation.judging.rubric import RUBRIC
-from dcap.evaluation.judging.standing import Standing, standing_of
 from dcap.evaluation.methods import DCAP, METHODS, baselines_among, shown_name
 from dcap.evaluation.outcome_table import SampleOutcome
+from dcap.evaluation.statistics.agreement import side_report
 from dcap.evaluation.statistics.bootstrap import LEVEL, RESAMPLES
 from dcap.evaluation.statistics.comparisons import Comparison, JudgedAxis, on_axis
 from dcap.evaluation.statistics.method_tables import ScoreRow, score_rows
 from dcap.evaluation.statistics.ratings import ANCHOR_RATING
 from dcap.evaluation.statistics.score_summary import ScoreSummary
-from dcap.evaluation.statistics.sides import side_report
 from dcap.evaluation.table_files import TABLES, csv_of, number, table_files, tex_escaped, write_table
 
 TABLE1, METRIC_SCORES = "table1", "metric_scores"

@@ -17,16 +17,7 @@ from dcap.evaluation.method_report import TITLES
 from dcap.evaluation.methods import DCAP, METHODS, shown_name
 from dcap.evaluation.outcome_table import AS_POSED, SampleOutcome
 from dcap.evaluation.page3d.viewer import PAGE, ShownModel, write_view3d
-from dcap.evaluation.run_folder import placement_folder
-from dcap.evaluation.run_page.costs import Timings, costs_table, timings_of
-from dcap.evaluation.run_page.csv_tables import table_from_csv
-from dcap.evaluation.run_page.failures import (
-    KINDS,
-    baselines_ahead,
-    failure_of,
-    failures_of,
-    score_cells,
-)
+from dcap.evaluation.run_folder import RunSummary, placement_folder
 from dcap.evaluation.run_page.placeit3d_table import placeit3d_table
 from dcap.evaluation.run_page.placement_files import (
     certificate_text,
@@ -38,10 +29,21 @@ from dcap.evaluation.run_page.placement_files import (
     stage_bars,
     views_of,
 )
-from dcap.evaluation.run_page.provenance import HASHES, provenance_of, read_run
-from dcap.evaluation.run_page.supports import supports_figure
-from dcap.evaluation.run_page.tables import ShownTable, metrics_table
-from dcap.evaluation.run_summary import RunSummary
+from dcap.evaluation.run_page.sections import (
+    HASHES,
+    KINDS,
+    Timings,
+    baselines_ahead,
+    costs_table,
+    failure_of,
+    failures_of,
+    provenance_of,
+    read_run,
+    score_cells,
+    supports_figure,
+    timings_of,
+)
+from dcap.evaluation.run_page.tables import ShownTable, metrics_table, table_from_csv
 from dcap.language.model.ledger import in_words
 from dcap.scene.json_tree import write_whole
 from dcap.scene.types.pictures import BEFORE

@@ -1,7 +1,12 @@
-"""The distribution of deformable supports per scene as a plot: the paper's figure 3, and their kinds."""
+"""The distribution of deformable supports per scene as a plot: the paper's figure 3, and their kinds.
 
+The deformable supports of many scenes as a table: one row a scene, the numbers behind the paper's figure 3.
+"""
+
+import csv
+import io
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from math import ceil
 from pathlib import Path
 from statistics import mean, median
@@ -12,6 +17,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from matplotlib.typing import RcKeyType
 
+from dcap.language.offline.kinds import KINDS, OTHER, deformable_supports
+from dcap.language.offline.lexicon import first_part, is_a, thing_of
 from dcap.scene.errors import InputError
 from dcap.scene.json_tree import whole_file
 
@@ -37,6 +44,8 @@ STYLE: dict[RcKeyType, object] = {
     "axes.edgecolor": GREY, "axes.labelcolor": GREY, "xtick.color": INK, "ytick.color": INK,
 }  # fmt: skip
 """Keeps text as text in an SVG, and gives equal files for equal plots."""
+SHOWN = (*KINDS, OTHER)
+COLUMNS = ("scene", "instances", "supports", "deformable", "share", *SHOWN)
 
 
 def plot_suffix(path: Path) -> str:
@@ -129,3 +138,33 @@ def _kinds(axes: Axes, scenes: Sequence[Counter[str]]) -> None:
         axes.bar_label(drawn, [f"{count} in {sum(kind in one for one in scenes)}" for kind, count in rows], padding=3)
         axes.set_xlim(0, ROOM_FOR_NOTES * rows[0][1])
         axes.set_ylim(max(len(rows), 6) - 0.4, -0.6)
+
+
+def is_support(label: str) -> bool:
+    """Whether a label names a support: furniture and rugs with a carrying part, or a deformable thing."""
+    thing = thing_of(label)
+    carries = thing is not None and not is_a(thing.id, "structure") and first_part(thing.id) != ""
+    return carries or deformable_supports([label]).total() > 0
+
+
+def supports_table(scenes: Mapping[str, Sequence[str]]) -> str:
+    """CSV of the scenes, given as the labels of their instances by name, and a last row of all of them.
+
+    `share` is the share of deformable supports among supports [-], empty without supports.
+    """
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(COLUMNS)
+    for name, labels in scenes.items():
+        table.writerow(row_of_labels(name, labels))
+    table.writerow(row_of_labels("all", [label for labels in scenes.values() for label in labels]))
+    return text.getvalue()
+
+
+def row_of_labels(name: str, labels: Iterable[str]) -> list[object]:
+    """Counts of one scene."""
+    known = list(labels)
+    kinds: Counter[str] = deformable_supports(known)
+    supports = sum(is_support(label) for label in known)
+    share = f"{kinds.total() / supports:.4f}" if supports else ""
+    return [name, len(known), supports, kinds.total(), share, *(kinds[kind] for kind in SHOWN)]

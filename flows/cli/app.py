@@ -18,8 +18,7 @@ from dcap.scene.settings import runs_root, shared_store_url, version
 from flows.cli.border import check_words, end_output, report_error
 from flows.cli.checks import Json, Run, Verbose, typed_flags, with_options
 from flows.cli.data import cache_app, dataset_app
-from flows.cli.results import diff, export, judge, maps, provenance, view
-from flows.cli.study_command import study_app
+from flows.cli.results import diff, export, judge, maps, provenance, study_app, view
 from flows.find_run import find_run
 from flows.interrupts import INTERRUPTED, say_interrupted
 from flows.options import (
@@ -38,7 +37,7 @@ from flows.options import (
     check_prompt,
     setting_of,
 )
-from flows.settings.effective import exported_paths
+from flows.settings import exported_paths
 
 __all__ = ["INTERRUPTED", "app", "main"]
 INFEASIBLE = 3
@@ -140,7 +139,7 @@ def drop(
     check_case(case)
     check_out(out)
 
-    from flows.drop_one import drop_case
+    from flows.place_one import drop_case
 
     tree = drop_case(case, options, out, quiet=as_json)
     print(json.dumps(tree, indent=2) if as_json else f"{tree['verdict']}\nresults: {out}")
@@ -183,8 +182,7 @@ def plan(options: PlanOptions, as_json: Json = False) -> int:
     """Show what a benchmark would run and why, without running anything."""
     from dcap.evaluation.methods import methods_of
     from dcap.scene.json_tree import to_json
-    from flows.configure import configured
-    from flows.language_options import language_options
+    from flows.configure import configured, language_options
     from flows.plan import plan_benchmark
     from tasks.arch import chosen_arch
 
@@ -262,8 +260,8 @@ def language() -> None:
 def language_check(options: PlaceOptions) -> int:
     """Ask a model a dozen questions with known answers about an embedded room. Run it first with a new key."""
     from dcap.scene.settings import runs_root
+    from flows.configure import language_options
     from flows.language_check import check_language, row_in_words, totals_in_words
-    from flows.language_options import language_options
 
     folder = runs_root() / "language-check"
     rows = check_language(language_options(options), folder, lambda row: print(row_in_words(row), flush=True))
@@ -288,8 +286,7 @@ def config_show(
     command."""
     from dcap.scene.json_tree import to_json
     from flows.given_settings import Origin, section_of, settings_file
-    from flows.settings.effective import OWN
-    from flows.settings.table import secrets, settings_in_force
+    from flows.settings import OWN, secrets, settings_in_force
 
     rows = settings_in_force(options, typed_flags(context))
     if not every:

@@ -10,7 +10,7 @@ import typer
 from pydantic.fields import FieldInfo
 
 from flows.options import Options, setting_of
-from flows.settings.effective import effective_options
+from flows.settings import effective_options
 
 COMMANDLINE = "COMMANDLINE"
 """Click's name for the source of typed values."""

@@ -156,7 +156,7 @@ def dataset_check(
 ) -> int:
     """List every problem of a dataset, and what its scenes hold; exit code 2 if there are errors."""
     from dcap.evaluation.supports_plot import plot_suffix
-    from flows.cli.check_report import as_tree, in_words, write_plot, write_table
+    from flows.cli.cache_report import as_tree, in_words, write_plot, write_table
     from flows.dataset_check import check_dataset
 
     if plot is not None:

@@ -2,6 +2,8 @@
 
 The design is made at the first start and kept; a later start resumes it, and may add raters. Requests are not logged,
 and only the answers of a rater are stored.
+
+Results of a study's votes: Table 2, the raters, and the votes as a table.
 """
 
 import logging
@@ -12,28 +14,34 @@ from pathlib import Path
 
 import uvicorn
 
+from dcap.evaluation.judging.judge import without_placement
 from dcap.evaluation.methods import joined_id
 from dcap.evaluation.study.attention import LIFTED, MODEL, SETTLED, check_folder, make_checks
 from dcap.evaluation.study.design import method_pairs, per_pair, questions_of
-from dcap.evaluation.study.journal import VoteJournal
 from dcap.evaluation.study.placements import StudyRun, read_study_run
 from dcap.evaluation.study.session import StudySession
 from dcap.evaluation.study.study_folder import (
     STUDY_FOLDER,
     StudyDesign,
+    StudyVote,
+    VoteJournal,
     export_votes,
     read_design,
+    read_votes,
     tokens_for,
     write_design,
 )
+from dcap.evaluation.study.tables import RaterRow, StudyTable, rater_rows, study_table, write_raters, write_study_table
+from dcap.evaluation.table_files import TABLES
+from dcap.language.protocol.client import ClientName
 from dcap.scene.errors import InputError
 from flows.find_run import find_run
 from flows.judge_run import read_rows
 from flows.judge_views import take_views
-from flows.measures_file import changed_since, states_of
 from flows.own_requests import EVERYWHERE, LOOPBACK, OwnRequests
-from flows.study.app import study_app
-from flows.study.check_views import check_pictures
+from flows.run_files import chooser_of
+from flows.scoring import changed_since, states_of
+from flows.study.app import check_pictures, study_app
 
 STOP_SECONDS = 3
 """Time for pending answers when the server stops [s]."""
@@ -205,3 +213,40 @@ def server_of(session: StudySession, own: OwnRequests) -> uvicorn.Server:
             timeout_graceful_shutdown=STOP_SECONDS,
         )
     )
+
+
+@dataclass(frozen=True, slots=True)
+class StudyReport:
+    """The report of a study, and its files."""
+
+    table: StudyTable
+    raters: tuple[RaterRow, ...]
+    csv: Path
+    tex: Path
+    changed: tuple[str, ...] = ()
+    """Samples whose final states have changed since the study began."""
+
+
+def report_study(run: str) -> StudyReport:
+    """Write votes.parquet, raters.csv, and Table 2 of a study; InputError if nobody has voted."""
+    found = find_run(run)
+    folder = found / STUDY_FOLDER
+    design = read_design(folder)
+    votes = read_votes(folder)
+    if design is None or not any(vote.lifted is None for vote in votes):
+        raise InputError(f"{found.name}: its study has no votes yet; dcap study serve {run}")
+    check_votes(found, design, votes)
+    export_votes(folder, votes)
+    rows = rater_rows(design, votes)
+    write_raters(folder, rows)
+    offline = chooser_of(found).client is ClientName.OFFLINE
+    table = study_table(votes, design.seed, offline=offline, without_placement=without_placement(read_rows(found)))
+    csv, tex = write_study_table(found / TABLES, table, rows)
+    return StudyReport(table, rows, csv, tex, changed_since(found, design.states))
+
+
+def check_votes(run: Path, design: StudyDesign, votes: tuple[StudyVote, ...]) -> None:
+    """Raise InputError if a vote belongs to no rater of the study."""
+    strange = sorted({vote.rater for vote in votes} - set(design.raters))
+    if strange:
+        raise InputError(f"{run.name}: there are votes of {strange[0]}, whom its study does not know")

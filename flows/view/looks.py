@@ -1,6 +1,11 @@
 """Looks of scene and object on the page: with the faces and textures of their files, up to the page's limits.
 
 In: results of the stages. Out: meshes with paint, and sentences on simplifications of the view.
+
+Textures for the page: cropped to the part that a surface shows, and scaled down to a budget.
+
+Every node of the page has images of its own. Each is cropped to the part that its faces use, and the largest ones are
+scaled down until all together are within the budget.
 """
 
 from collections.abc import Sequence
@@ -8,21 +13,131 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from dcap.geometry.rendering.painted import own_paint, paint_from
+from dcap.scene.srgb import CLAMP, MIRROR, REPEAT
 from dcap.scene.types.choices import Anchor
-from dcap.scene.types.mesh import CornerPaint, Mesh, PaintedMesh, SourceSurface
+from dcap.scene.types.mesh import CornerPaint, Mesh, PaintedMesh, SourceSurface, SurfaceMaterial
 from dcap.scene.types.segmentation import Segmentation
 from dcap.scene.types.settled import Settled
-from flows.view.motion import MovingObject, MovingSurfaces
-from flows.view.page_textures import MOST_MOVING_PIXELS, MOST_STILL_PIXELS, fitted
-from flows.view.surface import thinned
+from flows.view.surface import MovingObject, MovingSurfaces, thinned
 from tasks.render.settled_meshes import of_source
 
+LARGEST_SIDE = 2048
+"""Largest side of an image [pixel]."""
+MOST_STILL_PIXELS, MOST_MOVING_PIXELS = 2**24, 2**23
+"""Most pixels in all images of rigid surfaces, and of surfaces with a shape for every frame [-]."""
+LEAST = 16
+"""Least pixels that an image keeps [-]."""
 MOST_FACES = 600_000
 """Most faces of a scene that are drawn; in a larger one, vertices are merged [-]."""
 MOST_TEXTURED = 100_000
 """Most faces of an object that is drawn with its textures [-]."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class PageTextures:
+    """Paints within the budget."""
+
+    paints: tuple[CornerPaint | None, ...]
+    reduced: int
+    """Number of images that were scaled down [-]."""
+    largest: int
+    """Longest side of these images [pixel]."""
+
+
+def fitted(paints: Sequence[CornerPaint | None], copies: int, most: int) -> PageTextures:
+    """Paints of several surfaces, sent `copies` times each, scaled down to at most `most` pixels in total."""
+    cut = [None if one is None else trimmed(one) for one in paints]
+    used = [(one, slot) for one in cut if one is not None for slot in slots(one)]
+    sizes = np.array([np.prod(one.textures[slot].shape[:2]) for one, slot in used], dtype=np.float64)
+    cap = largest_share(np.minimum(sizes, LARGEST_SIDE**2), most / max(copies, 1))
+    reduced, largest = 0, 0
+    for number, one in enumerate(cut):
+        if one is None:
+            continue
+        images = list(one.textures)
+        for slot in slots(one):
+            before = images[slot].shape[:2]
+            images[slot] = smaller(images[slot], cap)
+            if images[slot].shape[:2] != before:
+                reduced, largest = reduced + 1, max(largest, *images[slot].shape[:2])
+        cut[number] = replace(one, textures=tuple(images))
+    return PageTextures(tuple(cut), reduced, largest)
+
+
+def slots(paint: CornerPaint) -> list[int]:
+    """Textures that faces use."""
+    return [int(one) for one in np.unique(paint.texture[paint.texture >= 0])]
+
+
+def largest_share(sizes: NDArray[np.float64], most: float) -> float:
+    """Limit to cut the largest of some numbers to, so that their sum is at most `most`."""
+    rest = most
+    for count, one in zip(range(len(sizes), 0, -1), np.sort(sizes), strict=True):
+        if one * count > rest:
+            return max(rest / count, LEAST)
+        rest -= float(one)
+    return float("inf")
+
+
+def smaller(image: NDArray[np.uint8], most: float) -> NDArray[np.uint8]:
+    """An image with at most so many pixels, and sides that the page can take."""
+    height, width = image.shape[:2]
+    factor = min(1.0, float(np.sqrt(most / (height * width))), LARGEST_SIDE / max(height, width))
+    if factor >= 1.0:
+        return image
+    size = max(1, int(width * factor)), max(1, int(height * factor))
+    return np.asarray(Image.fromarray(image).resize(size, Image.Resampling.BOX))
+
+
+def trimmed(paint: CornerPaint) -> CornerPaint:
+    """A paint whose textures are cropped to the part that its faces show; further maps are left out."""
+    paint = replace(paint, materials=tuple(map(plain_light, paint.materials)), more_uv=())
+    images, wraps, uv = list(paint.textures), [paint.wrap(one) for one in range(len(paint.textures))], paint.corner_uv
+    uv = uv.copy()
+    for slot in slots(paint):
+        mine = paint.texture == slot
+        u, v = paint.corner_uv[mine].astype(np.float64).transpose(2, 0, 1)
+        height, width = images[slot].shape[:2]
+        columns, rows = span(u, width, wraps[slot][0]), span(1.0 - v, height, wraps[slot][1])
+        if columns is not None:
+            u = (u * width - columns[0]) / (columns[1] - columns[0])
+        if rows is not None:
+            v = 1.0 - ((1.0 - v) * height - rows[0]) / (rows[1] - rows[0])
+        for axis, found in ((1, columns), (0, rows)):
+            if found is not None:
+                index = pixels(np.arange(*found), images[slot].shape[axis], wraps[slot][1 - axis])
+                images[slot] = np.take(images[slot], index, axis=axis)
+        wraps[slot] = (wraps[slot][0] if columns is None else CLAMP, wraps[slot][1] if rows is None else CLAMP)
+        uv[mine] = np.stack([u, v], axis=2)
+    return replace(paint, textures=tuple(images), wraps=tuple(wraps), corner_uv=uv)
+
+
+def plain_light(said: SurfaceMaterial) -> SurfaceMaterial:
+    """A material without further maps: the page shows the base colour and uniform gloss."""
+    emission = said.emission if said.emissive_map is None else (0.0, 0.0, 0.0)
+    return replace(
+        said, emission=emission, metallic_roughness_map=None, normal_map=None, occlusion_map=None, emissive_map=None
+    )
+
+
+def span(places: NDArray[np.float64], count: int, wrap: str) -> tuple[int, int] | None:
+    """First pixel and the one after the last that coordinates reach; None if they reach all."""
+    low, high = int(np.floor(places.min() * count)) - 1, int(np.ceil(places.max() * count)) + 1
+    if wrap == CLAMP:
+        low, high = min(max(low, 0), count - 1), max(min(high, count), 1)
+    return (low, high) if high - low < count else None
+
+
+def pixels(index: NDArray[np.int64], count: int, wrap: str) -> NDArray[np.int64]:
+    """Indices inside the image for pixels beyond its border."""
+    if wrap == REPEAT:
+        return index % count
+    if wrap == MIRROR:
+        return np.where(index % (2 * count) < count, index % count, count - 1 - index % count)
+    return np.clip(index, 0, count - 1)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

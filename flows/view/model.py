@@ -2,6 +2,8 @@
 
 In: results of the stages. Out: `PlacementView`. A placement without a rest state shows as much as is known: the room,
 the pose before the drop, and the pose in which the drop ended.
+
+Colours of numbers: the dent, from deep to raised, and materials told apart.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -22,13 +24,20 @@ from dcap.scene.types.segmentation import Segmentation
 from dcap.scene.types.settled import LastState
 from flows.place import PlaceConfig
 from flows.placement_json import Values
-from flows.view.heat import DISTINCT, LEVEL, span_of
 from flows.view.looks import ShownScene, fitted_textures, shown_object, shown_scene
-from flows.view.motion import MovingObject, MovingSurfaces, most_frames, moving_object
-from flows.view.surface import DrawnSurface, drawn, seen_from
+from flows.view.surface import DrawnSurface, MovingObject, MovingSurfaces, drawn, most_frames, moving_object, seen_from
 from tasks.overview import camera_for
 from tasks.render.motion import DropMotion, MovingScene
 
+DEEP, LEVEL, RAISED = (24, 62, 158), (236, 236, 236), (196, 52, 38)
+"""Colours of the deepest dent, of unmoved points, and of an equally large bulge."""
+LEAST_SPAN = 1e-4
+"""Least span of the dent's colours [m]: smaller displacements are noise."""
+DISTINCT = (
+    (230, 120, 30), (40, 120, 190), (60, 160, 90), (150, 90, 180), (200, 60, 90), (120, 120, 60), (90, 180, 190),
+    (140, 90, 60),
+)  # fmt: skip
+"""Colours of materials, repeated where there are more."""
 MOST_MOVING = 2_500_000
 """Most moving faces, summed over all frames: the page gets all of them at once, so that it plays without gaps [-]."""
 MOST_POINTS = 60_000
@@ -43,6 +52,24 @@ CLOSEUP, CLOSEUP_LIFT = 1.6, 0.35
 LEAST_DOT, LARGEST_DOT = 1e-3, 8e-3
 """Size of the dot of a contact point [m]: a few points far apart stay points."""
 UP = np.array([0.0, 0.0, 1.0])
+
+
+def span_of(height: Array) -> float:
+    """Displacement with the strongest colour [m]."""
+    return float(max(np.abs(height).max(initial=0.0), LEAST_SPAN))
+
+
+def heat_colors(height: Array, span: float) -> NDArray[np.uint8]:
+    """sRGB colours of displacements along the outward normal (n,) [m], shape (n, 3)."""
+    share = np.clip(height / span, -1.0, 1.0)[:, None]
+    end = np.where(share < 0.0, np.array(DEEP, dtype=float), np.array(RAISED, dtype=float))
+    middle = np.array(LEVEL, dtype=float)
+    return np.asarray(np.round(middle + np.abs(share) * (end - middle)), dtype=np.uint8)
+
+
+def css(color: tuple[int, int, int]) -> str:
+    """A colour in CSS."""
+    return "rgb({}, {}, {})".format(*color)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

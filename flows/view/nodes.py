@@ -14,8 +14,7 @@ import viser
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation as Turn
 
-from flows.view.heat import heat_colors
-from flows.view.model import MaterialCloud, PlacementView, RoomPiece, StartView, still
+from flows.view.model import MaterialCloud, PlacementView, RoomPiece, StartView, heat_colors, still
 from flows.view.page_glb import PageSurface, glb_of
 from flows.view.surface import DrawnSurface
 

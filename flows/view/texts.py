@@ -6,8 +6,7 @@ from html import escape
 from dcap.scene.json_tree import JsonValue
 from dcap.scene.types.choices import POSE_OF_THE_FILE, Rotation
 from flows.placement_json import AS_POSED, AT_REST
-from flows.view.heat import DEEP, LEVEL, RAISED, css
-from flows.view.model import MaterialCloud
+from flows.view.model import DEEP, LEVEL, RAISED, MaterialCloud, css
 
 STYLE = """<style>
 .dcap { font-size: 12px; line-height: 1.45; overflow-x: auto; padding: 0 2px 6px 2px }

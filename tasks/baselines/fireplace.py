@@ -25,8 +25,7 @@ from dcap.evaluation.baselines.fireplace.placement import (
     room_plan,
 )
 from dcap.evaluation.baselines.fireplace.problem import SupportArea
-from dcap.evaluation.baselines.fireplace.selection import BATCH, batches
-from dcap.evaluation.baselines.fireplace.solve import MOST_OVERHANG
+from dcap.evaluation.baselines.fireplace.solve import BATCH, MOST_OVERHANG, batches
 from dcap.geometry.raycast import Raycaster
 from dcap.language.connect import Client
 from dcap.language.protocol.client import LanguageConfig

@@ -29,7 +29,7 @@ from dcap.evaluation.baselines.fireplace.anchors import (
 from dcap.evaluation.baselines.fireplace.placement import SurfaceFrame
 from dcap.evaluation.baselines.fireplace.planar import COARSE, InteractionSurface
 from dcap.evaluation.baselines.fireplace.problem import ResolvedConstraint
-from dcap.evaluation.baselines.fireplace.selection import batched_selection
+from dcap.evaluation.baselines.fireplace.solve import batched_selection
 from dcap.geometry.camera import Camera, looking_at
 from dcap.geometry.placement.named_regions import ViewerFrame, viewer_frame
 from dcap.geometry.raycast import Raycaster

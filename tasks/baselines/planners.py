@@ -19,14 +19,13 @@ from dataclasses import replace
 import numpy as np
 from pydantic import BaseModel, NonNegativeInt, PositiveInt
 
-from dcap.evaluation.baselines.asset import CanonicalAsset, canonical_asset
+from dcap.evaluation.baselines.asset import CanonicalAsset, canonical_asset, proposed_anchor
 from dcap.evaluation.baselines.floor_plan import floor_plan_of
-from dcap.evaluation.baselines.holodeck.constraints import parsed_relations
-from dcap.evaluation.baselines.holodeck.floor_placement import CENTIMETRES, floor_place, floor_pose
+from dcap.evaluation.baselines.holodeck.floor_search import CENTIMETRES, floor_place, floor_pose
 from dcap.evaluation.baselines.holodeck.receptacle import collides, fits_on, is_small, is_thin, receptacle_place
-from dcap.evaluation.baselines.layoutgpt.placement import layout_request, new_line, proposed_pose
-from dcap.evaluation.baselines.proposal import proposed_anchor
-from dcap.evaluation.metrics.columns import columns
+from dcap.evaluation.baselines.holodeck.scores import parsed_relations
+from dcap.evaluation.baselines.layoutgpt import layout_request, new_line, proposed_pose
+from dcap.evaluation.metrics.touching import columns
 from dcap.geometry.raycast import Raycaster
 from dcap.language.connect import Client
 from dcap.language.protocol.client import LanguageConfig

@@ -15,7 +15,7 @@ does not depend on the method's depth.
 import numpy as np
 from pydantic import BaseModel, NonNegativeInt, PositiveFloat, PositiveInt
 
-from dcap.evaluation.metrics.columns import columns
+from dcap.evaluation.metrics.touching import columns
 from dcap.geometry.raycast import Raycaster
 from dcap.scene.types.choices import Anchor, Intent
 from dcap.scene.types.materials import PartMaterials

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from dcap.scene.errors import InputError
-from flows.asset_names import asset_labels, label_of
+from flows.sample_files import asset_labels, label_of
 
 
 def labels(folder: Path, text: str) -> dict[str, str]:

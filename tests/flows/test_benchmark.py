@@ -20,7 +20,7 @@ from dcap.scene.errors import LanguageError
 from dcap.scene.types.sample import Sample
 from flows.benchmark import new_run_folder, rerun_sample
 from flows.cli.app import main
-from flows.language_options import LanguageOptions
+from flows.configure import LanguageOptions
 from flows.place import PlaceConfig
 from tasks.artifact import Store
 from tasks.records import records_root

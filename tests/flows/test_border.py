@@ -166,7 +166,7 @@ def test_python_gets_the_same_errors(monkeypatch: pytest.MonkeyPatch, tmp_path: 
         raise OSError(errno.ENOSPC, "No space left on device")
 
     (tmp_path / "case.yaml").write_text("bodies: []")
-    monkeypatch.setattr("flows.drop_one.drop_case", fail)
+    monkeypatch.setattr("flows.place_one.drop_case", fail)
     with pytest.raises(dcap.MachineError, match="No space left on device; free are") as caught:
         dcap.drop(tmp_path / "case.yaml", out=tmp_path / "out")
     assert isinstance(caught.value.__cause__, OSError)

@@ -14,10 +14,10 @@ from known_records import known_result
 from dcap.scene.types.sample import Sample
 from dcap.scene.types.scan import FileScale
 from flows.cli.app import main
-from flows.language_options import LanguageOptions
+from flows.configure import LanguageOptions
+from flows.output import RECORDS, records_json
 from flows.place import PlaceConfig
 from flows.run_files import write_request
-from flows.sample_records import RECORDS, records_json
 from flows.sample_run import FinishedSample, StageResult
 from tasks.artifact import Ref, Store
 from tasks.records import find_record, records_root

@@ -11,7 +11,7 @@ from PIL import Image
 from dcap.scene.errors import Severity
 from dcap.synthetic.recipes import object_recipes, room_names
 from flows.cli.app import main
-from flows.cli.check_report import as_tree, in_words, totals
+from flows.cli.cache_report import as_tree, in_words, totals
 from flows.dataset_check import check_dataset
 from flows.samples import EMBEDDED, SPLAT_ROOMS, load_yaml
 

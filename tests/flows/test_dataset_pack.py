@@ -12,9 +12,9 @@ import pytest
 from dcap.scene.errors import InputError
 from dcap.scene.types.sample import Sample
 from flows.cli.app import main
+from flows.configure import LanguageOptions
 from flows.dataset_pack import OWN, UNKNOWN, pack_run
 from flows.find_run import ASKED_VERSION
-from flows.language_options import LanguageOptions
 from flows.place import PlaceConfig
 from flows.samples import EMBEDDED
 

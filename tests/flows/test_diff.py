@@ -11,9 +11,9 @@ from dcap.evaluation.outcome_table import row_of
 from dcap.scene.types.sample import Sample
 from flows.benchmark import new_run_folder
 from flows.cli.app import main
+from flows.configure import LanguageOptions
 from flows.find_run import ASKED_VERSION
 from flows.judge_run import write_rows
-from flows.language_options import LanguageOptions
 from flows.place import PlaceConfig
 from flows.run_files import write_request
 

@@ -10,7 +10,7 @@ from rich.console import Console
 
 from dcap.evaluation.methods import DCAP, joined_id
 from dcap.evaluation.outcome_table import AS_POSED, row_of
-from dcap.evaluation.run_summary import summary_of
+from dcap.evaluation.run_folder import summary_of
 from dcap.scene.errors import InputError
 from dcap.scene.json_tree import JsonObject
 from dcap.scene.types.sample import Sample

@@ -6,8 +6,8 @@ import pytest
 
 from dcap.scene.errors import InputError
 from flows.cli.app import main
-from flows.export_files import LIST, clear_exports, write_files
 from flows.export_one import FORMATS
+from flows.extra_output import LIST, clear_exports, write_files
 
 FILES = {"scene.xml": b"<mujoco/>", "meshes/ball.obj": b"v 0 0 0\n"}
 

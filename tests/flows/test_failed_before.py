@@ -7,8 +7,8 @@ import pytest
 from dcap.scene.errors import InputError
 from dcap.scene.types.sample import Sample
 from flows.benchmark import keep_result, new_run_folder
+from flows.configure import LanguageOptions
 from flows.failed_before import failed_before
-from flows.language_options import LanguageOptions
 from flows.place import PlaceConfig
 from flows.sample_run import Plan
 

@@ -16,8 +16,8 @@ from judged import REPLY, SCORES, placement
 from many_methods_run import METHODS, SAMPLES, many_methods_run, method_folder, row, write_rows
 
 from dcap.evaluation.comparison_report import comparison_table
-from dcap.evaluation.judging.examples import EXAMPLES
 from dcap.evaluation.judging.known_answers import KnownAnswer
+from dcap.evaluation.judging.questions import EXAMPLES
 from dcap.evaluation.judging.rubric import RUBRIC, SCALES
 from dcap.evaluation.method_report import method_table
 from dcap.evaluation.outcome_table import SampleOutcome
@@ -377,7 +377,7 @@ def test_a_judge_is_validated(
     pair = KnownAnswer(
         placement("s", "a", 1), placement("s", "b", 2, gap_m=0.05), JudgedAxis.PHYSICS_NATURALNESS, "floating"
     )
-    monkeypatch.setattr("flows.judge_known.known_answers", lambda name: [pair])
+    monkeypatch.setattr("flows.judge_run.known_answers", lambda name: [pair])
     assert main(["judge", str(run), "--validate"]) == 0
     assert f"{RUBRIC}: 10 of 10 known answers right (100%" in capsys.readouterr().out
     tree = json.loads((run / "judging" / "validation.json").read_text())
@@ -403,7 +403,7 @@ def test_a_judge_that_cannot_be_asked_says_so_before_all_rooms_are_prepared(
         one, two = placement("s", "a", 1), placement("s", "b", 2, gap_m=0.05)
         return [KnownAnswer(one, two, JudgedAxis.PHYSICS_NATURALNESS, "floating")]
 
-    monkeypatch.setattr("flows.judge_known.known_answers", pairs_of)
+    monkeypatch.setattr("flows.judge_run.known_answers", pairs_of)
     api.answers = [lambda body: error(401, "authentication_error", "no such key")]
     assert "no such key" in complaint(capsys, run, "--validate", "--language", "anthropic")
     assert len(prepared) == 1

@@ -8,7 +8,7 @@ from PIL import Image
 
 from dcap.geometry.rendering.map_files import FILES
 from dcap.scene.errors import InputError
-from flows.map_output import clear_maps, read_photo
+from flows.extra_output import clear_maps, read_photo
 
 
 def test_only_maps_are_cleared(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from flows.map_output import note_of
+from flows.extra_output import note_of
 
 
 @pytest.mark.parametrize(("level", "told"), [(0, True), (1, False)])

@@ -18,8 +18,8 @@ from fake_api import KEY, FakeApi, fails, question_of, self_willed
 from dcap.language.model.reply_folder import ReplyFolder
 from dcap.scene.errors import InputError
 from dcap.scene.settings import PROJECT_ROOT
-from flows.language_options import LanguageOptions
-from flows.sample_records import RECORDS
+from flows.configure import LanguageOptions
+from flows.output import RECORDS
 
 DATASET = """
 - {id: lacks, scene: room.glb, object: cube.stl, prompt: put the steel cube on the piano}

@@ -11,12 +11,10 @@ from dcap.scene.types.scan import METRES
 from flows.benchmark_config import benchmark_config
 from flows.cli import app as cli
 from flows.configure import changed, configured
-from flows.drop_one import drop_case
 from flows.options import KEYS, UNITS, AllSettings, BenchmarkOptions, DropOptions, PlaceOptions
 from flows.place import PlaceConfig
-from flows.place_one import sample_of
-from flows.settings.effective import effective_options
-from flows.settings.table import value_at
+from flows.place_one import drop_case, sample_of
+from flows.settings import effective_options, value_at
 from tasks.mesh.stage import MeshConfig
 
 OTHER: dict[str, Any] = {
@@ -49,8 +47,8 @@ def decided(options: PlaceOptions) -> tuple[Sample, dict[str, object]]:
 def test_every_option_reaches_the_drop(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """The physics gets what was asked for."""
     heard: dict[str, object] = {}
-    monkeypatch.setattr("flows.drop_one.run_case", lambda case, out, **given: heard.update(given) or {})
-    monkeypatch.setattr("flows.drop_one.chosen_arch", lambda wanted: wanted)
+    monkeypatch.setattr("flows.place_one.run_case", lambda case, out, **given: heard.update(given) or {})
+    monkeypatch.setattr("flows.place_one.chosen_arch", lambda wanted: wanted)
     wanted = {name: OTHER[name] for name in DropOptions.model_fields if name != "out"} | {"solver": "tl"}
     drop_case(tmp_path, effective_options(DropOptions, wanted), tmp_path, quiet=True)
     assert heard == wanted | {"quiet": True, "settings": {}}

@@ -9,7 +9,7 @@ from dcap.scene.types.sample import GivenPlace, KnownHeight
 from flows.cli.app import main
 from flows.options import PlaceOptions
 from flows.scene_hints import given_labels, height_of, place_of
-from flows.settings.effective import effective_options
+from flows.settings import effective_options
 
 
 def test_points_boxes_and_heights_are_numbers() -> None:

@@ -9,8 +9,8 @@ import dented_bed
 import numpy as np
 import pytest
 
+from dcap.evaluation.metrics.right_place import TOLERANCE_M
 from dcap.evaluation.outcome_table import AS_POSED, AT_REST, ExpectedOutcome, SampleOutcome
-from dcap.evaluation.region import TOLERANCE_M
 from dcap.scene.errors import InputError
 from dcap.scene.json_tree import JsonObject
 from dcap.scene.types.sample import Sample

@@ -14,11 +14,11 @@ from dcap.scene.types.sample import Sample
 from dcap.scene.types.scan import Scan
 from dcap.scene.writers.gaussians import write_compressed_splats, write_splats
 from flows.export_one import write_settled_splats
+from flows.output import SETTLED_SPLATS, splat_artifact, splats_of
 from flows.place import PlaceConfig
 from flows.placement_json import Values
 from flows.run_files import FinishedPlacement
 from flows.sample_run import FinishedSample
-from flows.scene_splats import SETTLED_SPLATS, splat_artifact, splats_of
 
 
 @pytest.fixture(autouse=True)

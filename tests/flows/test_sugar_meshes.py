@@ -13,13 +13,13 @@ from dcap.scene.types.sample import Sample, SourceOptions
 from dcap.scene.writers.gaussians import write_compressed_splats
 from dcap.scene.writers.interiorgs import MESH_NAME, write_interiorgs
 from dcap.synthetic.rooms import build_room
-from flows.sugar_meshes import GIVEN, OWN, SUGAR, mesh_source, with_sugar
+from flows.prepare_sugar import GIVEN, OWN, SUGAR, mesh_source, with_sugar
 
 
 @pytest.fixture(autouse=True)
 def few_views(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Three small pictures; a data folder of this test."""
-    monkeypatch.setattr("flows.sugar_meshes.VIEWS", PathConfig(views=3, width=64, height=48))
+    monkeypatch.setattr("flows.prepare_sugar.VIEWS", PathConfig(views=3, width=64, height=48))
     monkeypatch.setenv("DCAP_DATA", str(tmp_path / "data"))
 
 

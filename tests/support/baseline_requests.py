@@ -4,7 +4,7 @@ from box_rooms import ROOM, mug, thing
 
 from dcap.evaluation.baselines.asset import canonical_asset
 from dcap.evaluation.baselines.floor_plan import floor_plan_of
-from dcap.evaluation.baselines.layoutgpt.placement import layout_request
+from dcap.evaluation.baselines.layoutgpt import layout_request
 from dcap.language.protocol.questions import LayoutRequest, RelationsRequest, names_of
 from dcap.language.protocol.requests import IntentRequest, vector
 from tasks.requests.views import instance_views, object_view, room_center

@@ -15,8 +15,7 @@ from flows.place import PlaceConfig
 from flows.placement_json import Values, certificate_of
 from flows.view.model import placement_view
 from flows.view.nodes import PlacementNodes
-from flows.view.panel import PanelText, PlacementPanel
-from flows.view.signals import signal_series
+from flows.view.panel import PanelText, PlacementPanel, signal_series
 from solver.motion import BodyPath, DropFrames
 
 FRAMES = 4

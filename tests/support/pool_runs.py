@@ -15,7 +15,7 @@ import pytest
 from dcap.packages import module_command
 from dcap.scene.settings import data_root
 from flows.cli.app import main
-from flows.sample_records import RECORDS
+from flows.output import RECORDS
 
 PATIENCE = 300.0
 """For machines that are busy [s]."""

@@ -8,7 +8,7 @@ from many_methods_run import METHODS
 
 from dcap.evaluation.outcome_table import SampleOutcome, row_of
 from dcap.evaluation.report import write_report
-from dcap.evaluation.run_summary import summary_of
+from dcap.evaluation.run_folder import summary_of
 from dcap.scene.types.sample import Sample
 
 

@@ -10,10 +10,9 @@ from many_methods_run import many_methods_run
 
 from dcap.evaluation.study.attention import LIFTED, MODEL, SETTLED, check_folder
 from dcap.evaluation.study.design import method_pairs, per_pair
-from dcap.evaluation.study.journal import VoteJournal
 from dcap.evaluation.study.placements import read_study_run
 from dcap.evaluation.study.session import StudySession
-from dcap.evaluation.study.study_folder import STUDY_FOLDER, StudyDesign, tokens_for, write_design
+from dcap.evaluation.study.study_folder import STUDY_FOLDER, StudyDesign, VoteJournal, tokens_for, write_design
 from dcap.scene.types.pictures import PLACED
 from flows.judge_run import read_rows
 from flows.own_requests import LOOPBACK, OwnRequests

@@ -3,23 +3,58 @@
 In: placements with their pictures and metrics, and a client. Out: rows of scores and comparisons, in an order that
 depends on the placements alone, so that recorded replies give the same tables to the last byte. Pairs are formed
 within a sample only; every question stands for itself, and a batch may hold them all.
+
+The folder `judging/` of a run: scores, comparisons, and their judge.
+
+`scores.parquet` has a row for each placement, `comparisons.parquet` one for each axis of each comparison, `judge.json`
+the judge and how far it can be trusted. The same judgement gives the same bytes, except for its cost.
+
+Pictures for a judge, read from a run's folder on demand.
+
+In: `clean.png` (the scene before), `asset.png` (the object alone) and the views of a placement, PNG. Out: names and
+makers of pictures for a question.
+
+Decides which placements are judged, and how the others count: the same rule for every method and judge.
+
+A sample that should be infeasible is left out: there is nothing to place well. Of the others a placement is judged if
+it has a final state, by whichever method; a method that finds no place, or fails, gets the lowest score on both axes
+without a question, so that refusing hard samples does not pay. If no intended outcome is stated, a method that finds no
+place may be right: the sample is left out for it. Comparisons need a final state of both.
 """
 
+import json
 import re
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields, replace
+from enum import StrEnum
 from itertools import combinations, pairwise
+from pathlib import Path
 
-from dcap.evaluation.judging.examples import CAPTIONS, example_pictures
-from dcap.evaluation.judging.judged_pictures import BEFORE_TITLES
-from dcap.evaluation.judging.questions import JUDGE_PAIR, JUDGE_SCORE, PairRequest, ScoreRequest
-from dcap.evaluation.judging.rubric import RUBRIC, Metrics
-from dcap.evaluation.statistics.comparisons import Comparison, JudgedAxis
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from dcap.evaluation.judging.questions import (
+    CAPTIONS,
+    JUDGE_PAIR,
+    JUDGE_SCORE,
+    PairRequest,
+    ScoreRequest,
+    example_pictures,
+)
+from dcap.evaluation.judging.rubric import RUBRIC, WORST, Metrics
+from dcap.evaluation.outcome_table import AS_POSED, AT_REST, SampleOutcome
+from dcap.evaluation.statistics.agreement import SideReport, side_report
+from dcap.evaluation.statistics.comparisons import Comparison, JudgedAxis, on_axis, write_comparisons
 from dcap.language.connect import Client
+from dcap.language.model.ledger import Spending
 from dcap.language.protocol.client import ClientName, LanguageConfig
 from dcap.language.protocol.requests import Picture
-from dcap.scene.errors import InputError
+from dcap.scene.errors import FormatError, InputError
+from dcap.scene.json_tree import object_to_json, whole_file, write_whole
+from dcap.scene.readers.files import read_image
 
+BEFORE_TITLES = ("the scene before the object is placed", "the object alone")
+"""Captions for a judge of the pictures that all methods of a sample share."""
 MODELS = {
     "alibaba": "qwen qwq qvq", "allen": "olmo molmo", "amazon": "nova", "anthropic": "claude", "cohere": "command aya",
     "deepseek": "deepseek", "google": "gemini gemma paligemma", "ibm": "granite", "meta": "llama", "microsoft": "phi",
@@ -33,6 +68,25 @@ FAMILIES = {name: maker for maker, names in MODELS.items() for name in names.spl
 LEADING = re.compile(r"(?:[a-z]+\.)*([a-z]{2,})")
 """The word before the first digit, dash or colon, without dotted prefixes: `us.maker.word-7b`. A single letter is a
 version: `v2`."""
+JUDGING, SCORES, COMPARISONS, JUDGE = "judging", "scores.parquet", "comparisons.parquet", "judge.json"
+SCORE_COLUMNS = pa.schema([
+    ("sample", pa.string()), ("method", pa.string()), ("right_place", pa.float64()),
+    ("physics_naturalness", pa.float64()), ("judge", pa.string()), ("analysis", pa.string()),
+])  # fmt: skip
+
+
+def pictures_in(folder: Path, names: Sequence[str]) -> tuple[Picture, ...]:
+    """`NAME.png` of a folder of views for each name; InputError for a missing one."""
+    if not names:
+        raise InputError(f"{folder}: no view is named; a judge needs at least one")
+    return tuple(picture_at(folder / f"{name}.png", name) for name in names)
+
+
+def picture_at(path: Path, name: str) -> Picture:
+    """A picture that is read on demand; InputError at once if there is none."""
+    if not path.is_file():
+        raise InputError(f"{path}: no such picture; a judge needs the run's views")
+    return Picture(name, lambda: read_image(path.read_bytes(), str(path)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,3 +208,122 @@ def captioned(which: str, views: tuple[Picture, ...]) -> tuple[Picture, ...]:
 def titled(before: tuple[Picture, ...]) -> tuple[Picture, ...]:
     """The clean scene and the asset with their captions."""
     return tuple(Picture(name, one.make) for name, one in zip(BEFORE_TITLES, before, strict=False))
+
+
+@dataclass(frozen=True, slots=True)
+class JudgeRecord:
+    """Judge of a run: the first keys of judge.json."""
+
+    judge: str
+    """Its name in tables."""
+    client: str
+    """offline, anthropic, openai or replay."""
+    same_family: bool
+    """Whether the judge and the model that chose the placements have the same maker, which the judge may favour."""
+    chooser: str
+    """Model that answered the questions of the placements; `offline rules` where none did."""
+    questions: int
+    """Number of questions: one for each scored placement, two for each pair."""
+    judged: int
+    """Placements with a final state."""
+    lowest: int
+    """Scores of 1 for samples without a placement although one was intended."""
+    left_out: int
+    """Rows of the run that are neither."""
+    states: Mapping[str, str] = field(default_factory=dict)
+    """Fingerprints of the judged final states, by method and sample: `dcap rerun` may change them afterwards."""
+
+
+def write_judging(
+    run: Path,
+    record: JudgeRecord,
+    scores: Sequence[JudgedScore],
+    comparisons: Sequence[Comparison],
+    spending: Spending | None,
+) -> Path:
+    """Write a judgement into a run; returns its folder."""
+    folder = run / JUDGING
+    folder.mkdir(exist_ok=True)
+    with whole_file(folder / SCORES) as draft:
+        pq.write_table(pa.Table.from_pylist([asdict(one) for one in scores], schema=SCORE_COLUMNS), draft)
+    write_comparisons(folder / COMPARISONS, comparisons)
+    sides = {axis.value: side_tree(side_report(on_axis(comparisons, axis))) for axis in JudgedAxis}
+    tree = {**asdict(record), "sides": sides, "language": object_to_json(spending) if spending else None}
+    text = json.dumps(tree, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+    write_whole(folder / JUDGE, text.encode())
+    return folder
+
+
+def side_tree(report: SideReport) -> dict[str, object]:
+    """A judge's habits with their shares."""
+    return {**asdict(report), "tie_rate": report.tie_rate, "left_share": report.left_share}
+
+
+def read_record(run: Path) -> JudgeRecord | None:
+    """Read the judge of a run; None without one; FormatError if judge.json is invalid."""
+    path = run / JUDGING / JUDGE
+    if not path.is_file():
+        return None
+    try:
+        tree = json.loads(path.read_text(encoding="utf-8"))
+        return JudgeRecord(**{one.name: tree[one.name] for one in fields(JudgeRecord)})
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise FormatError(f"{path}: not a judge's record ({type(error).__name__}: {error}); judge again") from None
+
+
+def read_scores(run: Path) -> list[JudgedScore]:
+    """Read the scores of a run; FormatError if they are invalid."""
+    path = run / JUDGING / SCORES
+    try:
+        rows = pq.read_table(path, columns=SCORE_COLUMNS.names).to_pylist()
+        return [JudgedScore(**row) for row in rows]
+    except (OSError, pa.ArrowInvalid, TypeError) as error:
+        raise FormatError(f"{path}: no table of scores ({type(error).__name__}); judge again") from None
+
+
+class Standing(StrEnum):
+    """How a judge treats a method's sample."""
+
+    JUDGED = "judged"
+    """There is a final state: it is scored and compared."""
+    LOWEST = "lowest"
+    """No placement although one was intended: 1 on both axes, and no comparison."""
+    LEFT_OUT = "left_out"
+    """Neither scored nor compared."""
+
+
+def standing_of(row: SampleOutcome) -> Standing:
+    """The standing of one row."""
+    if row.feasible_intended is False:
+        return Standing.LEFT_OUT
+    if row.verdict in (AT_REST, AS_POSED) and not row.error:
+        return Standing.JUDGED
+    return Standing.LOWEST if row.feasible_intended else Standing.LEFT_OUT
+
+
+def lowest_scores(rows: Sequence[SampleOutcome], judge: str) -> list[JudgedScore]:
+    """Scores of samples with the lowest standing, without a question."""
+    return [
+        JudgedScore(row.sample, row.method, WORST, WORST, judge, f"no placement: {row.reason or row.error}")
+        for row in rows
+        if standing_of(row) is Standing.LOWEST
+    ]
+
+
+def without_placement(rows: Sequence[SampleOutcome]) -> dict[str, int]:
+    """Samples of each method, in the order of the rows, on which it made no placement though one was intended."""
+    found = dict.fromkeys((row.method for row in rows), 0)
+    for row in rows:
+        found[row.method] += standing_of(row) is Standing.LOWEST
+    return found
+
+
+def with_judged_scores(rows: Sequence[SampleOutcome], scores: Sequence[JudgedScore]) -> tuple[SampleOutcome, ...]:
+    """The rows with a judge's scores; scores of earlier judges are removed."""
+    known: Mapping[tuple[str, str], JudgedScore] = {(one.method, one.sample): one for one in scores}
+    found = []
+    for row in rows:
+        one = known.get((row.method, row.sample))
+        place, physics, judge = (one.right_place, one.physics_naturalness, one.judge) if one else (None, None, "")
+        found.append(replace(row, right_place=place, physics_naturalness=physics, judge=judge))
+    return tuple(found)

@@ -26,8 +26,7 @@ from dcap.evaluation.judging.cameras import (
     sights_of,
 )
 from dcap.evaluation.judging.rubric import Metrics
-from dcap.evaluation.metrics.columns import columns
-from dcap.evaluation.metrics.touching import touching
+from dcap.evaluation.metrics.touching import columns, touching
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.rendering.picture import picture
 from dcap.geometry.rendering.view_volume import cut_faces

@@ -10,12 +10,15 @@ itself. The independent referee (`dcap/evaluation/referee`) measures rest.
 
 A metric that is null (no requested direction, no referee available) does not count; a score without any metric is null.
 docs/metrics.md gives reasons for the anchors.
+
+The metrics of a row of results for the rubric.
 """
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from dcap.evaluation.outcome_table import SampleOutcome
 from dcap.evaluation.statistics.comparisons import JudgedAxis
 from dcap.scene.errors import InputError
 
@@ -130,3 +133,10 @@ def worst_metric(metrics: Metrics, axis: JudgedAxis) -> str:
     value = metrics[name]
     said = str(value).lower() if isinstance(value, bool) else f"{value:.3g}"
     return f"{name} {said} ({scores[name]:.1f})"
+
+
+def row_metrics(row: SampleOutcome) -> Metrics:
+    """Metrics by the rubric's names. Whether the centre of mass is over its support is only a prediction: if the
+    referee continued the simulation, its outcome counts instead."""
+    found = {name: getattr(row, name) for axis in SCALES.values() for name in axis}
+    return found if row.referee_drift_deg is None else found | {"com_supported": None}

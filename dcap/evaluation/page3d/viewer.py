@@ -3,6 +3,11 @@
 In: scene.glb of each placement. Out: the page, three.js once, and for each placement a script with its surface. A page
 that is opened from disk may load scripts but not fetch files, so each surface is a script that hands over bytes: the
 cut-out around the object as GLB, compressed, in base 64. A script is loaded when its sample is looked at.
+
+three.js for our pages, from the installed trimesh: nothing is downloaded, and we keep no copy.
+
+trimesh carries a page with all of three.js and the reader of GLB in it, for notebooks; its last statement starts that
+page's own viewer. Without that statement it is a library. three.js is under the MIT licence.
 """
 
 import base64
@@ -11,15 +16,21 @@ import json
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
-from dcap.evaluation.page3d.three import ORBIT, three_script
-from dcap.evaluation.study.placed_surface import read_placed_surface
+from trimesh import resources, util
+
+from dcap.evaluation.study.attention import read_placed_surface
 from dcap.evaluation.table_files import write_if_other
 from dcap.scene.errors import DcapError
 from dcap.scene.json_tree import digest_of_file
 from dcap.scene.writers.placed_scene import copy_earlier, note_files
 
+ARCHIVED_PAGE, ARCHIVE, START = "viewer.html.template", "templates/viewer.zip", "init();"
+ORBIT = Path(__file__).with_name("orbit.js")
+"""Our script that shows models with it."""
+NEEDED = ("THREE.GLTFLoader=", "WebGLRenderer")
 PAGE, FOLDER = "view3d.html", "view3d"
 SCENE = "scene.glb"
 MOST_FACES = 40_000
@@ -31,6 +42,20 @@ FORMAT = 1
 AT_A_TIME = 2
 """Most placements that are read at once: each takes the memory of its whole scene."""
 HERE = Path(__file__).parent
+
+
+@cache
+def three_script() -> str:
+    """The library as one script; empty if the installed trimesh has no usable one: then only pictures are shown."""
+    try:
+        archive = util.decompress(resources.get_bytes(ARCHIVE), file_type="zip")
+        page = archive[ARCHIVED_PAGE].read().decode("utf-8")  # type: ignore[union-attr]
+    except (OSError, KeyError, ValueError, AttributeError):
+        return ""
+    script, _, _ = page.partition("<script>")[2].rpartition("</script>")
+    if not script.rstrip().endswith(START) or not all(word in script for word in NEEDED):
+        return ""
+    return script.rstrip().removesuffix(START)
 
 
 @dataclass(frozen=True, slots=True)

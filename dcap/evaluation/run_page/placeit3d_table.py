@@ -15,7 +15,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from dcap.evaluation.judging.standing import Standing, standing_of
+from dcap.evaluation.judging.judge import Standing, standing_of
 from dcap.evaluation.outcome_table import SampleOutcome
 from dcap.evaluation.run_page.tables import NOTHING, ShownTable
 from dcap.evaluation.table_files import TABLES, csv_of, number, table_links, tex_escaped, write_table

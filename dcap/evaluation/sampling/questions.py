@@ -2,6 +2,10 @@
 
 Offline the templates answer. A model sees instances and objects with their sizes and writes freely; its samples must be
 true of the scene as far as labels, parts and sizes tell, or it is asked again with the reason.
+
+Compares the embedded reader's reading of sentences with their truth: support, part, region, pose and facing.
+
+It measures both. No sample is left out because the reader misses it: a benchmark cut to its reader would flatter it.
 """
 
 from collections.abc import Iterator, Sequence
@@ -10,14 +14,16 @@ from typing import Literal
 
 from pydantic import BaseModel, Field
 
-from dcap.evaluation.outcome_table import ExpectedOutcome
+from dcap.evaluation.outcome_table import ExpectedOutcome, same_region
 from dcap.evaluation.sampling.requests import PlacedAsset, asked_front
 from dcap.evaluation.sampling.supports import thing_name
 from dcap.evaluation.sampling.templates import TemplateSample, template_samples
+from dcap.language.offline.client import OfflineClient
 from dcap.language.offline.lexicon import Meaning, in_line, label_words, longest_phrase, split_words, vocabulary
-from dcap.language.protocol.questions import Question
+from dcap.language.protocol.questions import INTENT, Question
 from dcap.language.protocol.replies import Region
-from dcap.language.protocol.requests import InstanceView, Vector
+from dcap.language.protocol.requests import InstanceView, IntentRequest, Vector
+from dcap.scene.errors import LanguageError
 
 LONGEST_SENTENCE = 300
 """Longest sentence [characters]."""
@@ -27,6 +33,11 @@ TELLS_APART = frozenset({"side", "count", "colour", "viewer", "id word", "region
 """Kinds of words that alone may identify one of several similar things."""
 Top = Literal["", "up", "down", "sideways"]
 RefusalReason = Literal["", "target_not_found", "too_large_for_target"]
+POSES_OF_TOP = {
+    "up": ("upright", "seated", "standing"),
+    "down": ("upside_down",),
+    "sideways": ("on_side", "on_left_side", "on_right_side", "lying"),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,3 +237,30 @@ def draft_of(one: TemplateSample) -> SampleDraft:
 
 
 SAMPLES = Question("samples", SamplesRequest, SamplesReply, SamplesReply.check, stand_in=by_templates)
+
+
+def misread(request: IntentRequest, truth: ExpectedOutcome, faced: str = "") -> str:
+    """The reader's deviations in words; empty if it agrees. `faced` is the id of the thing that the object should face
+    according to the sentence."""
+    try:
+        reply = OfflineClient().ask(INTENT, request)
+    except LanguageError as refused:
+        return f"refused: {' '.join(str(refused).split())}"
+    if truth.reason == "target_not_found":
+        return f"found {reply.base_id}" if reply.base_id else ""
+    base = next((one for one in request.instances if one.id == reply.base_id), None)
+    if base is None:
+        return f"not found: {reply.missing}"
+    if base.label != truth.base or truth.base_id not in ("", base.id):
+        return f"base {base.label} {base.id}"
+    if reply.part and truth.part and reply.part != truth.part:
+        return f"part {reply.part}"
+    if truth.region and not same_region(" ".join(reply.regions), truth.region):
+        return f"region {' '.join(reply.regions) or 'none'}"
+    if not truth.region and (reply.regions or reply.constraints):
+        return f"region {' '.join(reply.regions)} where none is requested"
+    if truth.top and reply.pose not in POSES_OF_TOP[truth.top]:
+        return f"pose {reply.pose}"
+    if reply.facing != faced:
+        return f"facing {reply.facing or 'nothing'}"
+    return f"not understood: {', '.join(reply.not_understood)}" if reply.not_understood else ""

@@ -2,11 +2,16 @@
 
 In: carrying surfaces and objects. Out: every plausible `PlacementAsk`, and those that should be refused. An object
 plausibly fits if its footprint leaves room; only a solver decides whether it comes to rest.
+
+Random draws that depend only on words: a digest as a number, so that no draw depends on another or on their
+order.
 """
 
+import hashlib
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 from dcap.evaluation.sampling.supports import FLAT_TOPS, WALKED_ON, CarryingSurface, is_sure, naming, thing_name
 from dcap.language.offline.kinds import faced_by_opening
@@ -36,6 +41,9 @@ ON_THE_FLOOR = ("furniture", "ball", "toy", "shoe", "bag", "basket", "box", "dum
 ABSENT = ("bed", "sofa", "armchair", "bench", "stool", "desk", "dining table", "coffee table", "nightstand", "shelf",
           "bathtub", "piano", "dresser", "washing machine", "rug", "treadmill")  # fmt: skip
 """Supports for requests of things that the scene lacks."""
+ValueT = TypeVar("ValueT")
+DIGITS = 13
+"""Hexadecimal digits that a float holds exactly [-]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -279,3 +287,14 @@ def may_be_called(instance: InstanceView, name: str) -> bool:
         return True
     parents = [things()[kind].parent for kind in kinds if kind in things()]
     return any(parent == things()[name].parent and parent not in NO_KIND for parent in parents)
+
+
+def chance(*words: object) -> float:
+    """A pseudo-random number in [0, 1), the same for the same words."""
+    digest = hashlib.sha256("\n".join(map(str, words)).encode()).hexdigest()
+    return float(int(digest[:DIGITS], 16) / 16**DIGITS)
+
+
+def picked(options: Sequence[ValueT], *words: object) -> ValueT:
+    """One of several, by chance."""
+    return options[int(chance(*words) * len(options))]

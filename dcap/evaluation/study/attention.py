@@ -3,21 +3,145 @@
 A folder per check, `attention/01/settled` and `attention/01/lifted`, hold pictures and a model of either; both are
 made from the same scene.glb, so that they only differ in the object's height. The pictures have the names and sizes of
 the placement's own, so that they do not reveal a check.
+
+The surface of a placement from its scene.glb: can be cut out around the object, and the object lifted.
+
+In: scene.glb. Out: smaller GLB files for a page. World frame: metres, z up.
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from random import Random
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
 from dcap.evaluation.outcome_table import AT_REST
-from dcap.evaluation.study.placed_surface import PlacedSurface, read_placed_surface
 from dcap.evaluation.study.placements import ShownPlacement, StudyRun
-from dcap.scene.errors import DcapError
+from dcap.geometry.raycast import Raycaster
+from dcap.geometry.rendering.painted import own_paint
+from dcap.geometry.rendering.surface import ShadingNormals
+from dcap.scene.errors import DcapError, FormatError
 from dcap.scene.json_tree import whole_file, write_whole
+from dcap.scene.readers.gltf.gltf import read_gltf
+from dcap.scene.types.mesh import CornerPaint, Mesh, SourceSurface
+from dcap.scene.writers.glb import GLTF_FROM_WORLD, Node, glb_bytes
+
+THING = "object"
+"""The node of the object at rest."""
+AROUND, LEAST_AROUND = 2.0, 0.9
+"""Extent of the surroundings kept around the object: over its size [-], and at least [m]."""
+MOST_FACES = 300_000
+"""Most faces of a cut-out [-]: a browser draws two of them side by side, and both files are sent at once."""
+SHRINK = 0.8
+"""Factor by which a larger cut-out shrinks in each step [-]."""
+AZIMUTHS, ELEVATION_DEG = 12, 28.0
+"""Number of directions that are tried around the object, and their elevation [degrees]."""
+RAYS = 300
+"""Number of rays to points of the object from each direction [-]."""
+BACK = 2.6
+"""Viewing distance over its diagonal [-]."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class PlacedSurface:
+    """Final scene and object with their textures."""
+
+    mesh: Mesh
+    paint: CornerPaint | None
+    is_thing: NDArray[np.bool_]
+    """Whether each face is the object's, shape (m,)."""
+    ids: tuple[str, ...]
+    """Ids of the things of the scene."""
+    face_id: NDArray[np.int32]
+    """Index into `ids` per face, -1 for the object's, shape (m,)."""
+
+    @property
+    def thing_bounds(self) -> NDArray[np.float64]:
+        """Bounds of the object [m], shape (2, 3)."""
+        return self.mesh.submesh(np.flatnonzero(self.is_thing)).bounds
+
+    def of(self, faces: NDArray[np.integer]) -> Self:
+        """The surface of some faces."""
+        paint = None if self.paint is None else self.paint.of(faces)
+        return replace(
+            self, mesh=self.mesh.submesh(faces), paint=paint, is_thing=self.is_thing[faces], face_id=self.face_id[faces]
+        )
+
+    def around_thing(self, most_faces: int = MOST_FACES) -> Self:
+        """The object and its surroundings, smaller for more faces."""
+        low, high = self.thing_bounds
+        reach = max(AROUND * float(np.linalg.norm(high - low)), LEAST_AROUND)
+        triangles = self.mesh.triangles
+        least, most = triangles.min(axis=1), triangles.max(axis=1)
+        while True:
+            near = ((most >= low - reach) & (least <= high + reach)).all(axis=1) | self.is_thing
+            if np.count_nonzero(near) <= most_faces or reach < 0.05:
+                return self.of(np.flatnonzero(near))
+            reach *= SHRINK
+
+    def lifted(self, height: float) -> Self:
+        """The surface with only the object raised [m]."""
+        shift = np.zeros_like(self.mesh.vertices)
+        shift[np.unique(self.mesh.faces[self.is_thing])] = (0.0, 0.0, height)
+        return replace(self, mesh=replace(self.mesh, vertices=self.mesh.vertices + shift))
+
+    def glb(self, toward: NDArray[np.float64]) -> bytes:
+        """The surface as a GLB file for the page; `toward` (3,) is the direction to look from, kept in the object's
+        extras."""
+        normals = ShadingNormals(self.mesh).of_corners(np.arange(len(self.mesh.faces)))
+        nodes = []
+        for name, own in (("scene", ~self.is_thing), (THING, self.is_thing)):
+            faces = np.flatnonzero(own)
+            paint = None if self.paint is None else self.paint.of(faces)
+            extras = {"toward": [round(float(x), 6) for x in toward]} if name == THING else {}
+            nodes.append(Node(name, self.mesh.submesh(faces), paint=paint, normals=normals[faces], extras=extras))
+        return glb_bytes(nodes)
+
+    def best_direction(self) -> NDArray[np.float64]:
+        """The unit direction from the object from which most of it is visible, shape (3,)."""
+        low, high = self.thing_bounds
+        size, middle = float(np.linalg.norm(high - low)), (low + high) / 2
+        thing = np.flatnonzero(self.is_thing)
+        points = self.mesh.corners(thing[np.linspace(0, len(thing) - 1, RAYS).astype(int)]).mean(axis=1)
+        caster = Raycaster(self.mesh)
+        shares = []
+        for direction in directions():
+            way = middle + BACK * size * direction - points
+            length = np.linalg.norm(way, axis=1)
+            unit = way / length[:, None]
+            start = points + 1e-3 * size * unit
+            shares.append(1.0 - caster.occluded(start, unit, length).mean())
+        return np.asarray(directions()[int(np.argmax(shares))])
+
+
+def directions() -> NDArray[np.float64]:
+    """Unit directions around the vertical axis, from a little above, shape (n, 3)."""
+    azimuth = 2 * np.pi * np.arange(AZIMUTHS) / AZIMUTHS
+    flat, height = np.cos(np.radians(ELEVATION_DEG)), np.sin(np.radians(ELEVATION_DEG))
+    return np.stack([flat * np.sin(azimuth), -flat * np.cos(azimuth), np.full(AZIMUTHS, height)], axis=1)
+
+
+def read_placed_surface(path: Path) -> PlacedSurface:
+    """The surface in scene.glb; FormatError where it has no node `object`."""
+    raw = read_gltf(path)
+    own = np.array([name == THING or name.startswith(f"{THING}/") for name in raw.node_names] + [False])
+    is_thing = own[raw.face_node]
+    if not is_thing.any():
+        raise FormatError(f"{path}: no node {THING!r} with faces")
+    colors = np.full(raw.vertices.shape, 255, np.uint8) if raw.colors is None else raw.colors
+    mesh = Mesh(np.ascontiguousarray(raw.vertices), raw.faces.astype(np.int32), colors)
+    world = mesh.transformed(np.linalg.inv(GLTF_FROM_WORLD))
+    textured = raw.paint is not None and len(raw.paint.textures) > 0
+    paint = own_paint(SourceSurface(mesh, raw.paint)) if textured and raw.paint is not None else None
+    owners = [None if name == THING else name.split("/")[0] for name in raw.node_names]
+    ids = tuple(dict.fromkeys(one for one in owners if one is not None))
+    number_of = np.array([*(-1 if one is None else ids.index(one) for one in owners), -1], dtype=np.int32)
+    return PlacedSurface(world, paint, is_thing, ids, np.where(is_thing, -1, number_of[raw.face_node]))
+
 
 ATTENTION, SETTLED, LIFTED, MODEL = "attention", "settled", "lifted", "model.glb"
 MOST_CHECKS = 3

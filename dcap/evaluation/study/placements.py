@@ -1,7 +1,7 @@
 """Comparable placements of a run: its methods, its samples, and the pictures of each placement.
 
 In: the folder of a run and its rows. Out: for each (method, sample) the folder of the placement and its pictures, or
-why it is not shown. People see the same placements as judges (dcap/evaluation/judging/standing.py). Nothing outside of
+why it is not shown. People see the same placements as judges (dcap/evaluation/judging/judge.py). Nothing outside of
 the run's folder is ever named.
 """
 
@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from dcap.evaluation.judging.standing import Standing, standing_of
+from dcap.evaluation.judging.judge import Standing, standing_of
 from dcap.evaluation.methods import DCAP, split_id
 from dcap.evaluation.outcome_table import SampleOutcome
 from dcap.evaluation.run_folder import placement_folder

@@ -11,12 +11,10 @@ from threading import Lock
 
 from dcap.evaluation.run_folder import folder_name
 from dcap.evaluation.statistics.comparisons import JudgedAxis
-from dcap.evaluation.study.attention import LIFTED, MODEL, SETTLED, check_folder
+from dcap.evaluation.study.attention import LIFTED, MODEL, SETTLED, check_folder, read_placed_surface
 from dcap.evaluation.study.design import Side, StudyItem
-from dcap.evaluation.study.journal import StudyVote, VoteJournal
-from dcap.evaluation.study.placed_surface import read_placed_surface
 from dcap.evaluation.study.placements import StudyRun, views_of
-from dcap.evaluation.study.study_folder import StudyDesign, write_lasting
+from dcap.evaluation.study.study_folder import StudyDesign, StudyVote, VoteJournal, write_lasting
 
 MODELS = "models"
 """Folder of the scenes cut out for the page, made on first use."""

@@ -10,7 +10,7 @@ from many_methods_run import METHODS, SAMPLES, change_row, many_methods_run
 
 from dcap.evaluation.labels_page import Row, labels_page
 from dcap.evaluation.report import write_report
-from dcap.evaluation.run_summary import summary_of
+from dcap.evaluation.run_folder import summary_of
 from dcap.scene.json_tree import object_to_json
 from dcap.scene.writers.labels import FoundThing
 from flows.judge_run import read_rows

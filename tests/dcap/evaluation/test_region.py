@@ -5,7 +5,7 @@ from box_rooms import ROOM
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dcap.evaluation.region import TOLERANCE_M, part_missed, region_missed
+from dcap.evaluation.metrics.right_place import TOLERANCE_M, part_missed, region_missed
 
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 L_SHAPE = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [1.0, 1.0], [1.0, 2.0], [0.0, 2.0]])

@@ -11,7 +11,7 @@ from PIL import Image
 
 from dcap.evaluation.outcome_table import ExpectedOutcome, SampleOutcome, read_truth, row_of
 from dcap.evaluation.report import write_report
-from dcap.evaluation.run_summary import summary_of
+from dcap.evaluation.run_folder import summary_of
 from dcap.language.model.ledger import Spending
 from dcap.scene.errors import InputError
 from dcap.scene.json_tree import object_to_json

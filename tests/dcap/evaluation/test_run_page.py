@@ -16,13 +16,10 @@ from many_methods_run import METHODS, SAMPLES, many_methods_run, method_folder
 from run_rows import outcomes, written
 
 from dcap.evaluation.outcome_table import AS_POSED, SampleOutcome, row_of
-from dcap.evaluation.page3d.three import three_script
-from dcap.evaluation.run_page.csv_tables import table_from_csv
-from dcap.evaluation.run_page.failures import baselines_ahead, failures_of
+from dcap.evaluation.page3d.viewer import three_script
 from dcap.evaluation.run_page.placement_files import MOST_NOTES, certificate_text, notes_of
-from dcap.evaluation.run_page.provenance import provenance_of
-from dcap.evaluation.run_page.supports import supports_figure
-from dcap.evaluation.run_page.tables import SHOWN_METRICS, metrics_table
+from dcap.evaluation.run_page.sections import baselines_ahead, failures_of, provenance_of, supports_figure
+from dcap.evaluation.run_page.tables import SHOWN_METRICS, metrics_table, table_from_csv
 from dcap.evaluation.table_files import tex_escaped
 from dcap.scene.readers.gltf.gltf import read_gltf
 from dcap.scene.types.pictures import PLACED

@@ -12,14 +12,13 @@ from dcap.evaluation.sampling.questions import (
     by_templates,
     check_sample,
     draft_of,
+    misread,
 )
-from dcap.evaluation.sampling.read_back import misread
 from dcap.evaluation.sampling.requests import PlacedAsset, absent_things, asked_front, feasible_asks
 from dcap.evaluation.sampling.splits import shares_of, split_scenes
 from dcap.evaluation.sampling.supports import carrying_surfaces
-from dcap.evaluation.sampling.templates import TemplateSample
-from dcap.evaluation.sampling.wording import sentence, with_article
-from dcap.evaluation.supports_table import supports_table
+from dcap.evaluation.sampling.templates import TemplateSample, sentence, with_article
+from dcap.evaluation.supports_plot import supports_table
 from dcap.language.protocol.requests import IntentRequest, ObjectView
 from dcap.scene.errors import InputError
 

@@ -1,7 +1,7 @@
 """A few samples of a data set are spread over scenes, objects, supports and verdicts."""
 
 from dcap.evaluation.outcome_table import ExpectedOutcome
-from dcap.evaluation.sampling.spread import spread_samples
+from dcap.evaluation.sampling.splits import spread_samples
 from dcap.scene.types.sample import Sample
 from flows.benchmark import truths_of
 from flows.samples import EMBEDDED, load_samples

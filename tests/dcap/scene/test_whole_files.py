@@ -68,7 +68,7 @@ def test_rights_are_those_of_any_new_file(tmp_path: Path) -> None:
 def test_nothing_is_written_in_place_where_runs_are_written() -> None:
     """The modules that write into the folder of a run leave that to `whole_files`, or to a draft that is moved."""
     own = (str(one.relative_to(PROJECT_ROOT)) for one in (PROJECT_ROOT / "dcap" / "evaluation").rglob("*.py"))
-    modules = ["flows/benchmark.py", "flows/run_files.py", "flows/measures_file.py",
+    modules = ["flows/benchmark.py", "flows/run_files.py", "flows/scoring.py",
                "flows/judge_run.py", "flows/server.py", *own]  # fmt: skip
     in_place = [
         f"{module}:{node.lineno}"

@@ -9,13 +9,11 @@ from dcap.scene.errors import InputError
 from dcap.scene.settings import data_root
 from flows.cli.app import main
 from flows.configure import configured
-from flows.drop_one import solver_settings
 from flows.given_settings import given_settings, settings_file
 from flows.options import AllSettings, BenchmarkOptions, DropOptions, PlaceOptions, UiOptions
 from flows.place import PlaceConfig
-from flows.settings.effective import effective_options, exported_paths
-from flows.settings.stages import stage_settings
-from flows.settings.table import settings_in_force
+from flows.place_one import solver_settings
+from flows.settings import effective_options, exported_paths, settings_in_force, stage_settings
 from tasks.cache import deciding
 
 

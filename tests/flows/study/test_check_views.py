@@ -11,7 +11,7 @@ from PIL import Image
 from placed_folder import placed_folder
 
 from dcap.evaluation.judging.cameras import SIZE, sample_cameras
-from dcap.evaluation.study.placed_surface import read_placed_surface
+from dcap.evaluation.study.attention import read_placed_surface
 from dcap.evaluation.study.placements import ShownPlacement, views_of
 from dcap.scene.errors import FormatError, InputError
 from dcap.scene.types.choices import Intent, OrientationRequest, RegionRequest
@@ -19,7 +19,7 @@ from dcap.scene.types.mesh import SourceSurface
 from dcap.scene.types.pictures import PLACED
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
 from flows.judge_views import CAMERAS, VIEWS
-from flows.study.check_views import check_pictures
+from flows.study.app import check_pictures
 from tasks.measure.views import judged_views, sights
 
 

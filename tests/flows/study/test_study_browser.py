@@ -18,8 +18,7 @@ from playwright.sync_api import Browser, Page, expect, sync_playwright
 from ports import free_port
 
 from dcap.evaluation.statistics.comparisons import JudgedAxis
-from dcap.evaluation.study.journal import read_votes
-from dcap.evaluation.study.study_folder import STUDY_FOLDER, StudyDesign, read_design
+from dcap.evaluation.study.study_folder import STUDY_FOLDER, StudyDesign, read_design, read_votes
 from dcap.packages import ROOT
 from flows.cli.app import main
 

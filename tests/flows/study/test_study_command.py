@@ -20,10 +20,9 @@ from dcap.evaluation.study.placements import read_study_run
 from dcap.evaluation.study.study_folder import STUDY_FOLDER, read_design, tokens_for, write_design
 from flows.cli.app import main
 from flows.judge_run import read_rows
-from flows.measures_file import MEASURES, changed_since, states_of
+from flows.scoring import MEASURES, changed_since, states_of
 from flows.study import serve
-from flows.study.report import report_study
-from flows.study.serve import StudyOptions, shown_host
+from flows.study.serve import StudyOptions, report_study, shown_host
 
 
 def complaint(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:

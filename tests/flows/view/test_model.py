@@ -15,8 +15,7 @@ from dcap.scene.types.outcome import Infeasible, Reason
 from dcap.scene.types.segmentation import Segmentation
 from flows.place import PlaceConfig
 from flows.view import looks, model
-from flows.view.heat import DEEP, LEVEL, heat_colors
-from flows.view.model import inside_near, placement_view, room_pieces, scene_view
+from flows.view.model import DEEP, LEVEL, heat_colors, inside_near, placement_view, room_pieces, scene_view
 
 BED = (0, 0)
 """The first part of the first thing."""

@@ -19,8 +19,7 @@ from flows.view import serving
 from flows.view.model import middle_of, placement_view, scene_view
 from flows.view.nodes import place_cameras
 from flows.view.panel import moment
-from flows.view.pick_panel import PickPanel
-from flows.view.picking import PickedPoint, SurfacePicker
+from flows.view.picking import PickedPoint, PickPanel, SurfacePicker
 from flows.view.texts import rotation_words, verdict
 
 

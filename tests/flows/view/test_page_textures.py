@@ -9,8 +9,8 @@ from textured import plate, quarters
 from dcap.geometry.rendering.painted import own_paint, surface_colors
 from dcap.scene.srgb import CLAMP, MIRROR, REPEAT
 from dcap.scene.types.mesh import CornerPaint, MaterialMap, PaintedMesh, SurfaceMaterial
-from flows.view import page_textures
-from flows.view.page_textures import fitted, largest_share, trimmed
+from flows.view import looks
+from flows.view.looks import fitted, largest_share, trimmed
 
 
 def painted_plate(low: float, high: float, wrap: str) -> PaintedMesh:
@@ -51,7 +51,7 @@ def test_textures_that_no_face_has_are_left_alone() -> None:
 def test_the_largest_give_way_first(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of 1, 2 and 9 with room for 7 the last keeps 4; with room for all, all."""
     assert largest_share(np.array([9.0, 1.0, 2.0]), 20.0) == float("inf")
-    monkeypatch.setattr(page_textures, "LEAST", 0)
+    monkeypatch.setattr(looks, "LEAST", 0)
     assert largest_share(np.array([9.0, 1.0, 2.0]), 7.0) == 4.0
 
 
@@ -67,7 +67,7 @@ def test_all_images_are_within_the_budget() -> None:
 
 def test_no_side_is_longer_than_the_page_takes(monkeypatch: pytest.MonkeyPatch) -> None:
     """A long image is scaled by its longer side."""
-    monkeypatch.setattr(page_textures, "LARGEST_SIDE", 32)
+    monkeypatch.setattr(looks, "LARGEST_SIDE", 32)
     paint = replace(own_paint(plate()), textures=(quarters(64)[:, :16].copy(),))
     found = fitted([paint], 1, 10**6).paints[0]
     assert isinstance(found, CornerPaint)

@@ -5,6 +5,25 @@ Everything lies in the frame of the surface that carries: origin at its middle, 
 not free: the object touches what is under it where that is within the surface's flatness, lies in the plane where it
 finds less, and is lifted, which the contact's loss counts, where something else is in the way. Ours; the source names
 no numbers.
+
+The library of binary constraints: how far a pose is from each, 0 where it holds.
+
+In: surfaces a of the object and b of an anchor as arrays over n poses, in a frame whose third axis is the normal of the
+surface that carries. Out: shape (n,), not negative. All formulas are ours; c is a surface's middle, n its unit normal,
+P its outline seen along the contact's normal:
+
+    parallel     1 - |n_a . n_b|
+    contact      |(c_a - c_b) . n_b| / h
+    no_overhang  1 - area(P_a and P_b) / area(P_a)
+    close_to     max(dist(P_a, P_b) - d, 0) / d
+    far_from     max(d - dist(P_a, P_b), 0) / d
+    in_front_of  max(-(c_a - c_b) . n_b, 0) / w + |lateral part of c_a - c_b| / w
+    facing       1 - cos of the angle between n_a and the way from c_a to b, both level
+
+A contact's angle, 1 + n_a . n_b, is no term: every candidate pose has the contact surface turned down onto the surface
+that carries, so that it is 0 by construction, and no pose could change the remainder due to unevenness. A pose's loss
+is the sum of their squares times weights. Hard conditions outside the loss: the object and the scene cut through each
+other by at most 2 mm, and the object is inside the room.
 """
 
 from collections.abc import Mapping
@@ -14,9 +33,18 @@ import numpy as np
 from scipy.ndimage import binary_closing, binary_fill_holes, distance_transform_edt, label
 
 from dcap.arrays import Array
-from dcap.evaluation.baselines.fireplace import constraints as formulas
 from dcap.geometry.placement.search import PlacementSearch
 
+LEAST_DISTANCE = 0.02
+"""Least reference for distances [m]: no sentence is more exact."""
+LEAST_WIDTH = 0.05
+"""Least reference for widths [m]."""
+LEAST_HEIGHT = 0.1
+"""Least reference for a contact's distance, usually the object's height [m]: thin sheets lie on uneven surfaces."""
+COLLISION = 0.002
+"""How deep object and scene may cut through each other [m]."""
+WEIGHTS = {"contact": 10.0, "no_overhang": 10.0, "parallel": 2.0, "facing": 1.0}
+"""Weights of the squares [-], 1 for all others. The support comes first."""
 RASTER = 160
 """Cells along the longer side of a surface [-]."""
 FINEST = 0.004
@@ -27,6 +55,70 @@ HOLE = 0.01
 """Largest hole that is filled as an artefact of growth [m^2]; larger ones are real, such as a tub within its rim."""
 BLOCKED = 10.0
 """Height that stands for an obstacle without a top [m]."""
+
+
+def parallel(a_normal: Array, b_normal: Array) -> Array:
+    """Normals (n, 3) and (3,) are parallel or antiparallel."""
+    return 1.0 - np.abs(a_normal @ b_normal)
+
+
+def contact(distance: Array, height: float) -> Array:
+    """Surfaces that look at each other touch: distance along n_b (n,) [m], the object's height [m]."""
+    return np.abs(distance) / max(height, LEAST_HEIGHT)
+
+
+def no_overhang(inside_share: Array) -> Array:
+    """All of P_a is inside P_b; (n,) is the share inside."""
+    return 1.0 - inside_share
+
+
+def close_to(distance: Array, metres: float) -> Array:
+    """P_a is no farther from P_b (distances (n,) [m]) than this [m]."""
+    return np.maximum(distance - metres, 0.0) / max(metres, LEAST_DISTANCE)
+
+
+def far_from(distance: Array, metres: float) -> Array:
+    """P_a is no nearer to P_b (distances (n,) [m]) than this [m]."""
+    return np.maximum(metres - distance, 0.0) / max(metres, LEAST_DISTANCE)
+
+
+def in_front_of(a_center: Array, b_center: Array, b_normal: Array, width: float) -> Array:
+    """Middles (n, 2) lie before a side with this middle and normal (2,) each, and are centred on it; its width [m]."""
+    offset = a_center - b_center
+    ahead = offset @ b_normal
+    lateral = np.linalg.norm(offset - ahead[:, None] * b_normal, axis=1)
+    return np.asarray((np.maximum(-ahead, 0.0) + lateral) / max(width, LEAST_WIDTH))
+
+
+def facing(a_center: Array, a_normal: Array, target: Array) -> Array:
+    """A side with middles and normals (n, 2) each looks at points (n, 2); 1 where its normal has no level part."""
+    way = target - a_center
+    length = np.linalg.norm(way, axis=1) * np.linalg.norm(a_normal, axis=1)
+    return np.asarray(1.0 - np.einsum("ij,ij->i", way, a_normal) / np.maximum(length, 1e-9))
+
+
+def distance_to_polygon(points: Array, ring: Array) -> Array:
+    """Distance of points (..., 2) from a convex polygon (k, 2), 0 inside; a polygon may be a line or a point [m]."""
+    start, edge = ring, np.roll(ring, -1, axis=0) - ring
+    square = np.maximum(np.einsum("ij,ij->i", edge, edge), 1e-18)
+    offset = points[..., None, :] - start
+    share = np.clip(np.einsum("...ij,ij->...i", offset, edge) / square, 0.0, 1.0)
+    gap = np.linalg.norm(offset - share[..., None] * edge, axis=-1).min(axis=-1)
+    turn = offset[..., 1] * edge[:, 0] - offset[..., 0] * edge[:, 1]
+    twice_area = float(np.sum(ring[:, 0] * np.roll(ring[:, 1], -1) - ring[:, 1] * np.roll(ring[:, 0], -1)))
+    within = (turn * np.sign(twice_area) > 0.0).all(axis=-1) & (abs(twice_area) > 1e-9)
+    return np.where(within, 0.0, gap)
+
+
+def nearest_on_polygon(points: Array, ring: Array) -> Array:
+    """The nearest point of a polygon's rim (k, 2) to each of points (n, 2) [m], shape (n, 2)."""
+    edge = np.roll(ring, -1, axis=0) - ring
+    square = np.maximum(np.einsum("ij,ij->i", edge, edge), 1e-18)
+    offset = points[:, None] - ring
+    share = np.clip(np.einsum("nij,ij->ni", offset, edge) / square, 0.0, 1.0)
+    foot = ring + share[..., None] * edge
+    best = np.argmin(np.linalg.norm(points[:, None] - foot, axis=2), axis=1)
+    return np.asarray(foot[np.arange(len(points)), best])
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -140,9 +232,9 @@ class PlacementProblem:
         """Loss of poses (n, 3): x, y [m], yaw [rad]."""
         xy, turn = poses[:, :2], rotations(poses[:, 2])
         touching = self.touching_heights(xy, turn)
-        overhang = formulas.no_overhang(self.area.share_inside(xy[:, None] + self.contact_points @ turn))
+        overhang = no_overhang(self.area.share_inside(xy[:, None] + self.contact_points @ turn))
         terms = [
-            ("contact", formulas.contact(self.beyond_flat(touching), self.item_height)),
+            ("contact", contact(self.beyond_flat(touching), self.item_height)),
             ("no_overhang", overhang),
         ]
         ring = xy[:, None] + self.footprint @ turn
@@ -150,7 +242,7 @@ class PlacementProblem:
         if self.upright is not None:
             own, up = self.upright
             terms.append(("parallel", 1.0 - spun(own, turn) @ up))
-        loss = sum(formulas.WEIGHTS.get(name, 1.0) * value**2 for name, value in terms)
+        loss = sum(WEIGHTS.get(name, 1.0) * value**2 for name, value in terms)
         return Evaluation(np.asarray(loss), self.resting_height(touching), overhang, tuple(terms))
 
     def touching_heights(self, xy: Array, turn: Array) -> Array:
@@ -174,19 +266,19 @@ class PlacementProblem:
     def value(self, one: ResolvedConstraint, xy: Array, turn: Array, ring: Array) -> Array:
         """A constraint's value at poses, shape (n,)."""
         if one.function in ("close_to", "far_from"):
-            distance = formulas.distance_to_polygon(ring, one.ring).min(axis=1)
-            call = formulas.close_to if one.function == "close_to" else formulas.far_from
+            distance = distance_to_polygon(ring, one.ring).min(axis=1)
+            call = close_to if one.function == "close_to" else far_from
             return np.asarray(call(distance, one.metres))
         if one.function == "no_overhang":
-            return formulas.no_overhang((formulas.distance_to_polygon(ring, one.ring) <= 0.0).mean(axis=1))
+            return no_overhang((distance_to_polygon(ring, one.ring) <= 0.0).mean(axis=1))
         if one.function == "in_front_of":
-            return formulas.in_front_of(xy, one.center[:2], level(one.normal), one.width)
+            return in_front_of(xy, one.center[:2], level(one.normal), one.width)
         center, normal = self.sides[one.side]
         if one.function == "parallel":
-            return formulas.parallel(spun(normal, turn), one.normal)
+            return parallel(spun(normal, turn), one.normal)
         middle = xy + spun(center, turn)[:, :2]
-        target = formulas.nearest_on_polygon(middle, one.ring) if one.nearest else np.tile(one.center[:2], (len(xy), 1))
-        return formulas.facing(middle, spun(normal, turn)[:, :2], target)
+        target = nearest_on_polygon(middle, one.ring) if one.nearest else np.tile(one.center[:2], (len(xy), 1))
+        return facing(middle, spun(normal, turn)[:, :2], target)
 
 
 def rotations(yaw: Array) -> Array:

@@ -7,6 +7,8 @@ wall and moves them there; scores are divided by the number of relations. If no 
 all, also for `middle`. Ours: a budget of steps instead of 30 s, so that equal inputs give equal places; a generator
 that the caller seeds breaks ties. The first of several objects is tried at 30 places, later
 ones at their best; in a furnished room the requested object is a later one.
+
+Places an asset on the floor: the room's things as placed objects, a search, the pose of the place found.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,16 +18,20 @@ import numpy as np
 import shapely
 from shapely import affinity
 
-from dcap.evaluation.baselines.holodeck.constraints import Relation, RelationKind
+from dcap.arrays import Array
+from dcap.evaluation.baselines.asset import CanonicalAsset
 from dcap.evaluation.baselines.holodeck.scores import (
     BONUS,
     TURNS,
     WAYS,
     WEIGHTS,
     GridPlace,
+    Relation,
+    RelationKind,
     distance_scores,
     satisfying,
 )
+from dcap.scene.types.floor_plan import FloorPlan, PlanBox
 
 DENSITY = 20
 """Grid steps along the room's longer side [-]."""
@@ -36,6 +42,9 @@ FRONT_ROOM = 30.0
 INTO_WALL = 4.5
 """Distance that a place at the wall moves beyond its back's distance [cm]: almost half of the added extent."""
 EDGE = "edge"
+CENTIMETRES = 100.0
+WALKED_ON = 0.05
+"""Largest height of a thing that is no obstacle [m]: rugs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,3 +212,55 @@ def behind(place: GridPlace, width: float) -> tuple[float, float]:
 def wall_distance(room: FloorRoom, point: tuple[float, float]) -> float:
     """How far a point is from the outline [cm]."""
     return float(room.outline.boundary.distance(shapely.Point(point)))
+
+
+def floor_place(
+    plan: FloorPlan,
+    names: dict[str, str],
+    asset: CanonicalAsset,
+    object_name: str,
+    relations: Sequence[Relation],
+    rng: np.random.Generator,
+    *,
+    roots: int,
+    steps: int,
+) -> GridPlace | None:
+    """The best place, None without one.
+
+    Args:
+        plan: the room.
+        names: names of its things by instance id.
+        asset: the asset to place.
+        object_name: its name.
+        relations: the relations that its place should meet.
+        rng: breaks ties.
+        roots, steps: see `search`.
+    """
+    room = FloorRoom.of(shapely.Polygon(CENTIMETRES * plan.outline))
+    high = plan.floor + float(asset.size[2])
+    placed = {
+        names[box.thing].lower(): as_place(box, solid=stands_in(box, plan.floor, high))
+        for box in plan.things
+        if box.thing in names
+    }
+    length, width = (CENTIMETRES * float(asset.size[axis]) + BUFFER for axis in (0, 1))
+    thing = FloorObject(object_name, length, width, tuple(relations))
+    return search(room, [thing], placed, rng, roots=roots, steps=steps).get(object_name)
+
+
+def stands_in(box: PlanBox, floor: float, high: float) -> bool:
+    """Whether a thing occupies space between the floor and a height [m]."""
+    return box.bottom < high and box.top > floor + WALKED_ON
+
+
+def as_place(box: PlanBox, *, solid: bool) -> GridPlace:
+    """A thing of the room in the search's form: its rectangle, and the quarter turn nearest to its front."""
+    turn = max(WAYS, key=lambda one: float(box.front @ WAYS[one]))
+    x, y = (float(value) for value in CENTIMETRES * box.center[:2])
+    return GridPlace((x, y), turn, shapely.Polygon(CENTIMETRES * box.ring), solid=solid)
+
+
+def floor_pose(place: GridPlace, plan: FloorPlan, asset: CanonicalAsset) -> Array:
+    """World from object of a place: on the floor, its front along the place's direction, shape (4, 4)."""
+    center = np.array([*(np.array(place.center) / CENTIMETRES), plan.floor + 0.5 * float(asset.size[2])])
+    return asset.pose(center, float(np.radians(180 - place.turn)))

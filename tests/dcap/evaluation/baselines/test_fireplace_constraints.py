@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dcap.evaluation.baselines.fireplace import constraints as formulas
+from dcap.evaluation.baselines.fireplace import problem as formulas
 
 SQUARE = np.array([(0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (0.0, 1.0)])
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dcap.evaluation.baselines.fireplace.selection import BATCH, batched_selection, farthest_points
+from dcap.evaluation.baselines.fireplace.solve import BATCH, batched_selection, farthest_points
 
 
 @given(count=st.integers(1, 60), best=st.integers(0, 59), seed=st.integers(0, 5))

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from box_rooms import HALL, ROOM, Things, block, segmentation, toy
 
-from dcap.evaluation.baselines.asset import canonical_asset
+from dcap.evaluation.baselines.asset import canonical_asset, proposed_anchor
 from dcap.evaluation.baselines.floor_plan import floor_plan_of
-from dcap.evaluation.baselines.proposal import proposed_anchor
 from dcap.geometry.placement.poses import about_z, front_of
 from dcap.scene.types.floor_plan import PlanBox
 

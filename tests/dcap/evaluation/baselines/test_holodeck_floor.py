@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 import shapely
 
-from dcap.evaluation.baselines.holodeck.constraints import Relation, RelationKind, edit_distance, parsed_relations
 from dcap.evaluation.baselines.holodeck.floor_search import (
     FloorObject,
     FloorRoom,
@@ -15,12 +14,16 @@ from dcap.evaluation.baselines.holodeck.floor_search import (
 )
 from dcap.evaluation.baselines.holodeck.scores import (
     GridPlace,
+    Relation,
+    RelationKind,
     aligned,
     distance_scores,
+    edit_distance,
     faces,
     far_curve,
     is_on_side,
     near_curve,
+    parsed_relations,
     satisfying,
 )
 

@@ -9,16 +9,19 @@ from hypothesis import strategies as st
 
 from dcap.evaluation.baselines.asset import canonical_asset
 from dcap.evaluation.baselines.floor_plan import floor_plan_of
-from dcap.evaluation.baselines.layoutgpt.exemplars import (
+from dcap.evaluation.baselines.layoutgpt import (
+    category_of,
     difference,
     exemplar_of,
     floor_mask,
+    grid_of,
     most_similar,
+    new_line,
+    others_of,
+    proposed_pose,
     token_count,
     within_limit,
 )
-from dcap.evaluation.baselines.layoutgpt.pixels import category_of, grid_of
-from dcap.evaluation.baselines.layoutgpt.placement import new_line, others_of, proposed_pose
 from dcap.language.offline.client import OfflineClient
 from dcap.language.protocol.questions import LAYOUTGPT, CssBox, parsed_layout, parsed_line
 from dcap.scene.types.floor_plan import FloorPlan, FloorPlans, PlanBox

@@ -11,22 +11,21 @@ from fake_api import FakeApi, data_of, message, question_of, reason_of, says
 from judged import GOOD, REPLY, SCORES, flat, placement, three_methods
 from PIL import Image
 
-from dcap.evaluation.judging.examples import EXAMPLES
 from dcap.evaluation.judging.judge import (
     comparisons,
     judge_name,
     model_family,
     pair_request,
+    pictures_in,
     same_family,
     score_request,
     scores,
 )
-from dcap.evaluation.judging.judged_pictures import pictures_in
-from dcap.evaluation.judging.questions import JUDGE_PAIR, JUDGE_SCORE
+from dcap.evaluation.judging.questions import EXAMPLES, JUDGE_PAIR, JUDGE_SCORE
 from dcap.evaluation.judging.rubric import RUBRIC
+from dcap.evaluation.statistics.agreement import side_report
 from dcap.evaluation.statistics.comparisons import JudgedAxis, Winner, pair_counts, write_comparisons
-from dcap.evaluation.statistics.sides import side_report
-from dcap.evaluation.statistics.win_rates import win_rates
+from dcap.evaluation.statistics.method_tables import win_rates
 from dcap.language.connect import connect
 from dcap.language.model import batch
 from dcap.language.model.batch import batch_queue

@@ -5,7 +5,7 @@ import pytest
 from judged import placement
 
 from dcap.evaluation.judging.cameras import SIZE, camera_of
-from dcap.evaluation.judging.known_answers import KnownAnswer, known_answers
+from dcap.evaluation.judging.known_answers import KnownAnswer, judge_accuracy, known_answers
 from dcap.evaluation.judging.known_room import (
     BED,
     FLOOR,
@@ -16,13 +16,12 @@ from dcap.evaluation.judging.known_room import (
 )
 from dcap.evaluation.judging.questions import PairReply
 from dcap.evaluation.judging.rubric import RUBRIC, SCALES
-from dcap.evaluation.judging.validation import judge_accuracy
 from dcap.evaluation.statistics.comparisons import JudgedAxis
 from dcap.language.offline.client import OfflineClient
 from dcap.scene.errors import InputError
 from dcap.scene.types.pictures import PLACED
 from dcap.synthetic.rooms import build_room
-from flows.judge_known import ROOMS
+from flows.judge_run import ROOMS
 
 AXIS = JudgedAxis.PHYSICS_NATURALNESS
 

@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from dcap.evaluation.referee.onward import STEP
-from dcap.evaluation.referee.overlap import overlap_depth
-from dcap.evaluation.referee.rest import RestVerdict, Surroundings, judge_rest
+from dcap.evaluation.referee.rest import STEP, RestVerdict, Surroundings, judge_rest, overlap_depth
 from dcap.scene.errors import GeometryError, InputError
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.particles import GRAVITY

@@ -17,6 +17,7 @@ from dcap.evaluation.statistics.agreement import (
     krippendorff_alpha,
     percent_agreement,
     ratings_of,
+    side_report,
 )
 from dcap.evaluation.statistics.comparisons import (
     Comparison,
@@ -27,9 +28,8 @@ from dcap.evaluation.statistics.comparisons import (
     read_comparisons,
     write_comparisons,
 )
+from dcap.evaluation.statistics.method_tables import wilson_interval, win_rate_significance, win_rates
 from dcap.evaluation.statistics.score_summary import DAGGER
-from dcap.evaluation.statistics.sides import side_report
-from dcap.evaluation.statistics.win_rates import wilson_interval, win_rate_significance, win_rates
 from dcap.scene.errors import FormatError, InputError
 
 OBSERVERS = ("123321412...", "1233224125.3", ".3332342251.", "12332441251.")

@@ -7,9 +7,16 @@ from scipy.optimize import minimize
 from simulated_judge import row, simulated, table
 
 from dcap.evaluation.statistics.comparisons import Comparison, PairCounts, Winner, pair_counts
-from dcap.evaluation.statistics.pairwise_fit import RIDGE, fit_strengths
-from dcap.evaluation.statistics.ratings import POINTS, bradley_terry, elo_ratings, fits, rating_difference_p
-from dcap.evaluation.statistics.win_rates import win_rates
+from dcap.evaluation.statistics.method_tables import win_rates
+from dcap.evaluation.statistics.ratings import (
+    POINTS,
+    RIDGE,
+    bradley_terry,
+    elo_ratings,
+    fit_strengths,
+    fits,
+    rating_difference_p,
+)
 from dcap.scene.errors import InputError
 
 FEW = 50

@@ -9,8 +9,7 @@ import pytest
 
 from dcap.evaluation.statistics.comparisons import AXES
 from dcap.evaluation.study.design import Side
-from dcap.evaluation.study.journal import JOURNAL, StudyVote, VoteJournal, read_votes
-from dcap.evaluation.study.study_folder import export_votes
+from dcap.evaluation.study.study_folder import JOURNAL, StudyVote, VoteJournal, export_votes, read_votes
 from dcap.scene.errors import InputError
 
 

@@ -27,15 +27,15 @@ from dcap.evaluation.study.attention import (
     MODEL,
     SETTLED,
     candidates,
+    read_placed_surface,
     write_check,
 )
 from dcap.evaluation.study.design import method_pairs
-from dcap.evaluation.study.placed_surface import read_placed_surface
 from dcap.evaluation.study.placements import read_study_run, views_of
 from dcap.scene.errors import FormatError, InputError
 from dcap.scene.types.pictures import PLACED
 from flows.judge_run import read_rows
-from flows.study.check_views import check_pictures
+from flows.study.app import check_pictures
 
 
 @pytest.fixture

@@ -12,10 +12,8 @@ from dcap.evaluation.statistics.comparisons import AXES, JudgedAxis
 from dcap.evaluation.statistics.method_tables import PreferenceRow
 from dcap.evaluation.statistics.score_summary import DAGGER
 from dcap.evaluation.study.design import Showings, Side, rater_items
-from dcap.evaluation.study.journal import StudyVote
-from dcap.evaluation.study.raters import RaterRow
-from dcap.evaluation.study.study_folder import StudyDesign
-from dcap.evaluation.study.tables import csv_text, study_table, tex_text
+from dcap.evaluation.study.study_folder import StudyDesign, StudyVote
+from dcap.evaluation.study.tables import RaterRow, csv_text, study_table, tex_text
 
 STRENGTH = {"dcap": 2.0, "fireplace": 1.0, "layoutgpt": 0.5}
 SAMPLES = 12

@@ -33,7 +33,7 @@ from dcap.language.protocol.client import ClientName, LanguageConfig
 from dcap.language.protocol.questions import INTENT, MATERIALS, ROTATION, Question
 from dcap.language.protocol.session import MAX_TOKENS, Session
 from dcap.scene.errors import BudgetError, InputError, LanguageError
-from flows.language_options import LanguageOptions
+from flows.configure import LanguageOptions
 
 NAME = "claude-sonnet-5-5"
 MODEL = LanguageConfig(client=ClientName.ANTHROPIC, model=NAME)

@@ -22,7 +22,7 @@ from dcap.language.protocol.client import LanguageConfig
 from dcap.language.protocol.questions import INTENT, ROTATION
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import InputError, LanguageError, RefusedError
-from flows.language_options import LanguageOptions
+from flows.configure import LanguageOptions
 
 NAME = "local/some-vlm"
 HERE = pytest.mark.skipif(importlib.util.find_spec("openai") is None, reason="the extra `openai` is not installed")

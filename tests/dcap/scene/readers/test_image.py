@@ -17,7 +17,7 @@ from dcap.scene.readers.files import MAX_TOGETHER, PixelBudget, read_gray, read_
 from dcap.scene.readers.frame import Role
 from dcap.scene.readers.source import read_scan
 from dcap.scene.types.sample import SourceOptions
-from flows.map_output import read_photo
+from flows.extra_output import read_photo
 
 
 def png_of_nothing(side: int) -> bytes:

@@ -1,1 +1,0 @@
-"""Settings in force: options of commands, settings of stages, and where each value came from."""
