@@ -8,7 +8,7 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dcap.geometry.distance import BAND, COARSE, MeshDistance, distance_grid, lattice, least_distances, sampler
+from dcap.geometry.distance import BAND, MeshDistance, distance_grid, lattice, sampler
 from dcap.scene.errors import GeometryError
 from dcap.scene.types.mesh import Mesh
 
@@ -150,19 +150,6 @@ def test_every_sample_in_the_band_is_exact_also_beside_thin_walls() -> None:
     assert np.abs(found - exact)[band].max() < 1e-6
     assert (np.abs(found)[~band] >= BAND * spacing - 1e-6).all()
     assert ((found < 0.0) == (exact < 0.0))[np.abs(exact) > 1e-6].all()
-
-
-def test_the_bound_on_a_distance_is_never_above_it() -> None:
-    """Between coarse samples of a torus the bound is at most the distance itself, and in the mean within a fifth of a
-    coarse cell of it where no cell is crossed: bounds that say nothing would let everything be computed."""
-    spacing, blocks = 2e-3, np.array([20, 20, 12])
-    mesh = of(trimesh.creation.torus(0.05, 0.02))
-    low = mesh.bounds[0] - 0.01
-    field = MeshDistance(mesh)
-    least = least_distances(field(lattice(low, COARSE * spacing, blocks + 1)).reshape(blocks + 1), spacing)
-    exact = field.unsigned(lattice(low, spacing, COARSE * blocks + 1)).reshape(least.shape)
-    assert (least <= exact + 1e-6).all()
-    assert (exact - least)[least > 0.0].mean() < 0.2 * COARSE * spacing
 
 
 def test_impossible_grids_are_refused() -> None:

@@ -268,17 +268,3 @@ def test_the_free_spot_nearest_to_the_aim_is_found():
     assert start.spot.y > -0.05
     assert depth(surface_points(moved(ball(0.05), start), 0.01), books) < 0
     assert scene.start(block((-0.33, -0.33, 0.0), (0.33, 0.33, 0.1))) is None  # 0.41 x 0.46 m are less than half of it
-
-
-@pytest.mark.parametrize("order", [(0, 1, 2), (2, 1, 0), (1, 2, 0)])
-def test_one_blocker_among_several_points_of_a_column_blocks_it(order):
-    """Points of a thing and of the table in one column, in any order: the spot is taken, and by the thing's highest."""
-    scene = scene_of(block((-0.6, -0.45, -0.03), (0.6, 0.45, 0.0)), [rod(0.001, 0.0, 0.2, 0.5, 0.4)])
-    search = PlacementSearch(scene.mesh, Raycaster(scene.mesh), scene.support, ball(0.05))
-    x, y = search.origin + search.cell * np.rint(-search.origin / search.cell)
-    there = Region(np.array([[x, y]]) + 0.4 * search.cell * SQUARE / np.abs(SQUARE), np.array([x, y]))
-    tip, root, table = len(scene.mesh.faces) - 1, len(scene.mesh.faces) - 2, 0
-    points = np.array([[x, y, 0.2], [x + 1e-4, y, 0.1], [x, y + 1e-4, 0.0]])
-    search.add(points[list(order)], np.array([tip, root, table])[list(order)])
-    assert search.find(there, 0.5, level=False) is None
-    assert search.failure(there).blockers.tolist() == [tip]

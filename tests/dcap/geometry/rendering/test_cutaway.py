@@ -1,12 +1,8 @@
 """Walls in the way are cut, the others stay; dents are carried over to the scene's mesh."""
 
 import numpy as np
-import pytest
 
-from dcap.geometry.deform import displaced
-from dcap.geometry.pieces import boundary_edges
 from dcap.geometry.rendering.view_volume import cut_faces
-from dcap.geometry.solid.repair import subdivide_near
 from dcap.scene.types.mesh import Mesh
 
 
@@ -42,30 +38,3 @@ def test_only_the_wall_in_front_and_the_ceiling_are_cut() -> None:
         assert cut.reshape(6, -1).mean(axis=1).tolist() == [0, 1, 1, 0, 0, 0]
         only_floor = np.arange(len(mesh.faces)) < 288
         assert not cut_faces(mesh, only_floor, camera, target).any()
-
-
-def test_a_dent_is_carried_over_without_opening_the_mesh() -> None:
-    """Two large triangles follow a fine dented surface within its own sampling; faces of others do not move."""
-    flat = Mesh.of([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], [[0, 1, 2], [0, 2, 3]])
-    other = Mesh.of([[-1, -1, 1e-3], [1, -1, 1e-3], [1, 1, 1e-3]], [[0, 1, 2]])
-    fine = subdivide_near(flat, np.array([[-0.2, -0.2, -1], [0.2, 0.2, 1]]), 0.02)
-    radius = np.linalg.norm(fine.vertices[:, :2], axis=1)
-    depth = 0.01 * np.clip(1.0 - (radius / 0.1) ** 2, 0.0, None) ** 2
-    displacement = np.stack([0 * depth, 0 * depth, -depth], axis=1)
-    surface = Mesh(fine.vertices + displacement, fine.faces, fine.colors)
-    scene = Mesh.concatenate([flat, other])
-    found = displaced(scene, np.array([True, True, False]), surface, displacement)
-    mesh, origin = found.mesh, found.origin
-    mine = mesh.submesh(np.flatnonzero(origin < 2))
-    deep = np.linalg.norm(mine.vertices[:, :2], axis=1)
-    expected = -0.01 * np.clip(1.0 - (deep / 0.1) ** 2, 0.0, None) ** 2
-    # linear interpolation over a 2 cm edge: h^2 / 8 times the largest curvature, 8 * 0.01 / 0.1^2, in two directions
-    assert np.abs(mine.vertices[:, 2] - expected).max() < 2 * 0.02**2 / 8 * 8.0
-    assert mine.vertices[:, 2].min() < -0.0095
-    assert np.array_equal(mesh.submesh(np.flatnonzero(origin == 2)).vertices, other.vertices)
-    edge, _ = boundary_edges(mine)
-    side = np.abs(mine.vertices[edge][..., :2]).max(axis=2)
-    assert len(edge) > 0
-    assert side.min() == pytest.approx(1.0)  # no edge inside of the outline is open
-    plan = mine.face_normals[:, 2].sum() * 0.5
-    assert abs(plan - 4.0) < 1e-9  # seen from above the square is still covered exactly once

@@ -94,22 +94,6 @@ def test_faces_that_coincide_are_told_apart_by_their_direction():
     assert nearest_faces(turned, lower.mesh).tolist() == [0, 1]  # better the other side than none
 
 
-def test_an_untextured_source_paints_nothing():
-    mesh = plate().mesh
-    assert painted(mesh, SourceSurface.untextured()).paint is None
-    assert painted(mesh, None).paint is None
-
-
-def test_barycentric_coordinates_give_the_points_back():
-    rng = np.random.default_rng(1)
-    triangle = rng.normal(size=(20, 3, 3))
-    weights = rng.dirichlet((1, 1, 1), (20, 4))
-    points = np.einsum("mck,mki->mci", weights, triangle)
-    assert barycentric(points, triangle) == pytest.approx(weights, abs=1e-9)
-    flat = np.zeros((1, 3, 3))
-    assert not np.isfinite(barycentric(flat, flat)).any()
-
-
 def test_smaller_copies_keep_the_mean_light():
     copies = smaller_copies(quarters())
     assert [one.shape[0] for one in copies] == [64, 32, 16, 8, 4, 2, 1]

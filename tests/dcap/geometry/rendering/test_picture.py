@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dcap.geometry.camera import Camera, looking_at
+from dcap.geometry.rendering import surface
 from dcap.geometry.rendering.picture import picture, seen_meshes
 from dcap.scene.errors import GeometryError
 from dcap.scene.types.mesh import Mesh
@@ -75,12 +76,18 @@ def test_depth_and_index_of_a_plate_with_a_ball() -> None:
     assert np.array_equal(seen_meshes([plate(1.0), ball((0, 0, 0.2), 0.1)], small((0, 0, 2))), found.mesh_index)
 
 
-def test_same_input_same_bytes() -> None:
-    """No random numbers, no dependence on what was rendered before."""
-    meshes = [plate(), ball((0, 0, 0.3), 0.3)]
-    one, _, two = (picture(m, small((1.5, -2, 1.5))) for m in (meshes, [plate()], meshes))
-    assert one.rgb.tobytes() == two.rgb.tobytes()
-    assert one.depth.tobytes() == two.depth.tobytes()
+def test_same_input_same_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No random numbers, no dependence on what was rendered before, and on any number of cores: 192 x 192 pixels are
+    three bands, one core takes them in turn, three at once."""
+    meshes, camera = [plate(), ball((0, 0, 0.3), 0.3)], small((1.5, -2, 1.5), size=192)
+    assert 2 * surface.BAND < 192 * 192
+    taken = []
+    for cores in (1, 3):
+        monkeypatch.setattr(surface, "available_cores", lambda cores=cores: cores)
+        taken.append(picture(meshes, camera))
+        picture([plate()], camera)
+    assert taken[0].rgb.tobytes() == taken[1].rgb.tobytes()
+    assert taken[0].depth.tobytes() == taken[1].depth.tobytes()
 
 
 def test_a_ball_darkens_the_floor_beside_it_and_nothing_far_away() -> None:

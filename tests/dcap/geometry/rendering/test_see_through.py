@@ -7,9 +7,8 @@ import pytest
 from textured import plate, quarters
 
 from dcap.geometry.camera import Camera, looking_at
-from dcap.geometry.raycast import Raycaster
 from dcap.geometry.rendering.coverage import coverage, silhouette
-from dcap.geometry.rendering.painted import SeeThroughCaster, alpha_at, caster_of, own_paint, painted
+from dcap.geometry.rendering.painted import SeeThroughCaster, caster_of, own_paint, painted
 from dcap.geometry.rendering.picture import exposed
 from dcap.geometry.solid.repair import subdivide_near
 from dcap.scene.types.mesh import AlphaMode, Mesh, PaintedMesh, SourceSurface, SurfaceMaterial
@@ -107,10 +106,6 @@ def test_what_is_glass_all_over_is_drawn():
     assert not isinstance(caster_of([look(glass)]), SeeThroughCaster)
 
 
-def test_opaque_meshes_have_the_plain_caster():
-    assert type(caster_of([look(plate()), ground()])) is Raycaster
-
-
 def test_a_cut_mesh_is_clear_at_the_same_places():
     surface = half_clear()
     fine = subdivide_near(surface.mesh, np.array([[-9.0] * 3, [9.0] * 3]), 0.13)
@@ -119,10 +114,3 @@ def test_a_cut_mesh_is_clear_at_the_same_places():
     start = np.column_stack([rng.uniform(-0.99, 0.99, (200, 2)), np.full(200, 2.0)])
     down = np.tile([0.0, 0.0, -1.0], (200, 1))
     assert np.array_equal(whole.cast(start, down).face >= 0, cut.cast(start, down).face >= 0)
-
-
-def test_alpha_is_sampled_between_texels():
-    image = np.zeros((1, 2, 4), np.uint8)
-    image[0, 1, 3] = 255
-    uv = np.array([[0.25, 0.5], [0.5, 0.5], [0.75, 0.5]])
-    assert alpha_at(image, uv, ("clamp", "clamp")) == pytest.approx([0.0, 0.5, 1.0])

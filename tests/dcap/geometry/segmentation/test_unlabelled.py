@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from dcap.geometry.segmentation.faces import FaceTable
-from dcap.geometry.segmentation.oversegmentation import convex_pieces, grown
-from dcap.geometry.segmentation.rooms.contacts import inner_distance, patch_area, plan_area
+from dcap.geometry.segmentation.oversegmentation import convex_pieces
 from dcap.geometry.segmentation.rooms.decomposition import decompose_room
 from dcap.scene.types.mesh import Mesh
 from dcap.synthetic.shapes import columns, joined, line, moved, rounded_box, sheet, turned, union
@@ -121,22 +120,3 @@ def test_a_fused_surface_is_cut_in_its_grooves() -> None:
     assert big[0] != big[1]
     right = np.where(high, piece == big[0], piece == big[1])
     assert table.area[right].sum() > 0.97 * table.area.sum()
-
-
-def test_patches_grow_over_small_weights_only() -> None:
-    """A chain with one heavy edge falls into two patches; a patch below the least size joins its neighbour."""
-    pairs = np.stack([np.arange(9), np.arange(1, 10)], axis=1)
-    weight = np.where(np.arange(9) == 6, 1.0, 1e-3)
-    assert grown(10, pairs, weight, 0.05, 1).tolist() == [0] * 7 + [1] * 3
-    assert grown(10, pairs, weight, 0.05, 4).tolist() == [0] * 10
-
-
-def test_hulls_measure_patches_in_any_direction() -> None:
-    """A disc's area however it is turned, and the distance to its rim."""
-    angle = np.linspace(0.0, 2.0 * np.pi, 200, endpoint=False)
-    disc = np.stack([np.cos(angle), np.sin(angle), np.zeros(200)], axis=1)
-    steep = turned(Mesh.of(disc, np.zeros((0, 3))), "x", 70.0).vertices
-    assert plan_area(disc) == pytest.approx(np.pi, rel=1e-3)
-    assert patch_area(steep) == pytest.approx(np.pi, rel=1e-3)
-    assert inner_distance(disc, np.array([0.25, 0.0, 9.0])) == pytest.approx(0.75, rel=1e-3)
-    assert inner_distance(disc[:2], np.zeros(3)) < 0.0

@@ -11,8 +11,7 @@ from dcap.geometry.raycast import Raycaster
 from dcap.geometry.segmentation.labels import category_of
 from dcap.geometry.splatting.camera_path import FURNITURE, PathConfig, camera_path, entries, unhidden, worthwhile
 from dcap.geometry.splatting.discs import splats_on_mesh
-from dcap.geometry.splatting.filled_cells import CELL, STRIDE, FilledCells, filled_cells
-from dcap.geometry.splatting.viewpoints import far_apart_index
+from dcap.geometry.splatting.filled_cells import CELL, FilledCells, filled_cells
 from dcap.scene.readers.scenes.interiorgs import read_labels, read_structure
 from dcap.scene.readers.scenes.occupancy import read_occupancy
 from dcap.scene.types.boxes import OrientedBox
@@ -170,22 +169,6 @@ def test_cameras_before_a_wall_or_in_it_are_left_out() -> None:
     assert not kept(1.0, (0.0, 0.0, 1.0))
 
 
-def test_rays_end_at_the_first_filled_cell() -> None:
-    """To within a stride; before their reach or not at all; from outside too."""
-    cells = wall(3.0)
-    origins, ways = (
-        np.array([[0.5, 2.0, 1.0], [-5.0, 2.0, 1.0], [0.5, 2, 1]]),
-        np.array([[1.0, 0, 0]] * 2 + [[-1, 0, 0]]),
-    )
-    distance = cells.cast(origins, ways)
-    assert distance[:2] == pytest.approx([2.5, 8.0], abs=STRIDE * CELL + 1e-9)
-    assert distance[2] == np.inf
-    assert (cells.cast(origins[:2], ways[:2], np.array([2.4, 8.1])) == np.inf).tolist() == [True, False]
-    assert cells.clearance(np.array([[0.5, 2.0, 1.0]])) == pytest.approx([1.0 - CELL / 2], abs=CELL)
-    assert cells.floor(np.array([[0.5, 2.0, 9.0]])) == pytest.approx(CELL / 2)
-    assert cells.floor(np.array([[50.0, 2.0, 9.0]])) is None
-
-
 def test_the_floor_is_below_the_highest_headroom() -> None:
     """Not the ceiling's reflection below it, and not the top of a table; without a ceiling the lowest thing."""
     filled = np.zeros((3, 3, 100), dtype=bool)
@@ -228,11 +211,3 @@ def test_pieces_that_nobody_can_see_are_named(splats: Gaussians, known: dict[str
     path = camera_path(splats, SMALL, **(known | {"boxes": (hidden,)}))
     assert path.notes == ("no free place shows chair",)
     assert len(path.cameras) == SMALL.views
-
-
-def test_places_far_apart_by_number() -> None:
-    """As many as there are at most, none twice; the most central first."""
-    points = np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [10.0, 0.0]])
-    assert far_apart_index(points, 9)[:2].tolist() == [2, 3]
-    assert sorted(far_apart_index(points, 9).tolist()) == [0, 1, 2, 3]
-    assert far_apart_index(points[:0], 3).tolist() == []

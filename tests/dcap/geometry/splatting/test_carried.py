@@ -236,11 +236,3 @@ def test_a_large_disc_follows_by_its_pieces():
     inside = np.abs(start[:, :2]).max(axis=1) < WIDTH / 2
     assert np.abs(z - dent(start)[:, 2])[inside].max() < 1e-4
     assert np.ptp(z) > 0.8 * DEPTH
-
-
-def test_same_input_same_bytes():
-    splats = discs(on_sheet(200), 0.02, degree=3)
-    a, b = (carried(splats, np.eye(4), motion()) for _ in range(2))
-    assert np.array_equal(a.index, b.index)
-    assert same(a.splats, b.splats)
-    assert same(a.more, b.more)

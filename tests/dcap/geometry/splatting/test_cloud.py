@@ -121,17 +121,6 @@ def test_sides_spread_along_a_surface() -> None:
     assert (np.einsum("ni,ni->n", sign[:, None] * axis, out) > 0.0).all()
 
 
-def test_planes_fit_what_is_flat() -> None:
-    """The normal of a plane, and how far points scatter about it."""
-    random = np.random.default_rng(0)
-    flat = np.column_stack([random.uniform(0.0, 1.0, (4000, 2)), 0.003 * random.standard_normal(4000)])
-    planes = local_planes(flat)
-    assert np.median(np.abs(planes.normal[:, 2])) > 0.99
-    # 24 neighbours less the three numbers of a plane leave sqrt(21 / 24) of the scatter
-    assert np.median(planes.scatter) == pytest.approx(0.003 * np.sqrt(21 / 24), rel=0.05)
-    assert np.median(planes.gap) == pytest.approx(1.0 / np.sqrt(4000), rel=0.05)
-
-
 def box(size: tuple[float, float, float]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Corners and faces of a box about the origin."""
     solid = trimesh.creation.box(size)

@@ -10,8 +10,8 @@ from dcap.geometry.splatting.config import SurfaceConfig
 from dcap.geometry.splatting.discs import FLATNESS, JITTER, OPACITY, OVERLAP, splats_on_mesh
 from dcap.geometry.splatting.kernels import BLUR, settle_on_ridge
 from dcap.geometry.splatting.render import Splatter
-from dcap.geometry.splatting.surface import SurfacePoints, kept_apart, mesh_of_splats, surface_points, thinned
-from dcap.geometry.splatting.viewpoints import best_origins, enclosure, far_apart, fibonacci, viewpoints
+from dcap.geometry.splatting.surface import SurfacePoints, kept_apart, mesh_of_splats, surface_points
+from dcap.geometry.splatting.viewpoints import best_origins, viewpoints
 from dcap.scene.errors import GeometryError
 from dcap.scene.types.gaussians import DC, Gaussians
 from dcap.scene.types.mesh import Mesh
@@ -159,27 +159,6 @@ def test_places_are_inside_and_cameras_see_all_around():
     around = np.array([c.position for c in viewpoints(thing, 5, 64)])
     assert len(around) == 15
     assert (np.linalg.norm(around, axis=1) > 0.2).all()
-
-
-def test_directions_and_distances():
-    """Half a sphere of points encloses by half; a line's ends are far apart; spirals have no preferred side."""
-    sphere = fibonacci(5000)
-    assert enclosure(np.zeros((1, 3)), sphere) == pytest.approx([1.0])
-    lid = sphere[sphere[:, 2] > 0]
-    # from a place far outside, all of it lies in a few directions
-    assert enclosure(np.array([[0.0, 0, 0], [0, 0, 50]]), lid) == pytest.approx([0.5, 1 / 6])
-    line = np.stack([np.linspace(0, 1, 11), np.zeros(11), np.zeros(11)], axis=1)
-    assert sorted(far_apart(line, 3)[:, 0].tolist()) == pytest.approx([0.0, 0.5, 1.0])
-    assert np.abs(sphere.mean(axis=0)).max() < 1e-3
-
-
-def test_two_sides_of_a_thin_board_stay_two():
-    """Points with opposite normals are not averaged; those with like normals are."""
-    p = np.array([[0.0, 0, 0], [0, 0, 1e-4], [0, 0, 2e-4]])
-    n = np.array([[0, 0, 1.0], [0, 0, 1], [0, 0, -1]])
-    points = thinned(p, n, np.zeros((3, 3)), np.zeros(3), 0.01)
-    assert len(points.position) == 2
-    assert sorted(points.normal[:, 2].tolist()) == [-1.0, 1.0]
 
 
 def test_the_density_does_not_change_along_the_normal_on_its_ridge():

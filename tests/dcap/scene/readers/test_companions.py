@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from dcap.scene.readers.files import absence, find_file
 from dcap.scene.readers.frame import Role
 from dcap.scene.readers.source import read_scan
 from dcap.scene.readers.source_files import companions
@@ -99,12 +98,6 @@ def test_a_glb_takes_its_files_along(tmp_path: Path) -> None:
     chunk = struct.pack("<II", len(text), 0x4E4F534A) + text
     (tmp_path / "a.glb").write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunk)) + chunk)
     assert list(companions(tmp_path / "a.glb")) == ["a b.bin", "i.png"]
-
-
-def test_names_that_no_file_can_have_are_missing(tmp_path: Path) -> None:
-    """A name that is too long, holds a zero byte or is empty is not found, and nothing is raised."""
-    assert [find_file(tmp_path, name) for name in ("x" * 5000, "a\0b", "", "..", "/")] == [None] * 5
-    assert absence("x") == "is missing"
 
 
 @pytest.mark.parametrize("line", ["Kd spectral steel.rfl", "Kd inf 0 0", "Kd nan 0 0", "Kd 0.5"])

@@ -175,30 +175,3 @@ def npy(shape: str, kind: str = "<i8") -> bytes:
     """A file of numpy with nothing behind its header."""
     head = f"{{'descr': '{kind}', 'fortran_order': False, 'shape': {shape}, }}".ljust(117) + "\n"
     return b"\x93NUMPY\x01\x00" + len(head).to_bytes(2, "little") + head.encode()
-
-
-@pytest.mark.parametrize(
-    ("name", "content"),
-    [
-        ("a.npy", npy("(1000000000000,)")),
-        ("a.npy", npy("(3,)", "|O") + b"cos\nsystem\n."),
-        ("a.npy", npy("(9,)")),
-        ("a.npy", npy("(-1,)")),
-        ("a.npy", b"\x80\x04cos\nsystem\n."),
-        ("a.npy", b"PK\x03\x04 an archive"),
-        ("a.txt", b"1" * 5000),
-        ("a.json", json.dumps({"vertex_instance": [10**400, 1]}).encode()),
-        ("a.json", json.dumps({"vertex_instance": [1, 1], "labels": {"9" * 5000: "sofa"}}).encode()),
-    ],
-)
-def test_numbers_without_measure_are_refused(tmp_path: Path, name: str, content: bytes) -> None:
-    """Shapes that the file does not hold, pickles, and numbers of thousands of digits: one line, no memory."""
-    (tmp_path / name).write_bytes(content)
-    with pytest.raises(InputError, match=name):
-        read_given_labels(tmp_path / name)
-
-
-def test_what_steers_a_terminal_becomes_visible(tmp_path: Path) -> None:
-    """A label with a colour in it is a label with a sign in it."""
-    found = labels_of(tmp_path, things(GUESSED | {"label": "\x1b[31msofa\u202e", "guess": "bed"}))
-    assert found.things[0].label == "\ufffd[31msofa\ufffd"

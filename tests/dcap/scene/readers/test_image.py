@@ -2,10 +2,8 @@
 
 import io
 import struct
-import tracemalloc
 import warnings
 import zlib
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +11,7 @@ import pytest
 from PIL import Image
 
 from dcap.scene.errors import FormatError, InputError
-from dcap.scene.readers.files import MAX_TOGETHER, PixelBudget, read_gray, read_image, read_rgba, read_transparent
+from dcap.scene.readers.files import MAX_TOGETHER, PixelBudget, read_image
 from dcap.scene.readers.frame import Role
 from dcap.scene.readers.source import read_scan
 from dcap.scene.types.sample import SourceOptions
@@ -34,54 +32,6 @@ def test_a_texture_may_have_as_many_pixels_as_promised(side: int, words: str) ->
     with warnings.catch_warnings(record=True) as caught, pytest.raises(FormatError, match=words):
         read_image(png_of_nothing(side), "here")
     assert caught == []
-
-
-SIDE = 9001
-"""A square of more pixels than are read [pixel]."""
-
-
-def bomb(mode: str, kind: str) -> bytes:
-    """A sound image of one colour: many pixels in few bytes."""
-    file = io.BytesIO()
-    Image.new(mode, (SIDE, SIDE)).save(file, kind)
-    return file.getvalue()
-
-
-@cache
-def png_bomb(depth: int, color: int, channels: int) -> bytes:
-    """A PNG of one colour, row by row: the whole is never in memory."""
-    body, row = zlib.compressobj(9), b"\0" * (1 + SIDE * channels * depth // 8)
-    data = b"".join(body.compress(row) for _ in range(SIDE)) + body.flush()
-
-    def chunk(kind: bytes, content: bytes) -> bytes:
-        return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
-
-    head = struct.pack(">IIBBBBB", SIDE, SIDE, depth, color, 0, 0, 0)
-    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", data) + chunk(b"IEND", b"")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("read", [read_image, read_transparent, lambda d, w: read_rgba(d, w, 1 << 26)])
-@pytest.mark.parametrize("kind", [(8, 2, 3), (16, 2, 3), (1, 0, 1)], ids=["8", "16", "1"])
-def test_a_bomb_costs_no_memory(read, kind: tuple[int, int, int]) -> None:
-    """243 MB of pixels in a few hundred kilobytes: refused with name, size and limit before one is decoded."""
-    data = png_bomb(*kind)
-    tracemalloc.start()
-    with pytest.raises(FormatError, match=f"a.png: an image of {SIDE} x {SIDE} pixels, more than 67108864; reduce"):
-        read(data, "a.png")
-    assert tracemalloc.get_traced_memory()[1] < 3 * len(data) + 1e6
-    tracemalloc.stop()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", ["JPEG", "WEBP", "GIF", "TIFF", "BMP"])
-def test_other_formats_are_measured_too(kind: str) -> None:
-    """Whatever packs the pixels, and whatever is asked of them."""
-    data = bomb("L" if kind != "WEBP" else "RGB", kind)
-    with pytest.raises(FormatError, match=f"{SIDE} x {SIDE} pixels"):
-        read_image(data, "here")
-    with pytest.raises(FormatError, match=f"{SIDE} x {SIDE} pixels"):
-        read_gray(data, "here", 1000)
 
 
 def test_an_image_of_a_format_that_runs_a_program_is_none() -> None:

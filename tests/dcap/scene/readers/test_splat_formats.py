@@ -11,20 +11,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 from splat_files import sog, sog_parts, splat_records, spz
 
-from dcap.scene.errors import DcapError, FormatError
-from dcap.scene.readers.frame import Role
+from dcap.scene.errors import DcapError
 from dcap.scene.readers.scenes.sugar import has_only_splats
-from dcap.scene.readers.source import read_scan
 from dcap.scene.readers.splats.formats import is_splats, read_gaussians
 from dcap.scene.readers.splats.splats import read_splats
 from dcap.scene.types.gaussians import COEFFICIENTS, DC, Gaussians
-from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.point_cloud import PointCloud
-from dcap.scene.types.sample import SourceOptions
 from tasks.artifact import Store
 
 SAMPLE_DATA = Path(os.environ.get("DCAP_SAMPLE_DATA") or "absent")
@@ -82,40 +75,6 @@ def test_each_format_gives_back_what_was_encoded(tmp_path: Path, name: str, degr
     if name != "a.splat":
         assert read.rest.shape == splats.rest.shape
         assert np.abs(read.rest - splats.rest).max(initial=0.0) <= 1 / 256 + 1e-5
-
-
-@pytest.mark.parametrize("name", FORMATS)
-def test_a_box_of_splats_becomes_a_scan(tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Recognised by name, taken into the store, given to the mesher in metres and z up like splats of a PLY."""
-    (tmp_path / name).write_bytes(FORMATS[name](flat_box()))
-    assert has_only_splats(tmp_path)
-    store = Store(tmp_path / "store")
-    assert store.add_source(tmp_path / name).kind == "Source"
-    given: list[Gaussians] = []
-
-    def mesher(splats: Gaussians | PointCloud) -> tuple[Mesh, tuple[str, ...]]:
-        assert isinstance(splats, Gaussians)
-        given.append(splats)
-        return Mesh.of([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]), ()
-
-    scan = read_scan(tmp_path / name, SourceOptions(unit="cm", up="z"), Role.SCENE, mesher=mesher)
-    assert np.ptp(given[0].position, axis=0) == pytest.approx([0.01, 0.01, 0.005], rel=0.02)
-    assert "reconstructed from Gaussian splats" in scan.notes[-1]
-
-
-def flat_box() -> Gaussians:
-    """Opaque Gaussians all over a box of 1 x 1 x 0.5."""
-    random = np.random.default_rng(0)
-    n = 600
-    point = random.uniform(-0.5, 0.5, (n, 3))
-    face = np.arange(n) % 6
-    point[np.arange(n), face // 2] = np.where(face % 2, 0.5, -0.5)
-    normal = np.eye(3)[face // 2] > 0
-    fields = (
-        point * [1, 1, 0.5], np.where(normal, -7.0, -4.0), np.tile([1.0, 0, 0, 0], (n, 1)),
-        np.linspace(3.0, 3.1, n), np.zeros((n, 3)) + np.linspace(0, 0.1, n)[:, None], np.zeros((n, 3, 0)),
-    )  # fmt: skip
-    return Gaussians(*(np.asarray(one, dtype=np.float32) for one in fields))
 
 
 def test_a_folder_of_sog_is_read_as_its_zip(tmp_path: Path) -> None:
@@ -195,23 +154,6 @@ def test_a_broken_file_is_refused_in_one_line(tmp_path: Path, case: str, monkeyp
     assert "\n" not in str(caught.value)
 
 
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(data=st.data())
-def test_bytes_that_change_are_read_or_refused(data: st.DataObject, tmp_path: Path) -> None:
-    """Cut anywhere, or with bytes changed: never another exception than ours."""
-    name = data.draw(st.sampled_from(sorted(FORMATS)))
-    content = bytearray(FORMATS[name](some(5, 1)))
-    for _ in range(data.draw(st.integers(0, 4))):
-        content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
-    (tmp_path / name).write_bytes(content[: data.draw(st.integers(1, len(content)))])
-    said = ""
-    try:
-        read_scan(tmp_path / name, SourceOptions(), Role.SCENE, mesher=lambda _: (Mesh.of([], []), ()))
-    except DcapError as refused:
-        said = str(refused)
-    assert "\n" not in said
-
-
 @pytest.mark.third_party
 @pytest.mark.skipif(not SAMPLE_DATA.is_dir(), reason="DCAP_SAMPLE_DATA is not set")
 @pytest.mark.parametrize("name", FORMATS)
@@ -225,11 +167,3 @@ def test_real_splats_go_through_every_format(tmp_path: Path, name: str, file: st
     extent = float(np.ptp(splats.position, axis=0).max())
     assert np.abs(read.position - splats.position).max() < 1e-3 * extent
     assert np.abs(read.opacity - splats.opacity).max() < 0.05
-
-
-def test_what_is_no_number_is_told_by_its_splat(tmp_path: Path) -> None:
-    """As in PLY files."""
-    record = struct.pack("<6f8B", np.nan, 0, 0, 1, 1, 1, *[200] * 8)
-    (tmp_path / "a.splat").write_bytes(record)
-    with pytest.raises(FormatError, match="the position of splat 0 is not finite"):
-        read_gaussians(tmp_path / "a.splat")

@@ -1,4 +1,4 @@
-"""The seat of an armchair is what is free between arms and back, also where a scan tears crumbs off it."""
+"""Parts of furniture: the seat of an armchair is what is free between arms and back, the ledge of a window the sill."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from dcap.geometry.primitives import Box
 from dcap.geometry.segmentation.faces import FaceTable
 from dcap.geometry.segmentation.parts.instance_surface import InstanceSurface, instance_surface
+from dcap.geometry.segmentation.parts.rules import find_parts
 from dcap.geometry.segmentation.parts.seating import sofa_parts
 from dcap.scene.types.boxes import OrientedBox
 from dcap.scene.types.mesh import Mesh
@@ -62,3 +63,33 @@ def test_both_wings_of_a_corner_sofa_have_a_back() -> None:
     surface = instance_surface(table, np.arange(len(table.area)), box)
     names = sofa_parts(surface.with_pieces(np.zeros(len(table.area), dtype=np.int64))).names
     assert set(names[surface.center[:, 2] > LEVEL + 0.1]) <= {"back", "arm"}
+
+
+def slab(size: Corner, center: Corner) -> Mesh:
+    """A closed box."""
+    return moved(Box(np.array(size)).surface(0.1), *center)
+
+
+def parts_of_window(*, with_sill: bool) -> dict[str, float]:
+    """Name and top [m] of each part of a window of 1.2 x 1.2 m over z = 0.8 m, or of a bare pane."""
+    bars = [
+        slab((1.2, 0.06, 0.06), (0.0, 0.05, 0.85)),
+        slab((1.2, 0.06, 0.06), (0.0, 0.05, 1.97)),
+        slab((0.06, 0.06, 1.06), (-0.57, 0.05, 1.41)),
+        slab((0.06, 0.06, 1.06), (0.57, 0.05, 1.41)),
+    ]
+    sill = [slab((1.3, 0.2, 0.03), (0.0, -0.02, 0.8))]
+    mesh = joined(bars + sill if with_sill else [slab((1.2, 0.01, 1.2), (0.0, 0.05, 1.4))])
+    table = FaceTable.of(mesh)
+    parts = find_parts(table, np.arange(len(mesh.faces)), "window", np.eye(3), [])[1]
+    return {part.name: float(part.box.corners[:, 2].max()) for part in parts}
+
+
+def test_the_ledge_is_the_sill():
+    found = parts_of_window(with_sill=True)
+    assert set(found) == {"sill", "frame"}
+    assert abs(found["sill"] - 0.815) < 0.02
+
+
+def test_a_bare_pane_has_none():
+    assert "sill" not in parts_of_window(with_sill=False)
