@@ -1,5 +1,7 @@
 """Requests that the Messages API refuses, as a table of rules: shapes, and limits that shapes cannot say.
 
+The shapes know what our calls are made of and nothing else; what else the API takes is refused here, too.
+
 A rule names its source and says what is wrong with a call, in the words of the real server as far as they are known.
 Add one by a line in ANTHROPIC_RULES (of the other API: openai_rules.py). A stand-in checks each request against all.
 """
@@ -19,7 +21,6 @@ Body = dict[str, Any]
 PLATFORM = "https://platform.claude.com/docs/en/build-with-claude/"
 STRUCTURED = f"{PLATFORM}structured-outputs"
 VISION = f"{PLATFORM}vision"
-THINKING = f"{PLATFORM}extended-thinking"
 MESSAGES = "https://platform.claude.com/docs/en/api/messages"
 OVERVIEW = "https://platform.claude.com/docs/en/api/overview"
 BATCHES = f"{PLATFORM}batch-processing"
@@ -95,7 +96,6 @@ class Cached(Closed):
 class Text(Cached):
     type: Literal["text"]
     text: str
-    citations: Any = None
 
 
 class Base64Source(Closed):
@@ -104,19 +104,9 @@ class Base64Source(Closed):
     data: str
 
 
-class UrlSource(Closed):
-    type: Literal["url"]
-    url: str
-
-
-class FileSource(Closed):
-    type: Literal["file"]
-    file_id: str
-
-
 class Picture(Cached):
     type: Literal["image"]
-    source: Annotated[Base64Source | UrlSource | FileSource, Field(discriminator="type")]
+    source: Base64Source
 
 
 class Thought(Closed):
@@ -125,36 +115,7 @@ class Thought(Closed):
     signature: str
 
 
-class HiddenThought(Closed):
-    type: Literal["redacted_thinking"]
-    data: str
-
-
-class ToolUse(Cached):
-    type: Literal["tool_use"]
-    id: str
-    name: str
-    input: dict[str, Any]
-
-
-class ToolResult(Cached):
-    type: Literal["tool_result"]
-    tool_use_id: str
-    content: Any = None
-    is_error: bool = False
-
-
-class Document(Cached):
-    type: Literal["document"]
-    source: dict[str, Any]
-    title: str | None = None
-    context: str | None = None
-    citations: Any = None
-
-
-Block = Annotated[
-    Text | Picture | Thought | HiddenThought | ToolUse | ToolResult | Document, Field(discriminator="type")
-]
+Block = Annotated[Text | Picture | Thought, Field(discriminator="type")]
 
 
 class Turn(Closed):
@@ -172,48 +133,14 @@ class OutputConfig(Closed):
     effort: Literal["low", "medium", "high", "xhigh", "max"] | None = None
 
 
-class ThinkingOn(Closed):
-    type: Literal["enabled"]
-    budget_tokens: int = Field(ge=1024)
-    display: Literal["summarized", "omitted"] | None = None
-
-
-class ThinkingOff(Closed):
-    type: Literal["disabled"]
-
-
-class ThinkingAdaptive(Closed):
-    type: Literal["adaptive"]
-    display: Literal["summarized", "omitted"] | None = None
-
-
-class Metadata(Closed):
-    user_id: str | None = Field(default=None, max_length=256)
-
-
 class MessageCall(Closed):
     """POST /v1/messages."""
 
     model: str = Field(min_length=1)
     max_tokens: int = Field(ge=1)
     messages: list[Turn] = Field(min_length=1)
-    system: str | list[Text] | None = None
-    metadata: Metadata | None = None
-    stop_sequences: list[str] | None = None
-    stream: bool = False
-    temperature: float | None = Field(default=None, ge=0, le=1)
-    top_p: float | None = Field(default=None, ge=0, le=1)
-    top_k: int | None = Field(default=None, ge=0)
-    thinking: Annotated[ThinkingOn | ThinkingOff | ThinkingAdaptive, Field(discriminator="type")] | None = None
-    tools: list[dict[str, Any]] | None = None
-    tool_choice: dict[str, Any] | None = None
-    output_config: OutputConfig | None = None
-    service_tier: Literal["auto", "standard_only"] | None = None
-    cache_control: CacheControl | None = None
-    container: Any = None
-    context_management: Any = None
-    inference_geo: str | None = None
-    mcp_servers: Any = None
+    system: list[Text]
+    output_config: OutputConfig
 
 
 class BatchItem(Closed):
@@ -281,12 +208,6 @@ def small(call: Call) -> str:
     return "Request exceeds the maximum size" if call.size > most else ""
 
 
-def begins_with_user(call: Call) -> str:
-    """Somebody asks."""
-    turns = turns_of(call)
-    return "" if not turns or turns[0][0] == "user" else 'messages: first message must use the "user" role'
-
-
 def says_something(call: Call) -> str:
     """No empty turns but the last of the assistant, no empty texts."""
     turns = turns_of(call)
@@ -306,81 +227,28 @@ def says_something(call: Call) -> str:
 
 
 def ends_with_user(call: Call) -> str:
-    """A beginning of the answer cannot be given with a schema, nor to the models since Opus 4.6."""
+    """The beginning of an answer cannot be given together with a schema."""
     turns = turns_of(call)
     prefilled = bool(turns) and turns[-1][0] == "assistant"
-    if not prefilled or not (call.body.get("output_config") or not older(call.body["model"])):
-        return ""
-    return "This model does not support assistant message prefill. The conversation must end with a user message."
-
-
-def older(model: str) -> bool:
-    """Models up to 4.5."""
-    return bool(re.search(r"claude-3|-4-5|-4-1|-4-20|-4-0", model))
+    return "This model does not support assistant message prefill." if prefilled else ""
 
 
 def ends_in_no_thought(call: Call) -> str:
     """A turn of the assistant may think first, not last."""
     for index, (role, blocks) in enumerate(turns_of(call)):
-        if role == "assistant" and blocks and blocks[-1]["type"] in ("thinking", "redacted_thinking"):
+        if role == "assistant" and blocks and blocks[-1]["type"] == "thinking":
             return f"messages.{index}: The final block in an assistant message cannot be `thinking`."
     return ""
 
 
-def thoughts_come_first(call: Call) -> str:
-    """With thinking on, the turn of a tool's use begins with the thoughts that came with it."""
-    if (call.body.get("thinking") or {}).get("type") not in ("enabled", "adaptive"):
-        return ""
-    for index, (role, blocks) in enumerate(turns_of(call)):
-        kinds = [one["type"] for one in blocks]
-        if role == "assistant" and "tool_use" in kinds and kinds[0] not in ("thinking", "redacted_thinking"):
-            return (
-                f"messages.{index}.content.0.type: Expected `thinking` or `redacted_thinking`, but found "
-                f"`{kinds[0]}`. When `thinking` is enabled, a final `assistant` message must start with a thought"
-            )
-    return ""
-
-
-def thinking_fits(call: Call) -> str:
-    """Thinking has less room than the answer, and takes no sampling parameters and no forced tool."""
-    thinking = call.body.get("thinking") or {}
-    if thinking.get("type") == "enabled" and thinking["budget_tokens"] >= call.body["max_tokens"]:
-        return "`max_tokens` must be greater than `thinking.budget_tokens`"
-    if thinking.get("type") in ("enabled", "adaptive"):
-        if call.body.get("temperature") not in (None, 1, 1.0):
-            return "`temperature` may only be set to 1 when thinking is enabled"
-        if call.body.get("top_k") is not None:
-            return "`top_k` must be unset when thinking is enabled"
-        if not 0.95 <= (call.body.get("top_p") or 1.0) <= 1.0:
-            return "`top_p` must be between 0.95 and 1 when thinking is enabled"
-        if (call.body.get("tool_choice") or {}).get("type") in ("any", "tool"):
-            return "Thinking may not be enabled when tool_choice forces tool use."
-    return ""
-
-
-ADAPTIVE_ONLY = re.compile(r"opus-(4-[78]|5)|sonnet-5|haiku-5|fable|mythos")
-"""Models that decide themselves how much they think."""
 WITHOUT_EFFORT = re.compile(r"claude-3|haiku-4-5|sonnet-4-5|opus-4-1|-4-20")
 
 
 def model_knows(call: Call) -> str:
-    """Parameters that some models do not take."""
-    model, body = call.body["model"], call.body
-    if ADAPTIVE_ONLY.search(model):
-        if (body.get("thinking") or {}).get("type") == "enabled":
-            return (
-                '"thinking.type.enabled" is not supported for this model. Use "thinking.type.adaptive" and '
-                '"output_config.effort" to control thinking behavior.'
-            )
-        for name in ("temperature", "top_p", "top_k"):
-            if body.get(name) is not None:
-                return f"`{name}` is deprecated for this model."
-    if older(model) and (body.get("thinking") or {}).get("type") == "adaptive":
-        return "adaptive thinking is not supported on this model"
-    if WITHOUT_EFFORT.search(model) and (body.get("output_config") or {}).get("effort"):
-        return "This model does not support the effort parameter."
-    both = body.get("temperature") is not None and body.get("top_p") is not None
-    return "`temperature` and `top_p` cannot both be specified for this model." if both else ""
+    """Some models do not take an effort."""
+    effort = (call.body.get("output_config") or {}).get("effort")
+    known = not WITHOUT_EFFORT.search(call.body["model"])
+    return "This model does not support the effort parameter." if effort and not known else ""
 
 
 def most_output(model: str) -> int:
@@ -420,8 +288,6 @@ def readable_pictures(call: Call) -> str:
     longest = 2000 if len(found) > 20 else 8000
     for one in found:
         source = one["source"]
-        if source["type"] != "base64":
-            continue
         if len(source["data"]) > 10 * 2**20:
             return f"image exceeds 10 MB maximum: {len(source['data'])} bytes > {10 * 2**20} bytes"
         kind, size = measured(source["data"])
@@ -450,8 +316,7 @@ def measured(data: str) -> tuple[str | None, tuple[int, int]]:
 
 def marks_of(call: Call) -> int:
     """Places at which the prompt shall be cached."""
-    tools = sum("cache_control" in one for one in call.body.get("tools") or [])
-    return tools + sum(one.get("cache_control") is not None for one in all_blocks(call))
+    return sum(one.get("cache_control") is not None for one in all_blocks(call))
 
 
 def few_marks(call: Call) -> str:
@@ -461,17 +326,10 @@ def few_marks(call: Call) -> str:
     return said if count > 4 else ""
 
 
-def marked_text(call: Call) -> str:
-    """An empty text cannot be cached, a thought not either."""
-    empty = [one for one in all_blocks(call) if one["type"] == "text" and not one["text"] and one.get("cache_control")]
-    return "messages: cache_control cannot be set for empty text blocks" if empty else ""
-
-
 def schemas_of(call: Call) -> list[Body]:
-    """Schemas whose grammars are made: of the answer, and of strict tools."""
+    """The schema whose grammar is made."""
     form = (call.body.get("output_config") or {}).get("format")
-    tools = [one["input_schema"] for one in call.body.get("tools") or [] if one.get("strict") and "input_schema" in one]
-    return [*([form["schema"]] if form else []), *tools]
+    return [form["schema"]] if form else []
 
 
 def nodes_of(tree: Any, path: str = "") -> Iterator[tuple[str, Body]]:
@@ -528,48 +386,24 @@ def known_keywords(call: Call) -> str:
     return ""
 
 
-def has_root(call: Call) -> str:
-    """A schema says of what kind it is."""
-    for schema in schemas_of(call):
-        if not schema.keys() & {"type", "anyOf", "allOf", "enum", "const", "$ref"}:
-            return "output_config.format.schema: Schema must have a 'type', 'anyOf', 'allOf', 'enum', 'const' or '$ref'"
-    return ""
-
-
 def finite_schemas(call: Call) -> str:
-    """References go to the schema's own definitions, and never in a circle."""
+    """References go to the schema's own definitions, each of which comes before those that use it."""
     for schema in schemas_of(call):
-        definitions = {**(schema.get("definitions") or {}), **(schema.get("$defs") or {})}
-        for _, node in nodes_of(schema):
-            target = node.get("$ref")
-            if target is None:
-                continue
-            if not target.startswith("#/"):
-                return f"output_config.format.schema: External $ref '{target}' is not supported"
-            if target.rpartition("/")[2] not in definitions:
-                return f"output_config.format.schema: $ref '{target}' not found"
-        for name in definitions:
-            if name in reached(name, definitions):
-                return f"output_config.format.schema: Circular reference detected: {name}"
-        if any(node.get("$ref") in ("#", "#/") for _, node in nodes_of(schema)):
-            return "output_config.format.schema: recursive schemas are not supported"
+        definitions = schema.get("$defs") or {}
+        known: set[str] = set()
+        while ready := {name for name in definitions.keys() - known if targets(definitions[name]) <= known}:
+            known |= ready
+        if not targets(schema) <= known:
+            return f"output_config.format.schema: Circular or unknown reference: {sorted(targets(schema) - known)}"
     return ""
 
 
-def reached(name: str, definitions: Mapping[str, Any]) -> set[str]:
-    """Definitions that one refers to, directly or through others."""
-    found: set[str] = set()
-    waiting = [name]
-    while waiting:
-        for _, node in nodes_of(definitions.get(waiting.pop())):
-            target = str(node.get("$ref", "")).rpartition("/")[2]
-            if target and target not in found:
-                found.add(target)
-                waiting.append(target)
-    return found
+def targets(schema: Body) -> set[str]:
+    """Definitions that a schema refers to."""
+    return {node["$ref"].rpartition("/")[2] for _, node in nodes_of(schema) if "$ref" in node}
 
 
-MOST_OPTIONAL, MOST_UNIONS, MOST_STRICT_TOOLS, LARGEST_GRAMMAR = 24, 16, 20, 60_000
+MOST_OPTIONAL, MOST_UNIONS, LARGEST_GRAMMAR = 24, 16, 60_000
 
 
 def optional_parameters(schema: Body) -> int:
@@ -605,16 +439,6 @@ def few_unions(call: Call) -> str:
     )
 
 
-def few_strict_tools(call: Call) -> str:
-    """Each has a grammar."""
-    count = sum(bool(one.get("strict")) for one in call.body.get("tools") or [])
-    return (
-        f"Too many strict tools ({count}). The maximum number of strict tools supported is {MOST_STRICT_TOOLS}."
-        if count > MOST_STRICT_TOOLS
-        else ""
-    )
-
-
 def simple_enough(call: Call) -> str:
     """Where it ends is not published, so the bound here is a cautious one."""
     for schema in schemas_of(call):
@@ -622,18 +446,6 @@ def simple_enough(call: Call) -> str:
         if deepest > 12 or len(str(schema)) > LARGEST_GRAMMAR:
             return "Schema is too complex for compilation. Simplify your tool schemas or use fewer strict tools."
     return ""
-
-
-def cites_no_schema(call: Call) -> str:
-    """Citations interleave with text."""
-    cited = any((one.get("citations") or {}).get("enabled") for one in all_blocks(call) if one["type"] == "document")
-    return "citations cannot be used with output_config.format" if cited and schemas_of(call) else ""
-
-
-def stops_at_text(call: Call) -> str:
-    """Sequences that say something."""
-    blank = any(not one.strip() for one in call.body.get("stop_sequences") or [])
-    return "stop_sequences: each stop sequence must contain non-whitespace" if blank else ""
 
 
 def own_ids(call: Call) -> str:
@@ -656,27 +468,19 @@ ANTHROPIC_RULES: tuple[Rule, ...] = (
     *(
         Rule(name, source, of_messages(broken))
         for name, source, broken in (
-            ("first turn", MESSAGES, begins_with_user),
             ("empty content", MESSAGES, says_something),
             ("thought last", "tailcallhq/forgecode 2107, 3071", ends_in_no_thought),
             ("prefill", f"{PLATFORM}prefill-claudes-response", ends_with_user),
-            ("thought first", THINKING, thoughts_come_first),
-            ("thinking and sampling", THINKING, thinking_fits),
             ("model's parameters", f"{PLATFORM}effort", model_knows),
             ("output tokens", "https://platform.claude.com/docs/en/about-claude/models/overview", within_output),
             ("pictures", VISION, few_pictures),
             ("picture", VISION, readable_pictures),
             ("cache marks", f"{PLATFORM}prompt-caching", few_marks),
-            ("cached text", f"{PLATFORM}prompt-caching", marked_text),
-            ("schema's root", STRUCTURED, has_root),
             ("schema's words", STRUCTURED, known_keywords),
             ("references", STRUCTURED, finite_schemas),
             ("optional", "elie222/inbox-zero 2323", few_options),
             ("unions", "elizaOS/eliza 16499", few_unions),
-            ("strict tools", STRUCTURED, few_strict_tools),
             ("grammar", "mozilla/bugbug 6129, ENTERPILOT/GoModel 963", simple_enough),
-            ("citations", STRUCTURED, cites_no_schema),
-            ("stop sequences", MESSAGES, stops_at_text),
         )
     ),
 )

@@ -7,7 +7,6 @@ from api_rules import Body, Call, Closed, Refusal, Rule, complaint_of, measured,
 from pydantic import Field
 
 OPENAI_SCHEMAS = "https://platform.openai.com/docs/guides/structured-outputs"
-OPENAI_CHAT = "https://platform.openai.com/docs/api-reference/chat/create"
 OPENAI_IMAGES = "https://platform.openai.com/docs/guides/images-vision"
 
 
@@ -29,11 +28,6 @@ class ImagePart(Closed):
     image_url: ImageUrl
 
 
-class RefusalPart(Closed):
-    type: Literal["refusal"]
-    refusal: str
-
-
 class SystemTurn(Closed):
     role: Literal["system", "developer"]
     content: str | list[TextPart]
@@ -48,16 +42,7 @@ class UserTurn(Closed):
 
 class AssistantTurn(Closed):
     role: Literal["assistant"]
-    content: str | list[Annotated[TextPart | RefusalPart, Field(discriminator="type")]] | None = None
-    refusal: str | None = None
-    name: str | None = None
-    tool_calls: list[dict[str, Any]] | None = None
-
-
-class ToolTurn(Closed):
-    role: Literal["tool"]
-    content: str | list[TextPart]
-    tool_call_id: str
+    content: str
 
 
 class NamedSchema(Closed):
@@ -72,48 +57,15 @@ class SchemaAnswer(Closed):
     json_schema: NamedSchema
 
 
-class PlainAnswer(Closed):
-    type: Literal["text", "json_object"]
-
-
 class CompletionCall(Closed):
     """POST /v1/chat/completions."""
 
     model: str = Field(min_length=1)
-    messages: list[Annotated[SystemTurn | UserTurn | AssistantTurn | ToolTurn, Field(discriminator="role")]] = Field(
-        min_length=1
-    )
+    messages: list[Annotated[SystemTurn | UserTurn | AssistantTurn, Field(discriminator="role")]] = Field(min_length=1)
     max_tokens: int | None = Field(default=None, ge=1)
     max_completion_tokens: int | None = Field(default=None, ge=1)
-    response_format: Annotated[SchemaAnswer | PlainAnswer, Field(discriminator="type")] | None = None
+    response_format: SchemaAnswer
     reasoning_effort: Literal["none", "minimal", "low", "medium", "high", "xhigh", "max"] | None = None
-    temperature: float | None = Field(default=None, ge=0, le=2)
-    top_p: float | None = Field(default=None, ge=0, le=1)
-    n: int | None = Field(default=None, ge=1, le=128)
-    seed: int | None = None
-    stop: str | list[str] | None = None
-    stream: bool | None = None
-    stream_options: Any = None
-    presence_penalty: float | None = Field(default=None, ge=-2, le=2)
-    frequency_penalty: float | None = Field(default=None, ge=-2, le=2)
-    logit_bias: Any = None
-    logprobs: bool | None = None
-    top_logprobs: int | None = Field(default=None, ge=0, le=20)
-    metadata: Any = None
-    modalities: Any = None
-    audio: Any = None
-    parallel_tool_calls: bool | None = None
-    prediction: Any = None
-    prompt_cache_key: str | None = None
-    prompt_cache_retention: str | None = None
-    safety_identifier: str | None = None
-    service_tier: str | None = None
-    store: bool | None = None
-    tool_choice: Any = None
-    tools: list[dict[str, Any]] | None = None
-    user: str | None = None
-    verbosity: Literal["low", "medium", "high"] | None = None
-    web_search_options: Any = None
 
 
 def openai_shape(call: Call) -> Refusal | None:
@@ -154,28 +106,15 @@ def one_limit(call: Call) -> str:
     return ""
 
 
-def sampled_as_usual(call: Call) -> str:
-    """Models that think take no sampling parameters but the usual ones, others no effort."""
-    body = call.body
-    if REASONING.match(body["model"]):
-        for name in ("temperature", "top_p"):
-            if body.get(name) not in (None, 1, 1.0):
-                return (
-                    f"Unsupported value: '{name}' does not support {body[name]} with this model. Only the default "
-                    "(1) value is supported."
-                )
-        for name in ("presence_penalty", "frequency_penalty", "logprobs"):
-            if body.get(name):
-                return f"Unsupported parameter: '{name}' is not supported with this model."
-        known = efforts_of(body["model"])
-        if body.get("reasoning_effort") not in (None, *known):
-            return (
-                f"Unsupported value: 'reasoning_effort' does not support '{body['reasoning_effort']}' with this model. "
-                f"Supported values are: {', '.join(known)}."
-            )
-    elif body.get("reasoning_effort") is not None:
+def knows_effort(call: Call) -> str:
+    """Models that think know some words for their effort, others none."""
+    model, effort = call.body["model"], call.body.get("reasoning_effort")
+    if effort is None:
+        return ""
+    if not REASONING.match(model):
         return "Unrecognized request argument supplied: reasoning_effort"
-    return ""
+    known = efforts_of(model)
+    return "" if effort in known else f"Unsupported value: 'reasoning_effort'; supported are {', '.join(known)}."
 
 
 def efforts_of(model: str) -> tuple[str, ...]:
@@ -250,16 +189,6 @@ def strict_schemas(call: Call) -> str:
     return small_schema(begin, schema)
 
 
-MOST_PROPERTIES, MOST_LEVELS, MOST_ENUM, MOST_LETTERS, LONG_ENUM, LONG_ENUM_LETTERS = (
-    5000,
-    10,
-    1000,
-    120_000,
-    250,
-    15_000,
-)
-
-
 def small_schema(begin: str, schema: Body) -> str:
     """Its size in properties, levels, choices and letters."""
     nodes = list(nodes_of(schema))
@@ -267,17 +196,9 @@ def small_schema(begin: str, schema: Body) -> str:
     choices = [one for _, node in nodes for one in node.get("enum", ())]
     levels = max(path.count(".properties.") for path, _ in nodes)
     letters = sum(len(str(one)) for one in (*properties, *choices, *schema.get("$defs", {})))
-    long = [node["enum"] for _, node in nodes if len(node.get("enum", ())) > LONG_ENUM]
-    if len(properties) > MOST_PROPERTIES:
-        return f"{begin}{len(properties)} object properties exceed the limit of {MOST_PROPERTIES}."
-    if levels > MOST_LEVELS:
-        return f"{begin}{levels} levels of nesting exceed the limit of {MOST_LEVELS}."
-    if len(choices) > MOST_ENUM:
-        return f"{begin}{len(choices)} enum values exceed the limit of {MOST_ENUM}."
-    if letters > MOST_LETTERS:
-        return f"{begin}total string length {letters} exceeds the limit of {MOST_LETTERS}."
-    if any(sum(len(str(one)) for one in enum) > LONG_ENUM_LETTERS for enum in long):
-        return f"{begin}an enum of more than {LONG_ENUM} values exceeds {LONG_ENUM_LETTERS} characters."
+    for found, most in ((len(properties), 5000), (levels, 10), (len(choices), 1000), (letters, 120_000)):
+        if found > most:
+            return f"{begin}{found} properties, levels, choices or letters exceed the limit of {most}."
     return ""
 
 
@@ -302,35 +223,12 @@ def linked_pictures(call: Call) -> str:
     return ""
 
 
-def says_json(call: Call) -> str:
-    """Plain JSON must be asked for in words, too."""
-    kind = (call.body.get("response_format") or {}).get("type")
-    if kind == "json_object" and "json" not in str(call.body["messages"]).lower():
-        return "'messages' must contain the word 'json' in some form, to use 'response_format' of type 'json_object'."
-    return ""
-
-
-def light(call: Call) -> str:
-    """512 MB of pictures and text."""
-    return "Request too large" if call.size > 512e6 else ""
-
-
-def few_links(call: Call) -> str:
-    """1500 pictures."""
-    count = str(call.body["messages"]).count("'image_url': {")
-    return f"Too many images in request: {count} > 1500" if count > 1500 else ""
-
-
+GUIDES = "https://platform.openai.com/docs/guides/"
 OPENAI_RULES: tuple[Rule, ...] = (
     Rule("key", "https://platform.openai.com/docs/api-reference/authentication", bearer, 401, code="invalid_api_key"),
-    Rule("size", OPENAI_IMAGES, light, 413, code="request_too_large"),
-    Rule(
-        "limit of tokens", "https://platform.openai.com/docs/guides/reasoning", one_limit, code="unsupported_parameter"
-    ),
-    Rule("sampling", "https://platform.openai.com/docs/guides/reasoning", sampled_as_usual, code="unsupported_value"),
+    Rule("limit of tokens", f"{GUIDES}reasoning", one_limit, code="unsupported_parameter"),
+    Rule("effort", f"{GUIDES}reasoning", knows_effort, code="unsupported_value"),
     Rule("output tokens", "https://platform.openai.com/docs/models", within_completion, code="invalid_value"),
     Rule("strict schema", OPENAI_SCHEMAS, strict_schemas),
     Rule("pictures", OPENAI_IMAGES, linked_pictures, code="invalid_image_url"),
-    Rule("number of pictures", OPENAI_IMAGES, few_links),
-    Rule("json in words", OPENAI_CHAT, says_json),
 )
