@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 LOOPBACK = "127.0.0.1"
 LOOPBACK_NAMES = frozenset({"localhost", LOOPBACK, "::1"})
-EVERYWHERE = frozenset({"0.0.0.0", "::", ""})
+EVERYWHERE = frozenset({"0.0.0.0", "::", ""})  # noqa: S104 -- requests to it are told from others
 """Addresses to listen on that stand for all of this machine."""
 USUAL_PORTS = {"http": 80, "https": 443}
 ROOT = re.compile(r"https?://[^/?#@\s]+/?", re.IGNORECASE)

@@ -1,27 +1,22 @@
-"""Links of the documents lead somewhere, and their examples give what they show."""
+"""The examples of the documents give what they show, and their tables of settings are those of the code."""
 
 import doctest
 import re
+import runpy
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from flows.cli import main
+from flows.given_settings import section_of
+from flows.settings import setting_keys
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
-LINK = re.compile(r"\]\((?!https?://|#)([^)#\s]+)(?:#[^)]*)?\)")
 FENCE = re.compile(r"^(?P<slow><!-- slow[^\n]*-->\n)?```python[^\n]*\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL)
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE | doctest.IGNORE_EXCEPTION_DETAIL
 DATASET = "- {id: bed-ball, room: bedroom_01, object: ball, prompt: put the ball at the center of the bed}\n"
-
-
-def test_links_lead_somewhere() -> None:
-    """Every relative link of a document is a file or folder of the project."""
-    links = [(page, target) for page in PAGES for target in LINK.findall(page.read_text())]
-    assert len(links) > 100
-    assert [(page.name, target) for page, target in links if not (page.parent / target).exists()] == []
 
 
 def examples(page: Path, *, slow: bool) -> Iterator[str]:
@@ -66,3 +61,11 @@ def test_slow_examples_give_what_they_show(server: str, tmp_path: Path, monkeypa
     assert main(["place", *asked, "--out", "results"]) == 0
     assert main(["benchmark", "--dataset", "mine.yaml"]) == 0
     assert run_examples(slow=True) > 10
+
+
+def test_the_tables_of_settings_are_those_of_the_code() -> None:
+    """Key, default, option and meaning of every setting; `python docs/make_settings.py` writes them."""
+    page = (ROOT / "docs" / "configuration.md").read_text()
+    with_tables = runpy.run_path(str(ROOT / "docs" / "make_settings.py"))["page_with_tables"]
+    assert with_tables(page) == page
+    assert set(re.findall(r"^## `(\w+)`$", page, re.MULTILINE)) == {section_of(one.key) for one in setting_keys()}

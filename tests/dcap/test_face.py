@@ -62,12 +62,6 @@ def test_the_names_are_the_documented_ones() -> None:
     assert {name for names in dcap.HOMES.values() for name in names} == documented - {"__version__"}
 
 
-def test_an_unknown_name() -> None:
-    """The face has no other names, and says so as any module does."""
-    with pytest.raises(AttributeError, match="module 'dcap' has no attribute 'plaec'"):
-        dcap.plaec  # type: ignore[attr-defined]  # noqa: B018
-
-
 def test_importing_is_light() -> None:
     """`import dcap` loads no library."""
     program = f"import sys, dcap; print([name for name in {HEAVY!r} if name in sys.modules])"

@@ -3,12 +3,11 @@
 import os
 import subprocess
 import sys
-import sysconfig
 from pathlib import Path
 
 from foreign_names import OURS, foreign_folder, marks
 
-from dcap.packages import COMPANIONS, ROOT, module_command
+from dcap.packages import COMPANIONS, ROOT
 
 FILES = f"""
 import dcap, {", ".join(f"{name}" for name in COMPANIONS)}, tasks.records, solver.errors, flows.options
@@ -40,25 +39,3 @@ def test_a_foreign_package_that_is_imported_already(tmp_path: Path) -> None:
     assert done.returncode == 1
     assert last.startswith("ImportError: dcap has a package 'tasks' of its own")
     assert str(tmp_path / "tasks.py") in last
-
-
-def test_other_names_stay_as_they_were(tmp_path: Path) -> None:
-    """Only the companions are claimed: a module of the working directory with another name is the user's."""
-    (tmp_path / "perf.py").write_text("mine = True\n")
-    done = python(tmp_path, "import dcap, perf; print(perf.mine)")
-    assert done.stdout == "True\n"
-
-
-def test_our_folder_comes_after_the_standard_library(tmp_path: Path) -> None:
-    """In a process that we start, the standard library comes before our folder, which may be site-packages, and the
-    working directory is not looked at."""
-    (tmp_path / "show_path.py").write_text("import sys; print(*sys.path, sep='\\n')\n")
-    (tmp_path / "here").mkdir()
-    done = subprocess.run(
-        module_command("show_path"), cwd=tmp_path / "here", env=os.environ | {"PYTHONPATH": str(tmp_path)},
-        capture_output=True, text=True, check=True,
-    )  # fmt: skip
-    places = done.stdout.splitlines()
-    assert places[0] == str(tmp_path)
-    assert places.index(str(ROOT)) > places.index(sysconfig.get_path("stdlib"))
-    assert not {"", ".", str(tmp_path / "here")} & set(places)

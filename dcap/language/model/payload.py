@@ -206,7 +206,7 @@ def png(rgb: NDArray[np.uint8]) -> bytes:
 
 
 @cache
-def environment() -> jinja2.Environment:
+def environment() -> jinja2.Environment:  # noqa: TID251 -- the type of a sandboxed one
     """Where the templates are; a name that is not given is an error. What people say is a value in them and never a
     part of one; sandboxed, no template reaches an attribute from which Python code could be run."""
     return SandboxedEnvironment(
@@ -217,6 +217,6 @@ def environment() -> jinja2.Environment:
     )
 
 
-def template(name: str) -> jinja2.Template:
+def template(name: str) -> jinja2.Template:  # noqa: TID251 -- the type
     """A template of the folder `prompts`."""
     return environment().get_template(name)

@@ -1,25 +1,12 @@
 """The library is complete, physical and hard to get wrong."""
 
 import math
-from collections import Counter
 
 import pytest
 
-from dcap.language.material_table import COLUMNS, FAMILIES, SOURCED, families, load_materials, sources_of
+from dcap.language.material_table import COLUMNS, SOURCED, load_materials, sources_of
 from dcap.language.offline.lexicon import part_words, things
 from dcap.scene.errors import InputError
-
-
-def test_library_covers_indoor_life():
-    """At least 80 rows; foams, textiles, woods, metals, glass, ceramics, plastics, rubbers, paper, stone, food."""
-    library = load_materials()
-    wanted = {
-        "foam_mattress", "pillow_polyester", "pillow_down", "towel_stack", "leather", "wood_oak", "steel", "glass",
-        "porcelain", "abs", "rubber_soft", "paper_stack", "cardboard", "granite", "apple", "plush_filling",
-        "foam_latex",
-    }  # fmt: skip
-    assert len(library) >= 80
-    assert wanted <= library.keys()
 
 
 def test_stiffness_orders_as_everyone_knows():
@@ -97,19 +84,6 @@ def test_a_source_says_which_columns_it_holds_for():
     assert set(sources_of("estimate", "").values()) == {"estimate"}
 
 
-def test_most_densities_and_moduli_come_from_a_page():
-    """At least 60 rows have both from pages."""
-    pages = [sources_of(material.source, "") for material in load_materials().values()]
-    assert sum(found["density"] != "estimate" != found["youngs_modulus"] for found in pages) >= 60
-
-
-def test_every_family_is_there():
-    """Foams to food, each with at least two rows but for leather."""
-    counted = Counter(families().values())
-    assert set(counted) == set(FAMILIES)
-    assert all(count >= 2 for family, count in counted.items() if family != "leather")
-
-
 MEASURED = [
     ("wood_oak", "wood_oak", 0.5, 0.5), ("brick", "wood_oak", 0.6, 0.6), ("wood_oak", "steel", 0.2, 0.6),
     ("wood_oak", "concrete", 0.62, 0.62), ("cast_iron", "wood_oak", 0.49, 0.49), ("brass", "steel", 0.51, 0.51),
@@ -120,12 +94,14 @@ MEASURED = [
 """Measured friction of clean, dry pairs, as published tables of pairs give it: lowest and highest."""
 
 
-@pytest.mark.parametrize(("one", "other", "low", "high"), MEASURED)
-def test_the_geometric_mean_comes_near_measured_pairs(one, other, low, high):
+def test_the_geometric_mean_comes_near_measured_pairs():
     """Within a factor of 1.4 of what was measured: tables differ from each other by as much."""
-    library = load_materials()
-    friction = math.sqrt(library[one].static_friction * library[other].static_friction)
-    assert low / 1.4 <= friction <= 1.4 * high
+    library, missed = load_materials(), []
+    for one, other, low, high in MEASURED:
+        friction = math.sqrt(library[one].static_friction * library[other].static_friction)
+        if not low / 1.4 <= friction <= 1.4 * high:
+            missed.append((one, other, friction))
+    assert missed == []
 
 
 def test_things_are_plausible():

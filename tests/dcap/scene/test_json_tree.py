@@ -9,7 +9,7 @@ import pytest
 from pydantic import BaseModel
 from rest_records import explicit_certificate, implicit_certificate
 
-from dcap.scene.json_tree import object_to_json, sorted_keys, to_json
+from dcap.scene.json_tree import object_to_json, to_json
 from solver.certificate import Certificate
 from tasks.codec import decode, encode
 
@@ -75,21 +75,6 @@ def test_nan_is_a_mistake(number: object) -> None:
     """Null would hide it; the field is named."""
     with pytest.raises(ValueError, match="height is NaN"):
         to_json({"thing": {"height": number}})
-
-
-def test_what_is_no_json_is_refused() -> None:
-    """With the name of its type."""
-    with pytest.raises(TypeError, match="set"):
-        to_json({"a": {1}})
-    with pytest.raises(TypeError, match="type"):
-        to_json(Cell)
-
-
-def test_sorting_changes_the_order_of_keys_alone() -> None:
-    """At every depth, also below lists."""
-    tree = object_to_json({"b": [{"d": 1, "c": 2}], "a": {"z": [], "y": "x"}})
-    assert sorted_keys(tree) == tree
-    assert json.dumps(sorted_keys(tree)) == '{"a": {"y": "x", "z": []}, "b": [{"c": 2, "d": 1}]}'
 
 
 @pytest.mark.parametrize("certificate", [implicit_certificate(), explicit_certificate()])

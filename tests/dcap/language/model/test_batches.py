@@ -163,43 +163,6 @@ def test_a_killed_run_s_batch_is_collected_by_the_next(api: FakeApi, quick, ask,
     assert not left.exists()
 
 
-def test_what_a_killed_run_s_batch_lacks_is_asked_anew(api: FakeApi, quick, ask, tmp_path):
-    """An old failure is no answer to a question of today."""
-    request = ask("put the mug on the desk")
-    digest = payload_of(INTENT, request).digest
-    questions = {digest: {"name": NAME, "model": NAME, "sample": "", "asked": {"question": "intent"}, "booked": "x"}}
-    left = Session().kept_folder / "batches" / "msgbatch_0.json"
-    left.parent.mkdir(parents=True)
-    left.write_text(json.dumps({"process": 2**22 + 1, "questions": questions}))
-    api.batches["msgbatch_0"] = []
-    (reply,) = in_batches(Session(batch=str(tmp_path / "queue")), [request])
-    assert reply.base_id == "desk_0"
-    assert [len(batch) for batch in api.batches.values()] == [0, 1]
-
-
-def test_what_is_answered_already_is_not_sent(api: FakeApi, quick, ask, tmp_path):
-    """A question that was queued just when its reply was kept leaves the queue unsent."""
-    payload, kept = payload_of(INTENT, ask("put the mug on the desk")), ReplyFolder(Session().kept_folder)
-    kept.keep(NAME, payload, {"content": []})
-    laid = tmp_path / f"{payload.digest}.json"
-    laid.write_text(json.dumps({"name": NAME}))
-    os.utime(laid, (0, 0))
-    BatchQueue(tmp_path, kept, Ledger(None), lambda text: None).step()
-    assert not api.batches
-    assert not laid.exists()
-
-
-def test_one_queue_inherits_a_batch(api: FakeApi, ask, tmp_path, monkeypatch):
-    """Of two live runs the first to look collects what a killed one has sent."""
-    left = Session().kept_folder / "batches" / "msgbatch_7.json"
-    left.parent.mkdir(parents=True)
-    left.write_text(json.dumps({"process": 2**22 + 1, "questions": {}}))
-    first = BatchQueue(tmp_path, ReplyFolder(Session().kept_folder), Ledger(None), lambda text: None)
-    assert [batch["inherited"] for _, batch in first.open_batches()] == [True]
-    monkeypatch.setattr(os, "getpid", os.getppid)
-    assert first.open_batches() == []
-
-
 def test_a_batch_of_another_run_is_left_alone(api: FakeApi, ask, tmp_path):
     """What a run that is alive has sent is its own to collect."""
     left = Session().kept_folder / "batches" / "msgbatch_7.json"

@@ -16,10 +16,9 @@ from dcap.evaluation.judging.judge import pair_request, score_request
 from dcap.evaluation.judging.questions import JUDGE_PAIR, JUDGE_SCORE
 from dcap.language.connect import connect
 from dcap.language.model.ledger import ReplyLine, read_lines
-from dcap.language.model.openai_api import as_message, endpoint
 from dcap.language.offline.client import OfflineClient
 from dcap.language.protocol.client import LanguageConfig
-from dcap.language.protocol.questions import INTENT, ROTATION
+from dcap.language.protocol.questions import ROTATION
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import InputError, LanguageError, RefusedError
 from flows.configure import LanguageOptions
@@ -52,15 +51,6 @@ def test_every_question_is_answered(server: FakeOpenAi, question, request_of):
     assert connect(config(), Session()).ask(question, request) == OfflineClient().ask(question, request)
     images = [block for block in server.asked[0]["messages"][0]["content"] if block["type"] == "image"]
     assert len(images) == len(getattr(request, "pictures", ()))
-
-
-@HERE
-def test_the_intent_too(server: FakeOpenAi, ask):
-    """The largest reply, with lists of things within."""
-    asked = ask("put the mug on the desk")
-    assert connect(config(), Session()).ask(INTENT, asked) == OfflineClient().ask(INTENT, asked)
-    assert server.raw[0]["model"] == NAME
-    assert server.headers[0]["authorization"] == f"Bearer {KEY}"
 
 
 @HERE
@@ -141,15 +131,6 @@ def test_a_server_of_one_s_own_needs_no_key(server: FakeOpenAi, monkeypatch: pyt
         connect(config().model_copy(update={"model": "other"}), Session()).ask(ROTATION, rotation_request())
 
 
-@HERE
-def test_another_address_than_the_run_s_is_not_asked(server: FakeOpenAi, monkeypatch: pytest.MonkeyPatch):
-    """The variable is named."""
-    client = connect(config(), Session())
-    monkeypatch.setenv("OPENAI_BASE_URL", "http://127.0.0.1:1/v1")
-    with pytest.raises(InputError, match=r"\$OPENAI_BASE_URL now names 127\.0\.0\.1-1-v1"):
-        client.ask(ROTATION, rotation_request())
-
-
 def test_without_the_library_it_is_said_how_to_get_it(monkeypatch: pytest.MonkeyPatch):
     """One line, before anything is computed."""
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
@@ -181,23 +162,3 @@ def test_a_budget_needs_a_price():
     """No price of such a model is known."""
     with pytest.raises(InputError, match=f"the price of {NAME} is not known"):
         LanguageOptions("openai", NAME, max_cost=1.0).config()
-
-
-@pytest.mark.parametrize("text", ["", "[]", '{"choices": []}', '{"choices": [{"message": {"content": 3}}]}', "{}"])
-def test_what_is_no_completion_is_said(text: str):
-    """Whatever a server sends."""
-    with pytest.raises(LanguageError, match="not a completion"):
-        as_message(NAME, text)
-
-
-@pytest.mark.parametrize(
-    ("url", "name"),
-    [
-        ("", ""), ("https://api.openai.com/v1", ""), ("https://api.openai.com/v1/", ""),
-        ("http://me:secret@localhost:11434/v1", "localhost-11434-v1"),
-    ],
-)  # fmt: skip
-def test_an_address_names_a_folder(monkeypatch: pytest.MonkeyPatch, url: str, name: str):
-    """The usual one none, another one its host and path without its password."""
-    monkeypatch.setenv("OPENAI_BASE_URL", url)
-    assert endpoint() == name

@@ -5,8 +5,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from dcap.language.offline.client import OfflineClient
-from dcap.language.offline.lexicon import split_words, vocabulary
-from dcap.language.offline.reading import Reading
+from dcap.language.offline.lexicon import vocabulary
 from dcap.language.offline.sentence import read
 from dcap.language.offline.words import tokens_of
 from dcap.language.protocol.questions import INTENT
@@ -38,35 +37,6 @@ PLAIN = (
 PROMPTS = st.lists(
     st.one_of(st.sampled_from(PLAIN), st.sampled_from(KNOWN), st.sampled_from(NONSENSE)), min_size=1, max_size=12
 ).map(" ".join)
-SAYS_SOMETHING = ("thing", "part", "region", "side", "colour", "relation", "face", "pose", "angle", "unknown")
-EMPTY = ("filler", "det", "conj", "of", "pronoun", "verb", "restrict", "genitive", "quality")
-"""Kinds of words that may be dropped: they add nothing of their own, or are used up by the grammar."""
-
-
-def phrases(reading: Reading) -> list[str]:
-    """Every phrase that a reading keeps or reports."""
-    theme = [reading.theme.text] if reading.theme is not None else []
-    facing = [reading.facing.text] if reading.facing is not None else []
-    return [
-        *theme, *facing, *(place.text for place in reading.places), *reading.aside, *reading.not_understood,
-        reading.pose_words, reading.turn_words,
-    ]  # fmt: skip
-
-
-@settings(max_examples=400, deadline=None, derandomize=True)
-@given(prompt=PROMPTS)
-def test_every_word_is_used_or_reported(prompt: str):
-    """A prompt is refused, or each of its meaningful phrases stands in the reading; unknown words are reported."""
-    try:
-        reading = read(prompt)
-    except LanguageError:
-        return
-    kept = {word for phrase in phrases(reading) for word in split_words(phrase)}
-    for token in tokens_of(prompt):
-        if token.has("unknown"):
-            assert token.text in " ".join(reading.not_understood).split()
-        elif token.has(*SAYS_SOMETHING) and not token.has(*EMPTY):
-            assert set(split_words(token.text)) <= kept, token
 
 
 @settings(max_examples=200, deadline=None, derandomize=True, suppress_health_check=[FIXED])

@@ -58,12 +58,6 @@ def test_every_client_answers_every_question_with_listed_choices(one: Client, qu
     question.check(reply, request)
 
 
-def test_every_client_gives_the_same_kind_of_intent(one: Client, ask):
-    """The sentence's base, pose and category come back whoever answers."""
-    reply = one.ask(INTENT, prepared(INTENT, ask))
-    assert (reply.base_id, reply.pose, reply.object_name) == ("desk_0", "upside_down", "mug")
-
-
 def test_every_client_answers_many_in_their_order(one: Client, ask):
     """Answers to several questions come back in the order of the questions."""
     same = prepared(INTENT, ask)
@@ -222,12 +216,6 @@ def test_what_questions_share_comes_first_and_is_cached(api, ask):
     assert first["messages"][0]["content"][-1] != second["messages"][0]["content"][-1]
 
 
-def test_what_is_too_short_for_a_cache_is_not_marked(api):
-    """No model keeps a prompt's beginning of fewer than some thousand tokens."""
-    connect(MODEL, Session()).ask(LABEL, label_request())
-    assert "cache_control" not in json.dumps(api.asked[0])
-
-
 def test_an_unlisted_label_is_asked_again(api):
     """A label that is not offered goes back with the choices; two pictures go along; `other` is allowed."""
     bad, good = {"label": "throne", "confidence": 0.9}, {"label": "other", "confidence": 0.4}
@@ -258,15 +246,6 @@ def test_unlisted_part_names_and_indices_are_asked_again(api):
     assert "'throne' of part 1 is not one of board, leg, top" in reasons(api)[1]
     assert [block["type"] for block in api.asked[0]["messages"][0]["content"]] == ["text", "text", "image", "text"]
     assert [one["part"]["name"] for one in data_of(api.asked[0])["parts"]] == ["top", "leg", "leg"]
-
-
-def test_the_offline_reader_keeps_the_proposed_names():
-    """Rules named the parts already: the same names, just as sure."""
-    request = parts_request()
-    reply = OfflineClient().ask(PARTS, request)
-    assert [(one.index, one.name, one.confidence) for one in reply.names] == [
-        (p.part.index, p.part.name, p.confidence) for p in request.parts
-    ]
 
 
 def test_text_of_the_prompt_cannot_leave_its_block(api, ask):
@@ -314,14 +293,6 @@ def test_numbers_that_are_none_are_refused(api, ask):
     for point in ((float("nan"), 0.0), (0.0, float("inf"))):
         with pytest.raises(ValueError, match="finite"):
             ANCHOR.parsed({"part_index": 0, "point": point}, request)
-
-
-def test_an_invalid_answer_of_many_lines_is_quoted_in_one(api, ask):
-    """Models indent their JSON; an error stays one line."""
-    api.answers = [says(json.dumps({**good_intent(ask), "base_id": "throne"}, indent=2))]
-    with pytest.raises(LanguageError, match="throne") as error:
-        connect(MODEL, Session()).ask(INTENT, prepared(INTENT, ask))
-    assert "\n" not in str(error.value)
 
 
 def test_after_a_failure_nothing_more_is_asked(api):

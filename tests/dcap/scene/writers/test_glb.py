@@ -10,16 +10,13 @@ import pytest
 import trimesh
 
 from dcap.language.offline.client import OfflineClient
-from dcap.scene.checks.findings import Findings
-from dcap.scene.checks.scene_folder import check_scene
 from dcap.scene.readers.frame import Role
 from dcap.scene.readers.source import read_scan
 from dcap.scene.types.boxes import min_area_box
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.segmentation import Instance, Part, Segmentation
-from dcap.scene.writers import glb
-from dcap.scene.writers.glb import MIX, Node, distinct_rows, glb_bytes, labelled_nodes
+from dcap.scene.writers.glb import Node, glb_bytes, labelled_nodes
 from tasks.mesh.stage import MeshConfig, cleaned
 from tasks.segment.stage import SegmentConfig, segment
 
@@ -79,14 +76,6 @@ def test_instances_and_parts_come_back(tmp_path: Path) -> None:
     assert np.abs(color[0] - color[1]).max() < 1.0
 
 
-def test_a_check_counts_instances_not_parts(tmp_path: Path) -> None:
-    """By their labels; the crumb has none."""
-    (tmp_path / "room.glb").write_bytes(glb_bytes(labelled_nodes(made())))
-    findings = Findings()
-    assert check_scene(tmp_path, findings).labels == ("bed", "night stand", "night stand")
-    assert findings.all() == ()
-
-
 def test_what_is_added_by_hand_is_found_by_its_name(tmp_path: Path) -> None:
     """A node without a label beside labelled ones is an instance by its name, as in any glTF."""
     lamp = Node("Floor Lamp.001", block((2.5, 0, 0), (0.3, 0.3, 1.5), (9, 9, 9)))
@@ -129,13 +118,3 @@ def test_same_input_same_bytes_and_nothing_is_a_valid_file() -> None:
     document = json.loads(empty[20:])
     assert not {"meshes", "accessors", "buffers"} & set(document)
     assert document["nodes"] == [{"name": "empty"}]
-
-
-@pytest.mark.parametrize("mix", [MIX, np.uint64(0)])
-def test_distinct_rows_are_told_apart(mix: np.uint64, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As numpy tells them, in the order in which they first stand; also where all have the same number."""
-    monkeypatch.setattr(glb, "MIX", mix)
-    rows = np.random.default_rng(0).integers(0, 3, (500, 4)).astype(np.uint32)
-    first, inverse = distinct_rows(rows)
-    assert np.array_equal(rows[first][inverse], rows)
-    assert sorted(first) == list(first) == sorted(np.unique(rows, axis=0, return_index=True)[1])
