@@ -1,6 +1,5 @@
 """What counts as the code behind a stage."""
 
-import ast
 import itertools
 import re
 import tomllib
@@ -10,11 +9,11 @@ import numpy as np
 import pytest
 
 from dcap.scene.errors import StoreError
-from dcap.scene.settings import PROJECT_ROOT, cache_root
+from dcap.scene.settings import PROJECT_ROOT
 from flows.place import STAGES
 from tasks import code
 from tasks.cache import CLIENT
-from tasks.code import PARSED, changed_sources, code_of
+from tasks.code import changed_sources, code_of
 
 FILES = {
     "dcap/__init__.py": "import dcap.face\n",
@@ -78,23 +77,6 @@ def test_every_library_behind_a_stage_is_known_by_the_name_it_is_installed_by(mo
     assert {name.lower().replace("_", "-") for name in asked} - known == set()
 
 
-def test_a_source_is_parsed_again_that_another_thread_has_disturbed(
-    root: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """CPython fails in whichever thread builds a tree beside another; nothing is wrong with the source."""
-    parse, failed = ast.parse, set[str]()
-
-    def disturbed(source: bytes, filename: str) -> ast.Module:
-        if filename not in failed:
-            failed.add(filename)
-            raise SystemError("AST constructor recursion depth mismatch")
-        return parse(source, filename=filename)
-
-    monkeypatch.setattr(ast, "parse", disturbed)
-    assert found(root).files
-    assert failed
-
-
 CHANGES = [
     ("dcap/geometry/grid.py", "floor", "ceil", True),
     ("dcap/scene/late.py", "3", "4", True),
@@ -122,28 +104,6 @@ def test_a_change_counts_where_it_can_decide(root: Path) -> None:
         assert (after.digest != before.digest) is counts, (name, new)
         assert list(changed_sources(before.files, root)) == changed
         (root / name).write_text(text)
-
-
-def test_a_damaged_list_of_sources_is_written_anew(root: Path) -> None:
-    """What sources say is kept for the next program; not a byte of it may be wrong, for it decides keys."""
-    before = found(root)
-    kept = cache_root() / PARSED
-    whole = kept.read_bytes()
-    digest = before.files["tasks/fill.py"].encode()
-    for data in (whole.replace(digest, digest[::-1]), whole[:-20], b"", b'["sources"]'):
-        kept.write_bytes(data)
-        assert found(root) == before
-        assert kept.read_bytes() == whole
-
-
-def test_files_that_are_gone_are_forgotten(root: Path) -> None:
-    """The list of sources does not grow with each renamed file."""
-    found(root)
-    assert str(root / "dcap/scene/late.py") in (cache_root() / PARSED).read_text()
-    (root / "dcap/scene/box.py").write_text('TABLE = "materials.csv"\n')
-    (root / "dcap/scene/late.py").unlink()
-    found(root)
-    assert str(root / "dcap/scene/late.py") not in (cache_root() / PARSED).read_text()
 
 
 def test_what_is_saved_while_a_program_runs_is_the_next_programs(root: Path) -> None:

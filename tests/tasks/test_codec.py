@@ -1,6 +1,5 @@
 """Every value becomes plain files and comes back bit for bit."""
 
-import io
 import json
 import pickle
 from dataclasses import fields, is_dataclass
@@ -301,21 +300,6 @@ def test_foreign_types_are_refused(store: Store) -> None:
     """A value of a type that the store does not know is an error at saving, not at loading."""
     with pytest.raises(StoreError, match="set"):
         store.save({"x": {1, 2}})
-
-
-def test_a_picture_is_decoded_only_if_it_is_one_of_ours(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A PNG within the limit of size; one pixel more than can be read again is kept as a table."""
-    picture = a_picture()
-    monkeypatch.setattr("tasks.codec.MAX_PIXELS", picture.shape[0] * picture.shape[1])
-    larger = np.concatenate([picture, picture[:1]])
-    assert sorted(encode(Overview(larger, None))) == ["clean.parquet", "value.json"]
-    files = encode(Overview(picture, None))
-    assert sorted(files) == ["clean.png", "value.json"]
-    for kind in ("JPEG", "GIF", "larger"):
-        data = io.BytesIO()
-        Image.fromarray(larger if kind == "larger" else picture).save(data, "PNG" if kind == "larger" else kind)
-        with pytest.raises(StoreError, match=r"clean\.png: "):
-            decode(files | {"clean.png": data.getvalue()})
 
 
 def test_messages_keep_their_cause() -> None:

@@ -5,9 +5,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from box_rooms import CUBE, HALL, ROOM, ball, block, thing, toy
+from box_rooms import CUBE, HALL, ROOM, block, thing, toy
 from fake_api import FakeApi, offline_model, question_of, reason_of, self_willed
-from scipy.spatial.transform import Rotation as Turn
 from stage_chain import Stages
 
 from dcap.geometry.placement.poses import about_z
@@ -123,15 +122,6 @@ def test_a_further_turn_is_about_the_vertical(api: FakeApi, model: Stages):
     assert flipped.matrix == pytest.approx(thirty @ np.diag([1.0, -1.0, -1.0]), abs=1e-9)
 
 
-def test_a_quaternion_is_the_rotation(api: FakeApi, model: Stages):
-    """Any rotation, w first; rounded ones are made orthonormal; nothing else of the reply counts."""
-    quaternion = (0.5, -0.5, 0.1, 0.7)
-    api.answers = [self_willed(rotation={"quaternion": quaternion, "turn_deg": 90.0})]
-    found = model.oriented(ON_THE_BED, CUBE)
-    assert found.matrix == pytest.approx(Turn.from_quat(quaternion, scalar_first=True).as_matrix(), abs=1e-12)
-    assert found.candidate == "quaternion"
-
-
 @pytest.mark.parametrize(
     "changes",
     [{"intent": {"facing": "table"}}, {"rotation": {"facing_id": "table", "turn_deg": 0.0}}],
@@ -218,15 +208,3 @@ def test_whoever_mends_the_choice_is_heard(api: FakeApi, model: Stages):
     assert [question_of(body) for body in api.asked] == [name for name in bad for _ in range(2)]
     plain = Stages().made_of(ON_THE_BED, CUBE)
     assert [(row.body, row.material.id) for row in mended.rows] == [(row.body, row.material.id) for row in plain.rows]
-
-
-def test_a_ball_of_a_willed_size_still_starts_clear(api: FakeApi, model: Stages):
-    """What the model says of the size goes into the geometry: a ball told to be 40 cm starts 1 cm over the mattress."""
-    told = {"size": (0.4, 0.4, 0.4), "alternative_sizes": (), "spread": 1.1}
-    api.answers = [self_willed(intent=told, anchor={"part_index": 1, "regions": [], "point": (0.0, 0.4)})]
-    item = thing("ball", ball(0.1))
-    intent, _, found = model.placed("put the ball on the bed", item)
-    low, high = item.mesh.transformed(found.world_from_object).bounds
-    assert intent.scale == pytest.approx(2.0, rel=0.02)
-    assert high[2] - low[2] == pytest.approx(0.4, rel=0.02)
-    assert low[2] == pytest.approx(0.51, abs=1e-5)

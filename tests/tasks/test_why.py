@@ -1,6 +1,5 @@
 """Why a stage would run is told by what a person can change: an input, a setting, code, a data file, a library."""
 
-import os
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +7,6 @@ import pytest
 from known_records import known_code, known_result, recipe
 
 from tasks.artifact import Ref
-from tasks.records import every_record, key_of
 from tasks.upkeep import why_not_cached
 
 FILES = {"tasks/drop.py": "a", "solver/step.py": "a", "materials.csv": "a"}
@@ -61,23 +59,6 @@ def test_each_part_of_a_key_is_named() -> None:
         "library numpy 2.3.0 -> 2.4.0": drop(base, config=config, libraries={"numpy": "2.4.0"}),
     }.items():
         assert why(tree) == words
-
-
-def test_a_damaged_record_is_its_own_reason(data: Path) -> None:
-    """Not what differs from another sample's record."""
-    known({"scan": SCAN, "prompt": "on the bed"})
-    known({"scan": OTHER, "prompt": "on the desk"})
-    record = data / "cache" / "records" / key_of(drop({"scan": SCAN, "prompt": "on the bed"}))
-    record.write_bytes(record.read_bytes()[:40])
-    assert why(drop({"scan": SCAN, "prompt": "on the bed"})) == "its result is missing or damaged"
-
-
-def test_a_record_of_1970_counts(data: Path) -> None:
-    """Archives and images write no times."""
-    known({})
-    (path, _), *_ = every_record()
-    os.utime(path, ns=(0, 0))
-    assert [ref is not None for _, ref in every_record()] == [True]
 
 
 def test_a_line_stays_a_line() -> None:
