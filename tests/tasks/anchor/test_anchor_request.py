@@ -1,7 +1,5 @@
 """What the question of the anchor tells a client, in rooms of boxes."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import trimesh
@@ -10,7 +8,6 @@ from fake_api import data_of
 from dcap.language.connect import connect
 from dcap.language.offline.client import OfflineClient
 from dcap.language.protocol.client import ClientName, LanguageConfig
-from dcap.language.protocol.replies import AnchorReply
 from dcap.language.protocol.session import Session
 from dcap.scene.types.boxes import OrientedBox
 from dcap.scene.types.choices import Anchor, Intent, Rotation
@@ -70,15 +67,6 @@ def test_sentence_and_boxes_are_in_the_question():
     top = request.part_boxes[request.parts[0].index]
     assert (top.id, top.label) == ("0", "top")
     assert top.size == pytest.approx((2.0, 1.0, 0.05))
-
-
-def test_part_that_is_referred_to_goes_by_its_name():
-    """Next to the table's own top: its box in the middle of the table, under the id that a reply may choose."""
-    meant = asked(SENTENCE)
-    meant = replace(meant, region=replace(meant.region, references=("part:top",)))
-    request = anchor_request(ROOM, ROOM.instances[0], meant, SENTENCE, ITEM.mesh)
-    assert [(one.id, one.label, one.center) for one in request.references] == [("part:top", "top", (0.0, 0.0, 0.0))]
-    AnchorReply(part_index=0, references=("part:top",)).check(request)
 
 
 def test_model_is_told_the_sentence_and_chooses_as_the_offline_reader_does(api):

@@ -91,12 +91,3 @@ def test_nothing_leans_on_what_is_lower_than_its_middle() -> None:
     found = OFFLINE.tried("lean the board against the box", BOARD, room)
     assert isinstance(found, Infeasible)
     assert "middle would be above" in found.message
-
-
-def test_a_facing_of_what_leans_is_compared_and_nothing_else() -> None:
-    """How it leans has a check of its own."""
-    found, _ = start("lean the board against the wall facing the lamp", BOARD)
-    assert found.pose is not None
-    assert found.pose.name == "any"
-    assert found.pose.ahead is not None
-    assert start("lean the board against the wall", BOARD)[0].pose is None

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from dcap.geometry.primitives import Box, Capsule
-from dcap.scene.errors import GeometryError
 from dcap.scene.types.boxes import OrientedBox
 from dcap.scene.types.materials import ContactFriction
 from dcap.scene.types.mesh import Mesh
@@ -68,22 +67,6 @@ def test_scaling_a_mass_keeps_how_matter_is_distributed() -> None:
     assert np.array_equal(double.center_of_mass, shell.center_of_mass)
     points = material_points(PLANES, CUBE.distance, foam, if_empty="none")
     assert np.allclose(with_mass(points, 2.0 * 50.0 * SIDE**3).density, 100.0)
-
-
-def test_cells_that_find_nothing_inside_are_refused_with_the_given_words() -> None:
-    """A bead of 0.01 mm slips between the sub-samples of a 25 mm cell."""
-    with pytest.raises(GeometryError, match="raise the bead"):
-        material_points(PLANES, Capsule(1e-5, 0.0).distance, foam, if_empty="raise the bead")
-
-
-def test_a_budget_coarsens_the_samples_of_a_distance() -> None:
-    """Without one the spacing is the wanted one; with one about as many samples as it allows, over the same box."""
-    box = np.array([[-0.05] * 3, [0.05] * 3])
-    free = distance_samples(CUBE.distance, box, 0.004, margin=0.01)
-    tight = distance_samples(CUBE.distance, box, 0.004, margin=0.01, most=1000)
-    assert free.spacing == 0.004
-    assert tight.spacing == pytest.approx(0.12 / 10.0)
-    assert np.array_equal(free.origin, tight.origin)
 
 
 def test_a_clamped_face_of_a_turned_box_holds_its_own_nodes() -> None:

@@ -1,19 +1,16 @@
 """The object as one solid at its size in the scene; what cannot be closed is refused with its holes and a picture."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from box_rooms import segmentation
 from torn import ball, fine_box, middles, normals, where
 
-from dcap.geometry.distance import MeshDistance
 from dcap.geometry.pieces import is_closed
 from dcap.scene.types.choices import Anchor, Intent, OrientationRequest, RegionRequest
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import OpenObject, Reason
 from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
-from tasks.bodies.object_shape import ObjectShape, OpenShape, object_shape, refused, solid_of
+from tasks.bodies.object_shape import ObjectShape, OpenShape, object_shape, refused
 from tasks.overview import OverviewConfig, overview
 
 SCALE = 0.5
@@ -98,23 +95,3 @@ def test_strips_are_refused_with_sizes_places_and_a_picture():
         SegmentedScene(ROOM), SegmentedObject(item(ball())), named("ball"), anchor(), OverviewConfig(size=96)
     )
     assert whole.hole is None
-
-
-def test_a_hole_that_a_cap_closes_is_told():
-    """Also where the given faces with a cap are a solid as they are."""
-    dome = where(ball(), middles(ball())[:, 2] > 0.0)
-    found = object_shape(item(dome), named("ball"), anchor())
-    assert isinstance(found, ObjectShape)
-    assert any("below, closed from the rim" in note for note in found.notes)
-
-
-def test_what_was_closed_and_is_still_no_solid_is_refused(monkeypatch):
-    """With the reason and the holes of the given faces."""
-    _, report = solid_of(ball())
-    broken = replace(report, problem="it is not closed")
-    monkeypatch.setattr("tasks.bodies.object_shape.solid_of", lambda mesh: (MeshDistance(mesh), broken))
-    dome = where(ball(), middles(ball())[:, 2] > 0.0)
-    found = object_shape(item(dome), named("ball"), anchor())
-    assert isinstance(found, OpenShape)
-    assert found.rims
-    assert "it is not closed" in refused(found, "ball").message

@@ -1,23 +1,13 @@
 """Cells through what is thin in a soft support."""
 
 import numpy as np
-import pytest
 from numpy.typing import NDArray
 
 from dcap.geometry.distance import sampler
 from dcap.geometry.primitives import Box
 from solver.model.grid import graded_planes
 from tasks.bodies.discretization import distance_samples
-from tasks.bodies.soft_cells import (
-    MOST_PIECES,
-    THROUGH,
-    Cells,
-    Limit,
-    UnderResolved,
-    occupied,
-    thin_profile,
-    through_thin_parts,
-)
+from tasks.bodies.soft_cells import THROUGH, Cells, UnderResolved, occupied, thin_profile, through_thin_parts
 
 SEAT, BACK = Box(np.array([0.6, 0.5, 0.3])), Box(np.array([0.6, 0.05, 0.4]))
 LEAST = 1.5e-3
@@ -87,23 +77,3 @@ def test_what_is_thin_out_of_reach_costs_no_cells() -> None:
     found, thin = through_thin_parts(contact_cells(), GRID, seat, 100_000, LEAST)
     assert not thin
     assert found.count == contact_cells().count
-
-
-def limits_at_back(y: NDArray[np.float64], budget: int, least: float) -> set[Limit]:
-    """What keeps the places at the back that stay too thin from more cells, with these planes along y."""
-    x, _, z = contact_cells().planes
-    cells = Cells((x, y, z), 0.02, occupied((x, y, z), INSIDE))
-    _, thin = through_thin_parts(cells, GRID, ALL, budget, least)
-    return {one.limit for one in thin if one.place[2] > 0.2}
-
-
-@pytest.mark.parametrize("budget", [1, 100_000])
-def test_what_is_too_thin_is_told_with_what_keeps_it_from_more_cells(budget: int) -> None:
-    """The budget where more cells would do; else, whatever the budget is, that cells may be no finer, or that one which
-    spans the depth of the seat is not cut often enough."""
-    wanted = 0.05 / THROUGH
-    _, y, _ = contact_cells().planes
-    assert limits_at_back(y, budget, LEAST) == ({Limit.BUDGET} if budget == 1 else set())
-    assert limits_at_back(y, budget, 1.5 * wanted) == {Limit.FINEST}
-    assert wanted < 0.5 / MOST_PIECES
-    assert limits_at_back(np.array([-0.25, 0.25]), budget, LEAST) == {Limit.PIECES}

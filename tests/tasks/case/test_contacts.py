@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dcap.geometry.distance import sampler
 from tasks.bodies.soft_cells import CELLS_ACROSS, CELLS_AT_EDGES
 from tasks.case.bodies import BUDGET, case_particles
-from tasks.case.contacts import heights, predicted_contacts
+from tasks.case.contacts import predicted_contacts
 from tasks.case.file import checked_case
 from tasks.case.solid import CaseSolid
 
@@ -79,15 +78,6 @@ def test_cells_are_finest_at_an_edge_as_far_as_the_budget_goes():
         assert (len(x) - 1) * (len(y) - 1) * (len(z) - 1) <= BUDGET
 
 
-def test_samples_follow_a_sharp_edge():
-    """To a fifth of a millimetre; those that are fine enough for a round body miss it by 0.4 mm."""
-    case = checked_case({"bodies": [SLAB, body({"cylinder": {"radius": 0.05, "height": 0.1}}, 0.21)]}, "case")
-    thing = case_particles(case, Path(), None).bodies[1]
-    angle = np.linspace(0.0, 6.0, 50)
-    rim = np.column_stack([0.05 * np.cos(angle), 0.05 * np.sin(angle), np.full(50, 0.16)])
-    assert np.abs(sampler(thing.distance)(rim)).max() < 2e-4
-
-
 def test_what_falls_past_has_no_contact():
     """Nor has what is covered by a layer that is bonded to it."""
     assert contacts(body({"sphere": {"radius": 0.05}}, 0.3) | {"position": [0.5, 0, 0.3]}) == []
@@ -104,16 +94,6 @@ def test_what_stands_on_top_presses_too():
     found = {one.upper.body.name: one for one in contacts(plate, body({"sphere": {"radius": 0.05}}, 0.23))}
     area = float(np.prod(found["plate"].plan.patch.spacing))
     assert found["plate"].plan.patch.pressure.sum() * area == pytest.approx(3.0 * 9.81)
-
-
-def test_heights_of_a_primitive_are_exact():
-    """From below and from above, and nothing beside it."""
-    ball = checked_case({"bodies": [SLAB, body({"sphere": {"radius": 0.05}}, 1.0)]}, "case").bodies[1]
-    solid, plan = CaseSolid(ball, Path()), np.array([[0.0, 0.0], [0.03, 0.0], [0.049, 0.0], [0.06, 0.0]])
-    rise = np.sqrt(0.05**2 - np.array([0.0, 0.03, 0.049]) ** 2)
-    assert heights(solid, plan, 1.0)[:3] == pytest.approx(1.0 - rise, abs=1e-5)
-    assert heights(solid, plan, -1.0)[:3] == pytest.approx(1.0 + rise, abs=1e-5)
-    assert np.isnan(heights(solid, plan, 1.0)[3])
 
 
 def test_cells_follow_the_patch_within_the_budget():

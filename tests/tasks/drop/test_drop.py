@@ -1,6 +1,5 @@
 """Each verdict of the drop from a scene that produces it, and how outcomes are judged against what was asked."""
 
-import json
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -12,28 +11,21 @@ from scipy.spatial.transform import Rotation
 from dcap.geometry.distance import distance_grid
 from dcap.geometry.primitives import Box, Capsule, Primitive
 from dcap.scene.errors import GeometryError
-from dcap.scene.json_tree import to_json
 from dcap.scene.types.choices import Anchor, Intent, Lean, OrientationRequest, RegionRequest
 from dcap.scene.types.materials import ContactFriction
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Infeasible, Reason
 from dcap.scene.types.particles import InertialProperties, Particles, RigidSimulationBody
 from dcap.scene.types.settled import LastState, PlacementChecks, Settled
-from solver.certificate import CertificateRow, NotDone, Verdict
+from solver.certificate import NotDone
 from solver.config import SolverConfig
 from solver.errors import ModelError
-from tasks.bodies.plan_contact import share_within
 from tasks.drop.stage import (
     DropConfig,
     able,
     carried_share,
     drop,
-    last_state,
-    points_on,
-    tilt_of,
     toppling,
-    turn_of,
-    unforeseen_end,
     with_checks,
 )
 
@@ -97,21 +89,6 @@ def test_a_box_on_a_table_is_at_rest() -> None:
     assert isinstance(found, Settled)
     assert found.verdict == "at_rest"
     assert abs(found.bodies[0].surface.bounds[0, 2]) < 3e-4
-
-
-def test_a_contact_without_points_is_told_without_a_number() -> None:
-    """A row of a contact may tell of a force where nothing touches: its place is not known, and nothing says nan."""
-    item = body("object", Box(np.array([0.1, 0.1, 0.1])), [0, 0, 0.06], fixed=False)
-    found = run(item, table(), asked())
-    assert isinstance(found, Settled)
-    row = replace(found.contacts[0], points=0, area_m2=0.0)
-    none = replace(found, contacts=(row,), contact_points=np.zeros((0, 3)))
-    boxes = np.array([[[-0.05, -0.05], [0.05, 0.05]]])
-    particles = Particles((item, table()), (), 0.01, (), foreseen=boxes)
-    told = with_checks(none, particles, anchor(), asked(), DropConfig())
-    assert told.checks is not None
-    assert told.checks.foreseen_share is None
-    assert "nan" not in json.dumps(to_json(told.checks)).lower() + " ".join(told.warnings).lower()
 
 
 @pytest.mark.slow
@@ -220,16 +197,6 @@ def test_resting_beside_the_base_is_not_resting_on_it() -> None:
     assert carried_share(on_table, particles, "table") == 1.0
 
 
-def test_turning_about_the_vertical_is_not_tilting() -> None:
-    """Only the change of the angle between the object's own axis and the vertical counts."""
-    pose = np.eye(4)
-    yaw = Rotation.from_euler("z", 80, degrees=True).as_quat(scalar_first=True)
-    fall = Rotation.from_euler("x", 50, degrees=True).as_quat(scalar_first=True)
-    assert tilt_of(yaw, pose) == pytest.approx(0.0, abs=1e-7)
-    assert turn_of(about_z(50)) == turn_of(about_z(-50)) == pytest.approx(np.radians(50))
-    assert tilt_of(fall, pose) == pytest.approx(np.radians(50))
-
-
 def leaning_board(degrees: float) -> tuple[Particles, Anchor]:
     """A board 40 cm high that touches a wall at y = 0.3 with its upper edge, tilted by so much."""
     angle = np.radians(degrees)
@@ -271,44 +238,6 @@ def test_a_board_that_leans_too_far_slides_down() -> None:
     assert isinstance(found, Infeasible)
     assert found.reason is Reason.TOPPLED
     assert "slid down" in found.message or "fell over" in found.message
-
-
-def test_the_share_of_the_contact_that_was_foreseen() -> None:
-    """Points in any of the boxes count once; with less than half the drop is to be repeated."""
-    boxes = np.array([[[0.0, 0.0], [1.0, 1.0]], [[0.5, 0.5], [2.0, 2.0]]])
-    points = np.array([[0.6, 0.6, 0.0], [1.5, 1.5, 9.0], [3.0, 0.5, 0.0], [0.2, -0.1, 0.0]])
-    assert share_within(points, boxes) == 0.5
-    rest = drop(Particles((body("object", Box(np.full(3, 0.1)), [0, 0, 0.051], fixed=False), table()), (), 0.01, ()),
-                anchor(), asked(), 0, DropConfig())  # fmt: skip
-    assert isinstance(rest, Settled)
-    assert unforeseen_end(rest) is None  # nothing is soft
-    checks = [
-        replace(rest.checks or PlacementChecks(CertificateRow.at_least(1.0, 0.5)),
-                foreseen_share=CertificateRow.at_least(share, 0.5))
-        for share in (0.4, 0.6)
-    ]  # fmt: skip
-    few, enough = (replace(rest, checks=one) for one in checks)
-    end = unforeseen_end(few)
-    assert end is not None
-    assert end.position == tuple(rest.bodies[0].position)
-    assert unforeseen_end(enough) is None
-    assert unforeseen_end(Infeasible(Reason.NO_EQUILIBRIUM, "", last_state(few))) == end  # it hops on coarse cells
-    assert unforeseen_end(Infeasible(Reason.TOPPLED, "", last_state(few))) is None
-    assert unforeseen_end(Infeasible(Reason.UNSTABLE_STEP, "", None)) is None
-
-
-def test_where_a_thing_that_hops_would_touch() -> None:
-    """Where it is nearest to the soft body; nowhere if that is not what it is nearest to, or if it has flown away."""
-    high = body("object", Box(np.full(3, 0.1)), [0.1, 0.0, 0.08], fixed=False)
-    particles = Particles((high, table()), (), 0.01, ())
-    rest = SimpleNamespace(contact_points=np.zeros((0, 3)), verdict=Verdict.NO_EQUILIBRIUM, bodies=[high])
-    hops: Any = rest
-    (point,) = points_on(hops, particles, "table/rigid")
-    assert point[2] == pytest.approx(0.03)
-    assert abs(point[0] - 0.1) <= 0.05
-    assert len(points_on(hops, particles, "bed")) == 0
-    rest.verdict = Verdict.LEFT_TARGET
-    assert len(points_on(hops, particles, "table/rigid")) == 0
 
 
 @pytest.mark.parametrize(

@@ -82,14 +82,6 @@ def test_a_facing_is_the_front_against_what_it_shall_face(before, dropped, degre
     assert any(f"facing door 0, found {degrees} degrees off" in line for line in pose_warnings((row,))) != row.met
 
 
-def test_what_looks_down_faces_nothing():
-    """Fallen on its face: a quarter turn from the horizontal."""
-    asked = AskedPose("any", UP, 0.0, UP, FRONT, looks=FRONT, ahead=FRONT)
-    (row,) = checked(asked, before=turn("z", 0), dropped=turn("x", 90), facing="door_0")
-    assert not row.met
-    assert row.angle_rad == pytest.approx(0.5 * np.pi)
-
-
 def test_a_front_that_nobody_can_tell_is_a_doubt():
     """And a line; so is a facing towards what is not known."""
     for told in ("it is unknown", ""):
@@ -108,9 +100,3 @@ def test_what_lies_does_not_stand(axis, degrees, met):
     (row,) = checked(asked, before=turn(axis, degrees), dropped=turn("z", 20))
     assert (row.found, row.met) == ("standing" if met else "lying", met)
     assert len(pose_warnings((row,))) == (0 if met else 1)
-
-
-def test_nothing_asked_nothing_checked():
-    """And a pose that is met beyond doubt is no warning."""
-    assert pose_checks(None, OrientationRequest("any", "", ""), np.eye(4), np.array([1.0, 0, 0, 0]), 0.0, BOUNDS) == ()
-    assert pose_warnings(checked(UPRIGHT, before=turn("z", 0), dropped=turn("z", 0))) == ()

@@ -16,7 +16,6 @@ from dcap.scene.types.particles import (
     Particles,
     SoftSimulationBody,
 )
-from tasks.bodies.plan_contact import within_any
 from tasks.drop.stage import refuse_coarse_layers
 
 HERE = np.array([[[-0.1, -0.1], [0.1, 0.1]]])
@@ -55,21 +54,8 @@ def test_a_layer_with_too_few_particles_is_refused() -> None:
     refuse_coarse_layers(on(bed(0.05), MATTRESS))
 
 
-def test_other_bodies_are_not_asked() -> None:
-    """A support that the contact does not reach, and a rigid base."""
-    refuse_coarse_layers(on(bed(0.05), BLANKET, foreseen=HERE + 5.0))
-    refuse_coarse_layers(on(bed(0.05), foreseen=None))
-
-
 def test_a_soft_object_needs_as_many_particles() -> None:
     """Through all of it, wherever it touches."""
     refuse_coarse_layers(on(bed(0.1, "object"), BLANKET))
     with pytest.raises(GeometryError, match=r"2\.0 particles through the object \(200 mm thick\).*object_cells"):
         refuse_coarse_layers(on(bed(0.2, "object"), foreseen=None))
-
-
-def test_points_in_boxes() -> None:
-    """In any of them, their borders included."""
-    boxes = np.array([[[0.0, 0.0], [1.0, 1.0]], [[3.0, 0.0], [4.0, 1.0]]])
-    points = np.array([[0.5, 0.5], [1.0, 1.0], [2.0, 0.5], [3.5, 0.5], [3.5, 2.0]])
-    assert within_any(points, boxes).tolist() == [True, True, False, True, False]

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from box_rooms import block
 from dented_bed import RADIUS, TOP, anchor, ball
 from placed_folder import placed_folder, read_placed
 
@@ -15,7 +14,7 @@ from dcap.scene.types.choices import Anchor
 from dcap.scene.types.earlier import EarlierPlacements, PlacedThing
 from dcap.scene.types.scan import Scan
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
-from tasks.freed.stage import GAP, closed, freed, height_over, meet
+from tasks.freed.stage import GAP, closed, freed, meet
 from tasks.segment.stage import SegmentConfig, segment
 
 
@@ -92,11 +91,3 @@ def test_the_ground_is_what_carries_in_the_end() -> None:
     assert [earlier.ground_of(one) for one in ("cup", "book", "bed")] == ["bed"] * 3
     turning = (PlacedThing("a", 1.0, ("b",)), PlacedThing("b", 1.0, ("a",)))
     assert EarlierPlacements((), (), turning, (), ()).ground_of("a") in ("a", "b")
-
-
-def test_height_over_a_step() -> None:
-    """A block that is 3 cm inside another goes up by that and the gap; one that is above it stays."""
-    ground = block((-1.0, -1.0, 0.0), (1.0, 1.0, 0.5))
-    assert height_over(block((0.0, 0.0, 0.47), (0.2, 0.2, 0.6)), ground, 0.05, 1e-3) == pytest.approx(0.031, abs=1e-5)
-    assert height_over(block((0.0, 0.0, 0.6), (0.2, 0.2, 0.7)), ground, 0.05, 1e-3) == 0.0
-    assert height_over(block((3.0, 0.0, 0.6), (3.2, 0.2, 0.7)), ground, 0.05, 1e-3) == 0.0

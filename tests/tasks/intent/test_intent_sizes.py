@@ -12,7 +12,7 @@ from dcap.language.protocol.requests import IntentRequest, vector
 from dcap.scene.types.choices import Intent
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
-from tasks.intent.stage import IntentConfig, intent, mass_of, scale_of
+from tasks.intent.stage import IntentConfig, intent, mass_of
 from tasks.requests.views import instance_views, object_view, room_center
 
 
@@ -70,13 +70,6 @@ def test_absurd_alternative_sizes_are_no_answer(sizes, words):
     reply, request = answered(alternative_sizes=sizes)
     with pytest.raises(ValueError, match=words):
         reply.check(request)
-
-
-def test_a_size_in_any_order_is_sorted():
-    """A model may list width before length: axes are compared by length."""
-    reply, _ = answered(size=(0.05, 0.3, 0.24), alternative_sizes=())
-    fit = scale_of(reply, np.array([6.0, 30.0, 24.0]), IntentConfig())
-    assert (fit.scale, fit.shape.tolist()) == (0.01, [0.3, 0.24, 0.05])
 
 
 @pytest.mark.parametrize(

@@ -7,15 +7,11 @@ import pytest
 from box_rooms import ROOM, ball, block, book, segmentation, thing
 from stage_chain import Stages
 
-from dcap.language.protocol.client import ClientName, LanguageConfig
 from dcap.scene.errors import InputError, LanguageError
 from dcap.scene.types.choices import Intent
 from dcap.scene.types.outcome import Infeasible, NotInScene, Reason
 from dcap.scene.types.segmentation import Segmentation
-from tasks.anchor.stage import AnchorConfig
 from tasks.intent.stage import IntentConfig
-from tasks.materials.stage import MaterialsConfig
-from tasks.rotation.stage import RotationConfig
 
 OFFLINE = Stages()
 
@@ -169,10 +165,3 @@ def two_beds() -> Segmentation:
             "window": ("window", None, [("body", block((2.0, -0.5, 0.8), (2.1, 0.5, 2.0)))]),
         }
     )
-
-
-def test_configs_survive_json():
-    """Every configuration round-trips."""
-    model = LanguageConfig(client=ClientName.ANTHROPIC)
-    for config in (IntentConfig(), RotationConfig(), AnchorConfig(language=model), MaterialsConfig()):
-        assert type(config).model_validate_json(config.model_dump_json()) == config

@@ -1,18 +1,14 @@
 """One row of the library for each part, with its reason."""
 
-import re
-from pathlib import Path
-
 import pytest
-from box_rooms import CUBE, ROOM, ball, block, mug, thing
+from box_rooms import CUBE, ROOM, ball, mug, thing
 from stage_chain import Stages
 
-from dcap.language.material_table import load_materials
 from dcap.language.offline.client import OfflineClient
 from dcap.scene.types.materials import BodyModel, PartMaterials
 from dcap.scene.types.outcome import Infeasible
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
-from tasks.materials.stage import MaterialsConfig, limited, materials
+from tasks.materials.stage import MaterialsConfig, materials
 
 OFFLINE = Stages()
 
@@ -52,18 +48,6 @@ def test_paper_limits_are_an_option():
     assert plain.notes == ()
 
 
-def test_the_page_on_methods_says_which_rows_the_clamps_change():
-    """Each soft row that becomes stiffer or loses its layers, with its numbers, and no other."""
-    page = (Path(__file__).parents[3] / "docs/methods.md").read_text(encoding="utf-8")
-    told = dict(re.findall(r"^\| `(\w+)` \| (\S+ \| \S+) \|", page, re.MULTILINE))
-    changed = {}
-    for row in load_materials().values():
-        new = limited(row)[0].youngs_modulus
-        if new > row.youngs_modulus or row.layers is not None:
-            changed[row.id] = (row.youngs_modulus, new)
-    assert {name: tuple(map(float, numbers.split(" | "))) for name, numbers in told.items()} == changed
-
-
 def test_materials_hear_the_whole_prompt(stages):
     """What the sentence calls the object and its support made of counts, each for its own."""
     chosen = stages.made_of("put the steel cube on the glass table", CUBE)
@@ -92,9 +76,3 @@ def test_what_nobody_would_see_give_is_rigid_if_asked(share, model):
     assert ("load-aware" in row.reason) == (model is BodyModel.RIGID)
     assert any("mattress" in note for note in aware.notes) == (model is BodyModel.RIGID)
     assert (plain.of("bed", 1).model, plain.notes) == (BodyModel.MPM, ())
-
-
-def test_unknown_things_get_a_stated_fallback():
-    """Nothing known of name and part: the reason starts with the word fallback."""
-    chosen = OFFLINE.made_of("put the zorb on the bed", thing("zorb", block((0.0, 0.0, 0.0), (0.1, 0.1, 0.1))))
-    assert chosen.rows[0].reason.startswith("fallback")

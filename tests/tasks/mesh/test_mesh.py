@@ -10,16 +10,12 @@ from point_files import points_on, without_normals, write_ply_points
 from dcap.geometry.distance import MeshDistance
 from dcap.geometry.splatting.config import SurfaceConfig
 from dcap.geometry.splatting.discs import splats_on_mesh
-from dcap.language.offline.client import OfflineClient
-from dcap.language.offline.kinds import prior_of
-from dcap.language.offline.sentence import read as read_sentence
 from dcap.scene.errors import InputError
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.writers.gaussians import write_splats
 from tasks.artifact import Source, Store
 from tasks.mesh.stage import MeshConfig, mesh_object, mesh_scene, needs_process
-from tasks.segment.stage import SegmentConfig, segment_object
 
 SQUARE = "v 0 0 0 1 0 0\nv 1 0 0 1 0 0\nv 1 1 0 1 0 0\nv 0 1 0 1 0 0\n"
 
@@ -74,31 +70,6 @@ def test_a_folder_names_a_mesh_whose_file_says_nothing(tmp_path: Path, given: st
     source = store.load(store.add_source(tmp_path / given))
     assert isinstance(source, Source)
     assert mesh_scene(source, SourceOptions(up="z", unit="m"), MeshConfig()).label == label
-
-
-@pytest.mark.parametrize(
-    ("folder", "names", "label"),
-    [
-        ("soccer_ball", ("0a1b2c3d4e5f60718293a4b5c6d7e8f9.obj",), "soccer ball"),
-        ("things", ("0a1b2c3d4e5f60718293a4b5c6d7e8f9.obj", "mug.obj"), ""),
-        ("000-023", ("0a1b2c3d4e5f60718293a4b5c6d7e8f9.obj",), ""),
-        ("things", ("B07XJ8C8F5.obj", "0042.obj"), ""),
-    ],
-)
-def test_an_id_names_no_mesh(tmp_path: Path, folder: str, names: tuple[str, ...], label: str) -> None:
-    """A file that is called after an id has its folder's name if it is alone there and that is no number; else none,
-    and the object is a thing, which the sentence names."""
-    (tmp_path / folder).mkdir()
-    for name in names:
-        (tmp_path / folder / name).write_text(SQUARE + "f 1 2 3\n")
-    store = Store(tmp_path / "store")
-    source = store.load(store.add_source(tmp_path / folder / names[0]))
-    assert isinstance(source, Source)
-    scan = mesh_object(source, SourceOptions(up="z", unit="m"), MeshConfig())
-    found = segment_object(scan, SegmentConfig(), OfflineClient())
-    assert found.instances[0].label == (label or "thing")
-    prior = prior_of(read_sentence("put the ball on the bed").theme, found.instances[0].label, (0.2, 0.2, 0.2))
-    assert prior.name == (label or "ball")
 
 
 def test_a_folder_name_that_decides_nothing_is_not_part_of_the_source(tmp_path: Path) -> None:

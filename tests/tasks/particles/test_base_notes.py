@@ -1,9 +1,6 @@
 """What is said of a base whose cells cannot resolve all of it."""
 
-import re
-
 import numpy as np
-import pytest
 from benches import FOAM, cube_over, soft_layers
 from box_rooms import block
 
@@ -45,15 +42,6 @@ def test_every_part_that_is_too_thin_for_its_cells_is_named() -> None:
     assert "only 1.8 cells through seat where it is 450 mm thick" in found[1]
     assert all("budget of 2000 cells (ParticlesConfig.base_cells)" in one for one in found)
     assert not notes_of([])
-
-
-@pytest.mark.parametrize(("limit", "knob"), [
-    (Limit.BUDGET, "base_cells"), (Limit.FINEST, "finest_cell"), (Limit.PIECES, "cell"),
-])  # fmt: skip
-def test_the_knob_is_that_of_what_limits_the_cells(limit: Limit, knob: str) -> None:
-    """Raising a budget that is not reached helps nobody."""
-    (found,) = notes_of([UnderResolved(1.2, 0.04, BACK_PLACE, limit)])
-    assert re.findall(r"ParticlesConfig\.(\w+)", found) == [knob]
 
 
 def test_cells_beyond_the_budget_are_counted() -> None:

@@ -97,14 +97,6 @@ def test_an_edge_on_something_rigid_shows_it_too():
     assert covers_of(base, [1], mesh, part)[1].thickness == pytest.approx(0.03, abs=1e-6)
 
 
-def test_a_coarse_mesh_shows_it_as_well():
-    """Two triangles for each top are compared along their edge, not only in their middles."""
-    pieces = [plate((-0.7, 0.7), (-1.0, 0.0), TOP, 2), plate((-0.7, 0.7), (0.0, 1.0), TOP + 0.03, 2)]
-    base, _, _ = bed(0.03)
-    part = np.repeat(np.arange(2, dtype=np.int32), 2)
-    assert covers_of(base, [1], Mesh.concatenate(pieces), part)[1].thickness == pytest.approx(0.03, abs=1e-6)
-
-
 def test_without_an_edge_it_is_as_thick_as_usual():
     """A blanket level with the mattress shows no step; nor does one whose surroundings scatter; nor does one beside
     which nothing is seen: each says why."""
@@ -136,17 +128,6 @@ def upright(x, y, z):
     """A sheet at x over y = (low, high), z = (low, high)."""
     flat = plate(z, y, 0.0)
     return Mesh.of(flat.vertices[:, [2, 1, 0]] + [x, 0.0, 0.0], flat.faces)
-
-
-def test_faces_inside_bound_no_cover():
-    """Where a modeller joined pieces by a sheet of the blanket's in the bed, the mattress is mattress still."""
-    base, mesh, part = bed(0.03)
-    pieces = [upright(-0.7, (0.0, 1.0), (0.25, TOP)), upright(0.7, (0.0, 1.0), (0.25, TOP)),
-              upright(-0.1, (0.01, 0.99), (0.26, TOP + 0.01))]  # fmt: skip
-    owner = np.concatenate([part, *(np.full(len(m.faces), p) for m, p in zip(pieces, (0, 0, 1), strict=True))])
-    depth, points = down(-0.11, 0.5, TOP + 0.03, 0.2)
-    found = lying(base, Mesh.concatenate([mesh, *pieces]), owner).owners(points)
-    assert (found[depth > 0.031] == 0).all()
 
 
 def test_a_thing_that_is_a_cover_as_a_whole():

@@ -1,6 +1,5 @@
 """The bodies that the drop gets: mass, volume, clamps, materials and fields of a known bed and known objects."""
 
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -20,7 +19,6 @@ from tasks.bodies.footprint import PER_CELL
 from tasks.bodies.plan_contact import share_within
 from tasks.codec import encode
 from tasks.particles.config import ParticlesConfig
-from tasks.particles.drop_setup import drop_setup
 from tasks.particles.stage import particles
 
 FOAM = Material("foam", 50.0, 2e4, 0.3, 0.6, 0.5, 0.002, "soft", "test")
@@ -129,15 +127,6 @@ def chosen(**object_parts: Material) -> PartMaterials:
         for i, (n, m) in enumerate(zip(("mattress", "frame", "blanket"), (FOAM, WOOD, CLOTH), strict=True))
     ]
     return PartMaterials(tuple(rows), "none")
-
-
-def test_notes_about_materials_are_passed_on() -> None:
-    """What was made rigid is said in the result's warnings."""
-    rows = replace(chosen(body=WOOD), notes=("body is treated as rigid",))
-    found = drop_setup(
-        bed(), item(body=ball()), asked(1.0, hollow=True), above((0.0, 0.0, TOP + 0.11)), rows, ParticlesConfig()
-    )
-    assert "body is treated as rigid" in found.notes
 
 
 def soft_body(found: Particles, index: int) -> SoftSimulationBody:
@@ -363,12 +352,6 @@ def test_too_many_particles_are_refused_with_the_knob() -> None:
             asked(1.0, hollow=True), above((0.0, 0.0, 0.61)), chosen(body=WOOD),
             ParticlesConfig(particle_limit=1000, base_cells=500),
         )  # fmt: skip
-
-
-def test_config_round_trips_through_json() -> None:
-    """A config holds numbers only."""
-    config = ParticlesConfig(base_cells=123)
-    assert ParticlesConfig.model_validate_json(config.model_dump_json()) == config
 
 
 @pytest.mark.slow

@@ -62,10 +62,3 @@ def test_cells_are_of_one_size_everywhere():
     np.testing.assert_allclose(even[:, 0], even[:, 1], rtol=1e-6)
     assert even.min() > 0.8 * even.max()
     assert graded[:2, 1].min() > 2.0 * graded[:2, 0].max()
-
-
-@pytest.mark.slow
-def test_a_drop_that_broke_down_has_larger_cells_here_too():
-    """1.4 times larger ones: about half as many along two axes."""
-    once, again = (sizes(simulated(uniform=True, coarser=one)) for one in (1.0, 1.4))
-    assert (again[:, 0] > 1.1 * once[:, 0]).sum() >= 2

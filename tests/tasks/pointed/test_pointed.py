@@ -2,11 +2,9 @@
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 from box_rooms import bedroom, block, segmentation, thing
 from scans import scan_of
-from stage_chain import Stages
 
 from dcap.language.offline.client import OfflineClient
 from dcap.scene.errors import InputError
@@ -166,11 +164,3 @@ def test_a_box_around_a_thing_means_the_thing() -> None:
     room, meant, _ = placed(GivenPlace(support=(-3.1, -3.1, -0.2, 3.1, 3.05, 0.05)), "put it there")
     assert meant.base_label == "floor"
     assert room.instances[room.index_of(meant.base_id)].structure
-
-
-def test_without_a_place_nothing_changes() -> None:
-    """The stages' other tests hold."""
-    assert isinstance(Stages().meant("put the block on the table", CUBE), Intent)
-    assert np.array_equal(
-        point_out(SegmentedScene(ROOM), pointed_at(GivenPlace(at=(1.7, 0.7)))).face_part, ROOM.face_part
-    )

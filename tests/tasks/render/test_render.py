@@ -18,7 +18,6 @@ from tasks.render.config import RenderConfig
 from tasks.render.contact_picture import profile_picture
 from tasks.render.settled_meshes import settled_item, settled_scene, shown, shown_faces, structure_faces
 from tasks.render.stage import render
-from tasks.render.views import rays_between
 
 SMALL = RenderConfig(size=160)
 PLAIN = SourceSurface.untextured()
@@ -167,13 +166,3 @@ def test_same_input_same_bytes() -> None:
     assert isinstance(again, Renders)
     for name in ("clean", "settled", "closeup", "before_after", "contact", "profile"):
         assert getattr(again, name).tobytes() == getattr(taken(), name).tobytes()
-
-
-def test_rays_between_two_points_are_the_pictures_own() -> None:
-    """A rectangle's rays go through the middles of the pixels it covers; beyond the picture there are none."""
-    camera = looking_at(np.array([0.0, -2.0, 1.0]), np.zeros(3), 40, 30)
-    place, rays = rays_between(camera, np.array([3.2, -5.0]), np.array([8.5, 4.6]))
-    assert place == (slice(0, 5), slice(3, 9))  # middles 0.5 .. 4.5 and 3.5 .. 8.5
-    whole = camera.directions(camera.pixel_centers).reshape(30, 40, 3)
-    assert np.array_equal(rays[:, 3:], whole[place].reshape(-1, 3).astype(np.float32))
-    assert len(rays_between(camera, np.array([50.0, 2.0]), np.array([60.0, 9.0]))[1]) == 0

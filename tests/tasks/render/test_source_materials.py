@@ -2,14 +2,12 @@
 
 import json
 import struct
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-import trimesh
-from all_maps import CUTOFF, FACTORS, IMAGES, LIGHT, SCALE, SIDE, STRENGTH, encoded, image, write_quad
+from all_maps import CUTOFF, FACTORS, IMAGES, LIGHT, SCALE, STRENGTH, encoded, image, write_quad
 from textured import plate
 
 from dcap.geometry.rendering.painted import own_paint, painted
@@ -17,7 +15,7 @@ from dcap.geometry.solid.repair import subdivide_near
 from dcap.scene.readers.frame import Role
 from dcap.scene.readers.source import read_scan, read_surface
 from dcap.scene.readers.source_files import companions
-from dcap.scene.types.mesh import PLAIN, AlphaMode, MaterialMap, Mesh, Paint, SourceSurface, SurfaceMaterial
+from dcap.scene.types.mesh import PLAIN, AlphaMode, MaterialMap, Paint, SourceSurface, SurfaceMaterial
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.writers.glb import Node, glb_bytes
 
@@ -71,18 +69,6 @@ def test_all_that_a_gltf_material_says_is_written_and_read_back(tmp_path):
     assert again.mesh.triangles == pytest.approx(first.mesh.triangles, abs=1e-6)
 
 
-def test_trimesh_finds_the_same_material(tmp_path):
-    path = written(tmp_path / "written.glb", read_surface(write_quad(tmp_path / "given.glb"), Y_UP))
-    found = next(iter(trimesh.load(path).geometry.values())).visual.material  # type: ignore[attr-defined]
-    assert (found.name, found.alphaMode, found.alphaCutoff, found.doubleSided) == ("Leaf", "MASK", CUTOFF, False)
-    assert (found.metallicFactor, found.roughnessFactor) == (0.25, 0.625)
-    assert found.emissiveFactor == pytest.approx(LIGHT)
-    assert found.baseColorFactor[3] == pytest.approx(0.75 * 255, abs=1)
-    own = (found.baseColorTexture, found.metallicRoughnessTexture, found.normalTexture, found.occlusionTexture)
-    for name, picture in zip(IMAGES, (*own, found.emissiveTexture), strict=True):
-        assert np.array_equal(np.asarray(picture), image(name)), name
-
-
 def test_alpha_counts_only_where_the_material_says_so(tmp_path):
     """An opaque material of a picture with transparency: three channels, as before, and no mode."""
     surface = read_surface(write_quad(tmp_path / "given.glb", alphaMode=None), Y_UP)
@@ -121,13 +107,6 @@ def test_a_map_that_cannot_be_used_is_left_out(tmp_path, broken):
     assert said.emissive_map is not None
 
 
-def test_maps_are_not_read_with_the_mesh(tmp_path):
-    """The mesh that is computed on needs base colours only."""
-    path = write_quad(tmp_path / "given.glb", normalTexture={"index": 99})
-    scan = read_scan(path, SourceOptions(up="y"), Role.OBJECT)
-    assert not [one for one in scan.notes if "map" in one]
-
-
 def test_faces_without_texture_keep_colour_name_and_transparency(tmp_path):
     source = plate()
     glass = SurfaceMaterial("glass", AlphaMode.BLEND, alpha=0.25, roughness=0.0, metallic=0.0)
@@ -154,13 +133,6 @@ def test_a_cut_mesh_has_the_coordinates_of_every_map(tmp_path):
     assert (paint.material == surface.paint.material_index[0]).all()
     assert paint.more_uv[0] == pytest.approx(1.0 - paint.corner_uv, abs=1e-5)
     assert paint.of(np.array([3])).more_uv[0].shape == (1, 3, 2)
-
-
-def test_a_surface_that_says_nothing_more_is_not_kept(tmp_path):
-    mesh = Mesh.of(np.eye(3), [[0, 1, 2]])
-    path = tmp_path / "plain.glb"
-    path.write_bytes(glb_bytes([Node("thing", mesh)]))
-    assert not read_surface(path, Y_UP).kept
 
 
 def obj_quad(folder: Path, library: str) -> Path:
@@ -222,10 +194,3 @@ def test_further_maps_of_an_obj(tmp_path):
     assert said.emissive_map is not None
     assert np.array_equal(surface.paint.textures[said.emissive_map.texture], image("light"))
     assert surface.paint.textures[said.normal_map.texture].shape == (4, 4, 3)
-
-
-def test_a_broken_cut_out_is_left_out(tmp_path):
-    path = obj_quad(tmp_path, "map_Kd base.png\nmap_d gone.png\nd x")
-    paint = read_surface(path, np.eye(4)).paint
-    assert paint.textures[0].shape == (SIDE, SIDE, 3)
-    assert replace(said_by(paint), name="") == PLAIN

@@ -66,13 +66,6 @@ def test_a_dented_support_is_cut_only_where_it_bends_and_keeps_its_coordinates()
     assert np.abs(expected - look.paint.corner_uv[mine]).max() < 1e-5
 
 
-def test_without_textures_the_scene_is_the_segmented_mesh():
-    around, look = scene_at_rest(scene_of(), SourceSurface.untextured(), None, "")
-    assert look.paint is None
-    assert around.scene is not None
-    assert np.array_equal(look.mesh.vertices, scene_of().mesh.vertices)
-
-
 def test_a_written_file_has_the_textures_and_is_read_back(tmp_path):
     """trimesh and our own reader find the same faces, coordinates and picture."""
     source = textured_ball()
@@ -155,8 +148,3 @@ def test_contact_patches_carry_their_loads():
     low = settled().bodies[0].surface.bounds[0, 2]
     # a cap of area 2 pi R h is h high; the points that it follows are 15 mm apart
     assert patch.mesh.vertices[:, 2].max() - low == pytest.approx(0.027, abs=1e-2)
-
-
-def test_nothing_touches_nothing():
-    (root,) = contact_nodes(replace(settled(), contact_points=np.zeros((0, 3))))
-    assert root.children == ()

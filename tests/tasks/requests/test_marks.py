@@ -8,7 +8,7 @@ from box_rooms import bedroom, block, segmentation
 from PIL import Image
 
 from dcap.scene.types.mesh import Mesh
-from tasks.requests.badges import INK, MARGIN, PAPER, draw_badges, file_axis, free_box, meet, numbered, ticks
+from tasks.requests.badges import INK, MARGIN, PAPER, draw_badges, file_axis, free_box, meet, numbered
 from tasks.requests.marks import (
     candidates_picture,
     framed,
@@ -99,12 +99,6 @@ def test_the_plan_is_as_the_room_lies() -> None:
     ruled = plan_picture(scene, 300, file_from_world)
     assert ruled.shape[:2] == (shot.shape[0] + MARGIN, shot.shape[1] + MARGIN)
     assert file_axis(1, low, high, file_from_world) == ("z", (pytest.approx(-2 * low[1]), pytest.approx(-2 * high[1])))
-
-
-def test_ticks_are_round_numbers() -> None:
-    """At most ten, at steps of 1, 2 or 5 times a power of ten, whichever way the axis runs."""
-    assert ticks(-1.3, 1.3) == [-1.0, -0.5, 0.0, 0.5, 1.0]
-    assert ticks(70.0, 10.0) == [10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0]
 
 
 def test_views_and_thumbnails_show_the_things() -> None:

@@ -1,6 +1,5 @@
 """Three pictures and one rotation: where up and front come to point for what the words say."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,11 +12,8 @@ from dcap.geometry.placement.poses import about_z
 from dcap.language.offline.client import OfflineClient
 from dcap.language.protocol.client import ClientName
 from dcap.language.protocol.questions import Question
-from dcap.language.protocol.replies import RotationReply
-from dcap.language.protocol.requests import FacingView, PoseView, RotationRequest
 from dcap.scene.types.choices import Rotation
 from dcap.scene.types.mesh import Mesh
-from tasks.rotation.stage import matrix_of
 
 OFFLINE = Stages()
 LYING = [Turn.from_euler("xy", angles, degrees=True).as_matrix() for angles in ((90, 0), (-90, 0), (0, 90))]
@@ -142,22 +138,6 @@ def test_yaw_is_aligned_with_the_support(stages):
     turned = stages.oriented("put the book on the bed", thing("book", mesh))
     extents = np.ptp(mesh.vertices @ turned.matrix.T, axis=0)
     assert np.sort(extents[:2]) == pytest.approx([0.16, 0.23], abs=1e-6)
-
-
-def test_any_rotation_may_be_chosen():
-    """A quaternion in the reply is the rotation, also where it is no listed pose; unit length is checked."""
-    half = np.sqrt(0.5)
-    reply = RotationReply(pose_id="upright", quaternion=(half, half, 0.0, 0.0))
-    up, front, size = np.array([0.0, 0.0, 1.0]), np.array([0.0, -1.0, 0.0]), np.array([0.08, 0.1, 0.1])
-    upright = PoseView.of("upright", np.eye(3), 0.5, up, front, size)
-    request = RotationRequest("", "mug", "any", "", (upright,), (), 1, has_front=False)
-    matrix = matrix_of(reply, request, ROOM, ROOM.instances[0], mug())
-    assert np.allclose(matrix @ (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), atol=1e-12)
-    facings = (FacingView("aligned", (0.0, -1.0, 0.0)),)
-    listed = replace(request, facings=facings)
-    reply.check(listed)
-    with pytest.raises(ValueError, match="length"):
-        RotationReply(pose_id="upright", quaternion=(1.0, 1.0, 0.0, 0.0)).check(listed)
 
 
 @pytest.mark.parametrize("words", ["", "facing the pillows"])

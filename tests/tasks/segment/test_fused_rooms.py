@@ -9,11 +9,11 @@ import pytest
 from dcap.arrays import Array
 from dcap.geometry.segmentation.faces import FaceTable
 from dcap.geometry.segmentation.rooms.decomposition import DecomposedRoom, decompose_room
-from dcap.geometry.segmentation.rooms.unions import RoughShape, worth_most
+from dcap.geometry.segmentation.rooms.unions import RoughShape
 from dcap.scene.types.mesh import Mesh
 from dcap.synthetic.scan import scanned
 from dcap.synthetic.shapes import columns, joined, line, moved, rounded_box, sheet
-from tasks.segment.room_labels import explained, likely_things, room_labels, rough_measures
+from tasks.segment.room_labels import likely_things, room_labels, rough_measures
 
 SIZE = (4.0, 3.6, 2.4)
 
@@ -145,16 +145,3 @@ def test_a_living_room_has_no_toilet() -> None:
     said = labels_of([shape(1.9, 0.88, 0.85, 0.42), shape(1.1, 0.6, 0.42, 0.42), shape(0.4, 0.4, 0.45, 0.45)])
     assert "toilet" not in said
     assert {"sofa", "stool", "rug"} <= set(said)
-
-
-def test_two_toilets_explain_no_more_than_one() -> None:
-    """Of what stands in a wet room once, the second explains nothing."""
-    one, two = explained("wet", [("toilet", 3.0)]), explained("wet", [("toilet", 3.0), ("toilet", 2.0)])
-    assert one == two < explained("wet", [("toilet", 3.0), ("bathtub", 2.0)])
-
-
-def test_unions_exchange_until_nothing_is_gained() -> None:
-    """The greedy choice blocks two that are worth more together; what is worth nothing is never taken."""
-    a, b, ab, c = frozenset([0, 1]), frozenset([2, 3]), frozenset([1, 2]), frozenset([4])
-    assert set(worth_most([ab, a, b, c], [3.0, 2.0, 2.0, 0.0])) == {ab}
-    assert set(worth_most([ab, frozenset([0, 1, 2, 3]), c], [3.0, 4.0, -1.0])) == {frozenset([0, 1, 2, 3])}
