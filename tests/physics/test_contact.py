@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_limits
 
+from solver.certificate import Verdict
 from solver.config import SolverConfig
 from solver.model.bodies import Model
 from solver.runtime import start
-from solver.settle import ImplicitDrop
+from solver.settle import ImplicitDrop, settle
 from solver.tl.simulation import StepControl
 
 
@@ -211,3 +212,14 @@ def test_what_presses_hard_stays_on_its_side(lab):
                 deepest = max(deepest, -float(t.gap @ t.normal_force / t.normal_force.sum()))
     assert step.report.inverted == 0
     assert 0.0 < deepest < 0.25 * thick
+
+
+@pytest.mark.parametrize("edge", [0.01, 0.04], ids=["fine", "coarse"])
+def test_a_box_stands_on_its_underside_alone(lab, edge):
+    """0.2 x 0.1 m, whatever part of the sides' faces belongs to the points at the rim."""
+    box = lab.rigid("box", lab.Box(np.array([0.2, 0.1, 0.1])), [0, 0, 0.0505], mass=2.0, edge=edge)
+    result = settle(Model((box, lab.floor()), np.array([0.0, 0.0, -9.81])), SolverConfig(threads=2))
+    assert result.verdict is Verdict.AT_REST
+    (row,) = result.contacts
+    assert row.area_m2 == pytest.approx(0.02, rel=0.01)
+    assert row.normal_force_n == pytest.approx(2.0 * 9.81, rel=0.01)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from solver.box import bounds, inside
 from solver.errors import ModelError
 from solver.model.grid import sized_planes
 
@@ -39,3 +40,20 @@ def test_a_fine_interval_is_filled_however_fine():
     """Also where it is finer than the places at which sizes are looked at."""
     planes = sized_planes(0.0, 1.0, np.array([0.4]), np.array([0.6]), np.array([1e-5]), 1.5)
     assert len(planes) > 0.2 / 1e-5
+
+
+POINTS = np.array([[0.0, 1.0, 2.0], [-1.0, 3.0, 0.5], [2.0, -1.0, 1.0]])
+
+
+def test_bounds_are_those_of_numpy():
+    """The corners are the least and the largest coordinate of each axis, to the bit."""
+    low, high = bounds(POINTS)
+    assert low == pytest.approx(POINTS.min(axis=0), abs=0)
+    assert high == pytest.approx(POINTS.max(axis=0), abs=0)
+
+
+def test_points_on_the_faces_are_inside():
+    """The box is closed: a point on a face is inside, one beyond is not, and an empty answer is an empty list."""
+    assert inside(POINTS, *bounds(POINTS)).tolist() == [0, 1, 2]
+    assert inside(POINTS, np.array([-1.0, 1.0, 0.5]), np.array([0.0, 3.0, 2.0])).tolist() == [0, 1]
+    assert inside(POINTS, np.zeros(3), np.full(3, 0.1)).tolist() == []

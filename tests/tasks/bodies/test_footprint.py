@@ -7,7 +7,8 @@ from box_rooms import block
 
 from dcap.geometry.raycast import Raycaster
 from dcap.scene.types.mesh import Mesh
-from tasks.bodies.footprint import Descent, Footprint
+from tasks.bodies.footprint import Descent, Footprint, levelling, slope_below
+from tasks.bodies.plan_contact import Heights, felt_compliance, layered_patch
 
 FLOOR = block((-1.0, -1.0, -0.2), (1.0, 1.0, 0.0))
 FOAM, RIGID = (np.inf, 1.0 / 2e4), (np.inf, 0.0)
@@ -109,3 +110,61 @@ def _rod(radius: float, length: float) -> tuple[np.ndarray, np.ndarray]:
     turn = trimesh.transformations.rotation_matrix(np.pi / 2.0, [0.0, 1.0, 0.0])
     vertices = found.vertices @ turn[:3, :3].T
     return vertices + np.array([0.0, 0.0, radius + 0.01]), found.faces
+
+
+SOFT, HARD = 1e-4, 1e-6
+
+
+def test_a_contact_feels_a_thin_layer_little_and_a_thick_one_alone() -> None:
+    """Between those limits both count; one layer counts as itself."""
+    assert felt_compliance([(0.1, SOFT)], 0.02) == pytest.approx(SOFT)
+    assert felt_compliance([(1e-6, HARD), (1.0, SOFT)], 0.02) == pytest.approx(SOFT, rel=1e-3)
+    assert felt_compliance([(10.0, SOFT), (1.0, HARD)], 0.02) == pytest.approx(SOFT, rel=1e-2)
+    assert HARD < felt_compliance([(0.01, SOFT), (1.0, HARD)], 0.02) < SOFT
+
+
+def test_a_patch_on_a_thin_soft_layer_is_narrower_than_on_a_thick_one() -> None:
+    """A ball on foam over a rigid floor: the floor is felt, the more so the thinner the foam."""
+    x = np.linspace(-0.05, 0.05, 64)
+    gap, spacing = (x[:, None] ** 2 + x[None, :] ** 2) / 0.2, (x[1] - x[0], x[1] - x[0])
+    widths = [
+        layered_patch(gap, spacing, 2.0, ([(np.inf, 0.0)], [(depth, SOFT), (np.inf, 0.0)])).touching.sum()
+        for depth in (0.005, 0.02, 10.0)
+    ]
+    assert widths[0] < widths[1] < widths[2]
+
+
+X, Y = np.linspace(-0.1, 0.1, 21), np.linspace(-0.05, 0.05, 11)
+
+
+def grid(gap: np.ndarray) -> np.ndarray:
+    """Gaps at the places X, Y."""
+    return np.broadcast_to(gap, (len(X), len(Y))).copy()
+
+
+def test_a_plane_has_its_own_slope() -> None:
+    """Although its points span no volume."""
+    gap = grid(0.02 + 0.1 * X[:, None] - 0.3 * Y[None, :])
+    assert slope_below(X, Y, gap, np.array([0.013, -0.007])) == pytest.approx([0.1, -0.3], abs=1e-6)
+
+
+def test_beside_all_that_carries_there_is_no_facet() -> None:
+    """The centre of mass hangs over the edge."""
+    gap = grid(np.where(X < 0.0, 0.01, np.nan)[:, None])
+    assert slope_below(X, Y, gap, np.array([0.05, 0.0])) is None
+    assert slope_below(X, Y, np.full((len(X), len(Y)), np.nan), np.zeros(2)) is None
+
+
+@pytest.mark.parametrize("slope", [(0.2, 0.0), (0.0, -0.2), (0.1, 0.15)])
+def test_a_board_over_a_slope_turns_flush_with_it(slope: tuple[float, float]) -> None:
+    """Seen from the board: after the turn its underside is as far from the slope everywhere."""
+    board = block((-0.2, -0.1, 0.1), (0.2, 0.1, 0.12))
+
+    def heights_of(turned: Mesh) -> Heights:
+        low = turned.vertices[board.vertices[:, 2] < 0.11]
+        plane = np.linalg.lstsq(np.column_stack([low[:, :2], np.ones(len(low))]), low[:, 2], rcond=None)[0]
+        return lambda plan: (plan @ plane[:2] + plane[2], plan @ np.array(slope))
+
+    lying = board.transformed(levelling(board, np.array([0.0, 0.0, 0.11]), heights_of))
+    low = lying.vertices[board.vertices[:, 2] < 0.11]
+    assert np.ptp(low[:, 2] - low[:, :2] @ np.array(slope)) < 1e-3

@@ -1,6 +1,7 @@
 """Each verdict of the drop from a scene that produces it, and how outcomes are judged against what was asked."""
 
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,16 +16,33 @@ from dcap.scene.types.choices import Anchor, Intent, Lean, OrientationRequest, R
 from dcap.scene.types.materials import ContactFriction
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Infeasible, Reason
-from dcap.scene.types.particles import InertialProperties, Particles, RigidSimulationBody
+from dcap.scene.types.particles import (
+    GRAVITY,
+    BackgroundGrid,
+    ColumnLayer,
+    InertialProperties,
+    MaterialPoints,
+    Particles,
+    RigidSimulationBody,
+    SoftSimulationBody,
+)
 from dcap.scene.types.settled import LastState, PlacementChecks, Settled
 from solver.certificate import NotDone
 from solver.config import SolverConfig
 from solver.errors import ModelError
+from solver.mls.drop import ExplicitDrop
+from solver.model.bodies import Model
+from solver.runtime import start
+from solver.settle import settle
+from tasks.bodies.solver_model import solver_model
+from tasks.case.bodies import case_particles
+from tasks.case.file import checked_case
 from tasks.drop.stage import (
     DropConfig,
     able,
     carried_share,
     drop,
+    refuse_coarse_layers,
     toppling,
     with_checks,
 )
@@ -266,3 +284,94 @@ def test_bodies_that_the_solver_cannot_take_are_told_in_a_line(monkeypatch: pyte
 
 def broken_model(*_: object) -> None:
     raise ModelError("body 'bed': soft but without particles")
+
+
+HERE = np.array([[[-0.1, -0.1], [0.1, 0.1]]])
+BLANKET, MATTRESS = ColumnLayer("blanket", "wool", 0.0, 0.03), ColumnLayer("mattress", "foam", 0.03, 0.2)
+
+
+def bed(cell: float, instance: str = "bed") -> SoftSimulationBody:
+    """A slab of 0.2 m whose top is at 0.2 m, with cells of one height."""
+    surface = Box(np.array([0.4, 0.4, 0.2])).surface(0.05)
+    mesh = Mesh.of(surface.vertices + np.array([0.0, 0.0, 0.1]), surface.faces)
+    sides, heights = np.linspace(-0.2, 0.2, 5), np.linspace(0.0, 0.2, round(0.2 / cell) + 1)
+    state = np.zeros((5, 5, len(heights)), np.int8)
+    return SoftSimulationBody(
+        name=instance, instance=instance, fixed=True, surface=mesh,
+        distance=distance_grid(mesh, mesh.bounds[0] - 0.01, mesh.bounds[1] + 0.01, 0.02),
+        inertial=InertialProperties(1.0, np.zeros(3), np.eye(3)), friction=ContactFriction(0.5, 0.4, 1e-3),
+        points=MaterialPoints(np.zeros((1, 3)), np.ones(1), np.ones(1), np.ones(1), np.ones(1)),
+        grid=BackgroundGrid(sides, sides, heights, state), loaded=True,
+    )  # fmt: skip
+
+
+def on(body: SoftSimulationBody, *column: ColumnLayer, foreseen: np.ndarray | None = HERE) -> Particles:
+    """Something that is to touch it in the middle."""
+    return Particles((body,), (), 0.01, (), column=column, foreseen=foreseen)
+
+
+def test_a_layer_with_too_few_particles_is_refused() -> None:
+    """The line says how many there are and what cells would do; those cells do."""
+    refuse_coarse_layers(on(bed(0.01), BLANKET, MATTRESS))
+    with pytest.raises(
+        GeometryError,
+        match=r"1\.2 particles through blanket under the contact \(30 mm thick\).*--resolution 0\.02 or finer",
+    ):
+        refuse_coarse_layers(on(bed(0.05), BLANKET, MATTRESS))
+    refuse_coarse_layers(on(bed(0.02), BLANKET, MATTRESS))
+    refuse_coarse_layers(on(bed(0.05), MATTRESS))
+
+
+def test_a_soft_object_needs_as_many_particles() -> None:
+    """Through all of it, wherever it touches."""
+    refuse_coarse_layers(on(bed(0.1, "object"), BLANKET))
+    with pytest.raises(GeometryError, match=r"2\.0 particles through the object \(200 mm thick\).*object_cells"):
+        refuse_coarse_layers(on(bed(0.2, "object"), foreseen=None))
+
+
+CELL = 0.0125
+SLAB_TOP = 0.06
+SIDE = 0.1  # of the plate [m]
+THIN = 0.002  # the plate's thickness [m]
+FALL = 0.1  # [m]
+FOAM = {"density": 60, "youngs_modulus": 2e4, "poisson_ratio": 0.3, "static_friction": 0.5, "dynamic_friction": 0.4}
+
+
+def plate(thickness: float, height: float) -> RigidSimulationBody:
+    """A plate of 2 kg, `height` over the slab [m]."""
+    solid, position = Box(np.array([SIDE, SIDE, thickness])), np.array([0.0, 0.0, SLAB_TOP + height + 0.5 * thickness])
+    surface = solid.surface(0.01)
+    mesh = Mesh.of(surface.vertices + position, surface.faces)
+    low, high = mesh.bounds
+    grid = distance_grid(mesh, low - 0.01, high + 0.01, min(0.35 * thickness, 2e-3))
+    inertial = InertialProperties(2.0, position, np.diag(solid.inertia_per_mass * 2.0))
+    return RigidSimulationBody(name="plate", instance="object", fixed=False, surface=mesh, distance=grid,
+                               inertial=inertial, friction=ContactFriction(0.5, 0.4, 0.0))  # fmt: skip
+
+
+def on_foam(thickness: float, height: float) -> Model:
+    """The plate over a slab of foam that is held at its bottom."""
+    steel = {**FOAM, "density": 7800, "youngs_modulus": 2e11}
+    cube = {"name": "cube", "shape": {"box": {"size": [SIDE] * 3}}, "position": [0, 0, 0.2], "material": steel}
+    slab = {"name": "slab", "shape": {"box": {"size": [0.2, 0.2, SLAB_TOP]}}, "position": [0, 0, 0.5 * SLAB_TOP],
+            "motion": "fixed", "material": FOAM}  # fmt: skip
+    case = case_particles(checked_case({"bodies": [cube, slab]}, "cube on foam"), Path(), CELL)
+    return solver_model(replace(case, bodies=(plate(thickness, height), case.bodies[1])), (0.0, 0.0, -GRAVITY))
+
+
+@pytest.mark.slow
+@pytest.mark.long
+def test_a_thin_plate_rests_on_the_foam_it_falls_on() -> None:
+    """All foam stays under a plate of a sixth of a cell, and it sinks as far as a thick block of the same base and mass
+    does by tl."""
+    start(2)
+    one = ExplicitDrop(on_foam(THIN, FALL), SolverConfig(method="mls"))
+    result = one.run(None)
+    depth = -(FALL + float(result.bodies[0].translation[2]))
+    local = (one.soft[1].x - one.rigid.state.center[0]) @ one.rigid.state.rotation[0]
+    # foam beside the rim may lean over it by its particles' spacing
+    above = (np.abs(local[:, :2]) < 0.5 * (SIDE - CELL)).all(axis=1) & (local[:, 2] > 0.5 * THIN)
+    assert not above.any()
+    thick = settle(on_foam(0.02, 0.001), SolverConfig(threads=2))
+    assert (result.verdict, thick.verdict) == ("at_rest", "at_rest")
+    assert depth == pytest.approx(-0.001 - float(thick.bodies[0].translation[2]), abs=0.05 * CELL)

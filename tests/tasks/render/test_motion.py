@@ -4,11 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from dented_bed import DEPTH, TOP, scene_of, settled
+from dented_bed import DEPTH, TOP, anchor, ball, scene_of, settled
 from placed_ball import FRAMES, SLIDE, moving, pushed
 
+from dcap.geometry.camera import looking_at
+from dcap.scene.types.mesh import SourceSurface
 from dcap.scene.types.settled import surface_at
-from tasks.render.motion import DropMotion, MovingPoints, MovingScene
+from tasks.render.config import RenderConfig
+from tasks.render.motion import DropMotion, MovingPoints, MovingScene, drop_pictures
 from tasks.render.settled_meshes import settled_scene
 
 SHARE = np.linspace(0.0, 1.0, FRAMES)
@@ -73,3 +76,18 @@ def test_long_drops_are_thinned_to_both_ends() -> None:
     assert len(chosen) == 60
     assert chosen[[0, -1]].tolist() == [0, 89]
     assert long.chosen(1).tolist() == [0, 89]
+
+
+PLAIN = SourceSurface.untextured()
+
+
+def test_pictures_of_a_drop():
+    camera = looking_at(np.array([0.3, -0.8, 0.9]), np.array([0.0, 0.0, 0.55]), 64, 64, fov_deg=40.0)
+    pictures = list(
+        drop_pictures(scene_of(), ball(), anchor(), moving(), (PLAIN, PLAIN), camera, RenderConfig(size=64, samples=1))
+    )
+    assert len(pictures) == FRAMES
+    red = [(one[..., 0].astype(int) - one[..., 1] > 60) for one in pictures]
+    rows = [np.flatnonzero(one.any(axis=1)).mean() for one in red]
+    assert rows == sorted(rows)  # it comes down
+    assert rows[-1] > rows[0]

@@ -5,6 +5,7 @@ refused.
 from functools import cache
 
 import numpy as np
+import pytest
 import trimesh
 from dented_bed import DEPTH, RADIUS, TOP, anchor, ball, box_mesh, scene_of, settled
 
@@ -15,7 +16,7 @@ from dcap.scene.types.pictures import Renders
 from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
 from dcap.scene.types.settled import SettledBody
 from tasks.render.config import RenderConfig
-from tasks.render.contact_picture import profile_picture
+from tasks.render.contact_picture import LEAST_GREY, lightened, profile_picture
 from tasks.render.settled_meshes import settled_item, settled_scene, shown, shown_faces, structure_faces
 from tasks.render.stage import render
 
@@ -166,3 +167,15 @@ def test_same_input_same_bytes() -> None:
     assert isinstance(again, Renders)
     for name in ("clean", "settled", "closeup", "before_after", "contact", "profile"):
         assert getattr(again, name).tobytes() == getattr(taken(), name).tobytes()
+
+
+@pytest.mark.parametrize("level", [4.0, 30.0, 100.0])
+def test_a_dark_scene_is_lightened_in_order(level: float) -> None:
+    """The middle becomes readable; black and white stay, and what was lighter stays lighter."""
+    rgb = np.linspace(0.0, 2.0 * level, 101)[:, None, None] * np.ones((1, 4, 3))
+    scene = np.ones((101, 4), dtype=bool)
+    found = lightened(rgb, scene)
+    assert np.median(found) == pytest.approx(LEAST_GREY, abs=0.5)
+    assert found[0].max() == 0.0
+    assert (np.diff(found[:, 0, 0]) > 0.0).all()
+    assert found.max() <= 255.0

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import manifold3d
 import numpy as np
 import pytest
+import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -470,3 +471,13 @@ def test_a_floor_lamp_is_not_the_floor() -> None:
     boxes = (label_box("7", "floor lamp", [lamp]), label_box("9", "Floor", [floor]))
     result = segment(scan_of([lamp, floor], "", boxes), SegmentConfig(), OfflineClient())
     assert {(one.id, one.label) for one in result.instances} == {("7", "floor lamp"), ("9", "floor")}
+
+
+def test_the_corner_of_a_room_is_no_thing() -> None:
+    """Two walls and a floor that look at each other; the same faces seen from outside are one thing, however open."""
+    box = trimesh.creation.box((0.7, 0.6, 0.9)).subdivide().subdivide()
+    kept = (box.face_normals[:, 2] < 0.5) & (box.face_normals[:, 0] < 0.5) & (box.face_normals[:, 1] < 0.5)
+    for turn, label in ((-1, "room"), (1, "thing")):
+        corner = Mesh.of(np.asarray(box.vertices), box.faces[kept][:, ::turn])
+        (one,) = segment(scan_of([corner]), SegmentConfig(), OfflineClient()).instances
+        assert (one.label, one.structure) == (label, label == "room")

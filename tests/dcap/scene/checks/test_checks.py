@@ -7,10 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from json_trees import Tree
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from json_trees import Tree, trees
 
 from dcap.geometry.splatting.discs import splats_on_mesh
-from dcap.scene.checks.findings import MOST_PER_FILE, Finding, Findings
+from dcap.scene.checks.findings import MOST_PER_FILE, Finding, Findings, json_lines, json_places, repeated_keys
 from dcap.scene.checks.scene_folder import check_scene, layout_of
 from dcap.scene.errors import Severity, note
 from dcap.scene.writers.gaussians import write_splats
@@ -361,3 +363,31 @@ def test_more_problems_than_anyone_reads_are_counted(tmp_path: Path) -> None:
     assert len(findings.all()) == MOST_PER_FILE + 1
     assert findings.count(N) == MOST_PER_FILE + 20
     assert "20 more" in findings.all()[-1].what
+
+
+@given(trees, st.sampled_from([0, 1, 3]))
+@settings(max_examples=30)
+def test_places_have_their_lines(tree: Tree, indent: int) -> None:
+    """Every value of any tree is found, once, on the line where a printer that counts lines puts it."""
+    text = json.dumps(tree, indent=indent)
+    expected: dict[tuple[str | int, ...], int] = {}
+
+    def walk(value: Tree, place: tuple[str | int, ...], line: int) -> int:
+        expected[place] = line
+        children = (
+            list(value.items())
+            if isinstance(value, dict)
+            else list(enumerate(value))
+            if isinstance(value, list)
+            else []
+        )
+        for key, child in children:
+            line = walk(child, (*place, key), line + 1)
+        return line + bool(children)
+
+    walk(tree, (), 1)
+    assert {place: line for place, line, _ in json_places(text)} == expected
+    assert not list(repeated_keys(text))
+    lines = json_lines(text)
+    assert all(lines(place) == line for place, line in expected.items())
+    assert lines(("no", "such", 1)) == 1
