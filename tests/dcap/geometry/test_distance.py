@@ -123,21 +123,6 @@ def test_a_shell_within_another_wound_the_other_way_is_a_hollow(all_turned: bool
     assert distance.volume == pytest.approx(0.1**3 - 0.06**3 + 0.02**3)
 
 
-def test_far_samples_are_interpolated_within_a_coarse_diagonal() -> None:
-    """A distance changes by at most the way travelled, so no sample is off by more than a coarse diagonal, sides
-    included.
-    """
-    spacing = 2e-3
-    mesh = of(trimesh.creation.torus(0.05, 0.02))
-    low, high = mesh.bounds
-    grid = distance_grid(mesh, low - 0.06, high + 0.06, spacing)
-    points = grid.origin + spacing * np.argwhere(np.ones(grid.values.shape, dtype=bool))[::97]
-    exact = MeshDistance(mesh)(points)
-    found = grid.values.ravel()[::97]
-    assert np.abs(found - exact).max() < 4 * np.sqrt(3.0) * spacing
-    assert (np.sign(found) == np.sign(exact))[np.abs(exact) > 1e-6].all()
-
-
 def test_every_sample_in_the_band_is_exact_also_beside_thin_walls() -> None:
     """Samples within BAND of the surface are those of the exact distance to single precision, and all others lie beyond
     the band on the right side: of a cup whose wall is as thick as two samples, between which no coarse sample lies."""

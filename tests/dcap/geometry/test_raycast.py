@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dcap.geometry.raycast import Raycaster, packed_rays
+from dcap.geometry.raycast import Raycaster
 from dcap.scene.types.mesh import Mesh
 
 EPS = float(np.finfo(np.float32).eps)
@@ -50,17 +50,6 @@ def test_occlusion_ends_at_the_given_distance() -> None:
     assert caster.occluded(origins, directions, 1.01).all()
     assert not caster.occluded(origins, directions, 0.99).any()
     assert caster.occluded(origins, directions, np.array([0.99, 1.01])).tolist() == [False, True]
-
-
-def test_packed_rays_end_where_their_direction_does() -> None:
-    """A ray that is as long as its direction is blocked by what is nearer; one of no length by nothing."""
-    sheet = Mesh.of([[-1, -1, 0], [1, -1, 0], [0, 1, 0]], [[0, 1, 2]])
-    lengths = np.array([0.0, 0.5, 0.99, 1.01, 3.0])
-    rays = packed_rays(np.tile([0.0, 0.0, 1.0], (5, 1)), -lengths[:, None] * [0.0, 0.0, 1.0])
-    assert Raycaster(sheet).blocked(rays).tolist() == [False, False, False, True, True]
-    empty = Mesh.of(np.zeros((0, 3)), np.zeros((0, 3), dtype=int))
-    assert not Raycaster(empty).blocked(rays).any()
-    assert (Raycaster(empty).first_hits(rays).face == -1).all()
 
 
 def test_some_faces_keep_their_numbers() -> None:

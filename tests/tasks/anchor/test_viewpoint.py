@@ -51,12 +51,3 @@ def test_front_settles_the_sides() -> None:
     for prompt in GUESSED:
         _, _, found = OFFLINE.placed(prompt, thing("mug", mug()), room(FRONT))
         assert not [one for one in found.notes if isinstance(one, Caution)], prompt
-
-
-def test_side_of_a_thing_on_the_floor() -> None:
-    """Beside a thing on the floor it is that thing's front that counts."""
-    prompt = "put the mug on the floor to the left of the table"
-    _, _, guessed = OFFLINE.placed(prompt, thing("mug", mug()), room(None))
-    _, _, told = OFFLINE.placed(prompt, thing("mug", mug()), room(FRONT))
-    assert [one for one in guessed.notes if isinstance(one, Caution) and "side of the table" in one]
-    assert not [one for one in told.notes if isinstance(one, Caution)]

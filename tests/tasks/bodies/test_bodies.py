@@ -13,7 +13,6 @@ from tasks.bodies.discretization import (
     MaterialConstants,
     distance_samples,
     inertial_of_material,
-    inertial_of_points,
     inertial_of_shell,
     inertial_of_solid,
     material_points,
@@ -38,14 +37,6 @@ def foam(position: np.ndarray) -> MaterialConstants:
     """One material everywhere."""
     one = np.ones(len(position))
     return MaterialConstants(50.0 * one, 2e4 * one, 0.3 * one)
-
-
-def test_two_point_masses_turn_like_a_dumbbell() -> None:
-    """Two masses m, a distance d apart: centre between them, inertia m d^2 / 2 across their line and none along it."""
-    found = inertial_of_points(np.array([[0.0, 0.0, 0.0], [0.4, 0.0, 0.0]]), np.array([3.0, 3.0]))
-    assert found.mass == 6.0
-    assert found.center_of_mass == pytest.approx([0.2, 0.0, 0.0])
-    assert np.allclose(found.inertia, np.diag([0.0, 0.24, 0.24]))
 
 
 def test_a_solid_and_the_points_that_fill_it_weigh_the_same() -> None:
@@ -89,16 +80,6 @@ def test_cuts_bottoms_and_supports_hold_the_nodes_at_them() -> None:
     assert not bottom[:, :, 1:].any()
     inside = nodes_within(PLANES, Capsule(0.03, 0.0).distance, 0.0)
     assert inside.sum() == 7  # the middle and its six neighbours, 2.5 cm away
-
-
-def test_the_core_wins_over_what_is_held_and_the_rest_is_free() -> None:
-    """A rigid core carries its nodes also where they touch something fixed."""
-    held, core = np.zeros((2, 5, 5, 5), dtype=bool)
-    held[0], core[0, 0, 0] = True, True
-    state = grid_of(PLANES, held=held, core=core).node_state
-    assert state[0, 0, 0] == NodeState.CORE
-    assert (state[0].ravel()[1:] == NodeState.HELD).all()
-    assert (state[1:] == NodeState.FREE).all()
 
 
 def test_the_solver_gets_every_body_as_it_is() -> None:

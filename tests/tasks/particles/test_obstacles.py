@@ -60,22 +60,6 @@ def test_each_part_of_a_neighbour_has_its_own_friction() -> None:
         assert np.abs(body.face_friction[where] - expected).max() == pytest.approx(0.0, abs=1e-12)
 
 
-def test_a_neighbour_of_one_material_has_one_friction() -> None:
-    """Nothing is kept for each face where there is no difference."""
-    body = shelf_of(cube_by_a_shelf(RUBBER, RUBBER))
-    assert body.face_friction is None
-    assert body.friction == RUBBER.friction
-
-
-def test_a_neighbour_that_nobody_was_asked_about_is_made_of_what_lies_under_the_anchor() -> None:
-    """It is farther than those that are asked about, and in reach all the same."""
-    setup = cube_by_a_shelf(RUBBER, WOOD)
-    setup.materials = PartMaterials(setup.materials.rows[:2], "none")
-    body = shelf_of(setup)
-    assert body.face_friction is None
-    assert body.friction == FOAM.friction
-
-
 def cube_by_a_wall(lean: str) -> DropSetup:
     """A cube over a bench, beside a thin wall whose face is at x = 0.06 and on which a socket stands out by 5 mm."""
     setup = cube_over([("seat", SEAT, FOAM)], 0.45)
@@ -142,16 +126,3 @@ def test_a_thin_bowl_carries_on_its_inside() -> None:
     )
     assert (distance[:2] > 2e-3).all()
     assert (distance[2:] < -1e-3).all()
-
-
-def test_a_thin_board_over_the_object_stays_thin() -> None:
-    """The object lies under it: the room below it is free."""
-    setup = cube_over([("seat", block((-0.6, -0.4, 0.41), (0.6, 0.4, TOP)), WOOD)], TOP)
-    above = block((-0.3, -0.3, 0.5501), (0.3, 0.3, 0.5502))  # a tenth of a millimetre over the cube
-    setup.scene = segmentation({
-        "bench_0": ("bench", None, [("seat", block((-0.6, -0.4, 0.41), (0.6, 0.4, TOP)))]),
-        "shelf_1": ("shelf", None, [("board", above)]),
-    })  # fmt: skip
-    setup.mesh = setup.mesh.transformed(np.array([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0.01], [0, 0, 0, 1.0]]))
-    body = shelf_of(setup)
-    assert sampler(body.distance)(np.array([[0.01, 0.01, 0.549], [0.2, 0.2, 0.549]]))[0] > 0.0

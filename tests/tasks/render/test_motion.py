@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from dented_bed import DEPTH, TOP, anchor, ball, scene_of, settled
+from dented_bed import DEPTH, anchor, ball, scene_of, settled
 from placed_ball import FRAMES, SLIDE, moving, pushed
 
 from dcap.geometry.camera import looking_at
@@ -28,20 +28,6 @@ def test_the_scene_follows_each_frame() -> None:
     start = scene.scene.mesh.vertices[:, 2]
     depth = [float((start - scene.at(frame).vertices[:, 2]).max()) for frame in range(FRAMES)]
     assert depth == pytest.approx(SHARE**2 * DEPTH, abs=1e-3)  # the dent is a fan of chords 15 mm long
-
-
-def test_the_scene_is_as_fine_as_the_deepest_frame_asks() -> None:
-    """A dent that is there in between and gone at the end is cut and bends."""
-    deep = moving()
-    assert deep.frames is not None
-    own, bed = deep.frames.bodies
-    back = replace(bed, offset=bed.offset[[0, 3, 3, 0]])
-    level = replace(deep.bodies[1], surface=DropMotion(deep).start(1), displacement=0.0 * deep.bodies[1].displacement)
-    gone = replace(deep, bodies=(deep.bodies[0], level), frames=replace(deep.frames, bodies=(own, back)))
-    scene = MovingScene(scene_of(), DropMotion(gone), "bed")
-    low = [scene.at(frame).vertices[scene.scene.mesh.vertices[:, 2] == TOP][:, 2].min() for frame in range(FRAMES)]
-    assert low == pytest.approx(TOP - DEPTH * np.array([0.0, 1.0, 1.0, 0.0]), abs=1e-3)
-    assert scene.bending().any()
 
 
 def test_a_thing_that_was_placed_before_moves_with_its_own_body() -> None:

@@ -41,28 +41,6 @@ def test_an_iso_surface_has_the_volume_and_place_of_its_material():
     assert 0.0 < found["to_points_mean_m"] < found["to_points_max_m"] < 2.0 * STEP
 
 
-def test_an_iso_surface_is_whole_where_points_are_far_apart():
-    """A block whose points are 4 mm apart in one corner and up to 5 cm elsewhere, sheared: one closed piece of the
-    same volume."""
-    edges = [np.concatenate([np.arange(0.0, 0.04, 0.004), np.linspace(0.04, 0.5, 11)]) for _ in range(2)]
-    edges.append(np.linspace(0.0, 0.2, 9))
-    middle = [0.5 * (one[1:] + one[:-1]) for one in edges]
-    start = np.stack(np.meshgrid(*middle, indexing="ij"), axis=-1).reshape(-1, 3)
-    volume = np.prod(np.stack(np.meshgrid(*(np.diff(one) for one in edges), indexing="ij"), axis=-1), axis=-1).ravel()
-    shear = np.column_stack([0.2 * start[:, 2], np.zeros((len(start), 2))])
-    state = MaterialState(start, shear, volume, np.ones(len(start)), np.zeros((len(start), 6)))
-    size = np.array([0.5, 0.5, 0.2])
-
-    def block(points):
-        return np.maximum(-points, points - size).max(axis=1)
-
-    surface = iso_surface(state, block)
-    solid = trimesh.Trimesh(surface.vertices, surface.faces)
-    assert solid.is_watertight
-    assert solid.body_count == 1
-    assert solid.volume == pytest.approx(np.prod(size), rel=0.03)
-
-
 def test_figures_of_a_settled_body():
     one = replace(ball_of_points(0.99), stress=np.tile([5.0, 0, 0, 0, 0, 0], (len(ball_of_points().start), 1)))
     with_material = replace(settled(), material=(None, one))

@@ -5,10 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from box_rooms import bedroom, block, segmentation
-from PIL import Image
 
 from dcap.scene.types.mesh import Mesh
-from tasks.requests.badges import INK, MARGIN, PAPER, draw_badges, file_axis, free_box, meet, numbered
+from tasks.requests.badges import INK, MARGIN, file_axis, free_box, meet, numbered
 from tasks.requests.marks import (
     candidates_picture,
     framed,
@@ -46,16 +45,6 @@ def test_a_number_stands_on_its_thing() -> None:
     ink = np.argwhere((shown == INK).all(axis=2))
     assert ink.mean(axis=0) == pytest.approx([100, 230], abs=8)  # a 1 is thinner than a 7
     assert (shown[60, 20] == 128).all()
-
-
-def test_a_badge_that_has_no_room_is_joined_to_its_thing() -> None:
-    """By a line; both numbers can be read."""
-    image = Image.new("RGB", (300, 200), (128, 128, 128))
-    draw_badges(image, [(1, (150.0, 100.0)), (2, (150.0, 100.0))])
-    dark = (np.asarray(image) == PAPER).all(axis=2)
-    assert dark.sum() > 0
-    columns = np.flatnonzero(dark.any(axis=0))
-    assert np.ptp(columns) > 25
 
 
 def test_floors_have_a_number_and_walls_have_none() -> None:

@@ -10,8 +10,6 @@ from dcap.geometry.placement.polygons import (
     clipped_half_plane,
     convex_hull,
     counter_clockwise,
-    grown,
-    inside,
     smallest_rectangle,
 )
 from dcap.geometry.placement.poses import about_z
@@ -43,15 +41,6 @@ def test_a_line_parts_a_polygon(seed):
     for part, way in zip(parts, (outward, -outward), strict=True):
         assert len(part) == 0 or np.array_equal(counter_clockwise(part), part)
         assert ((part - point) @ way <= 1e-9).all()
-
-
-def test_a_grown_point_is_a_disc_and_holds_its_margin():
-    """Sixteen corners at the radius; points are inside up to the margin, and no farther."""
-    ring = grown(np.zeros((1, 2)), 0.5)
-    assert len(ring) == 16
-    assert np.allclose(np.linalg.norm(ring, axis=1), 0.5)
-    points = np.array([[0.5 + 0.9e-6, 0.0], [0.5 + 1e-5, 0.0], [0.0, 0.0]])
-    assert inside(ring, points, margin=1e-6).tolist() == [True, False, True]
 
 
 def test_rectangles_of_round_things_do_not_turn_with_the_last_digits():

@@ -6,18 +6,15 @@ from textured import QUARTERS, plate, quarters
 
 from dcap.geometry.camera import Camera, looking_at
 from dcap.geometry.rendering.painted import (
-    barycentric,
     nearest_faces,
     own_paint,
     paint_from,
     painted,
-    smaller_copies,
-    surface_colors,
 )
 from dcap.geometry.rendering.picture import picture
 from dcap.geometry.solid.repair import subdivide_near
 from dcap.scene.srgb import linear_from_srgb, sampled
-from dcap.scene.types.mesh import Mesh, PaintedMesh, SourceSurface
+from dcap.scene.types.mesh import Mesh, PaintedMesh
 
 EVERYWHERE = np.array([[-9.0] * 3, [9.0] * 3])
 
@@ -84,43 +81,9 @@ def test_what_does_not_lie_on_the_surface_keeps_its_own_colours():
     assert (paint_from(surface, larger, np.array([0, 1])).texture == -1).all()
 
 
-def test_faces_that_coincide_are_told_apart_by_their_direction():
-    """One thing on another: the top of the lower and the bottom of the upper share a plane."""
-    lower = plate()
-    turned = Mesh(lower.mesh.vertices, lower.mesh.faces[:, ::-1].copy(), lower.mesh.colors)
-    both = Mesh.concatenate([turned, lower.mesh])
-    assert nearest_faces(both, lower.mesh).tolist() == [2, 3]
-    assert nearest_faces(both, turned).tolist() == [0, 1]
-    assert nearest_faces(turned, lower.mesh).tolist() == [0, 1]  # better the other side than none
-
-
-def test_smaller_copies_keep_the_mean_light():
-    copies = smaller_copies(quarters())
-    assert [one.shape[0] for one in copies] == [64, 32, 16, 8, 4, 2, 1]
-    means = [linear_from_srgb(one).mean(axis=(0, 1)) for one in copies]
-    assert np.abs(np.array(means) - means[0]).max() < 4e-3  # half a level of eight bits
-
-
 def test_a_fine_pattern_from_afar_is_its_mean_and_does_not_flicker():
     """Ten thousand squares in eighty pixels: all of one even grey, as far as the light is even."""
     surface = plate(repeat=100.0)
     rgb = picture([PaintedMesh(surface.mesh, own_paint(surface))], from_above(), shadows=False).rgb
     inner = rgb[25:55, 25:55].reshape(-1, 3).astype(float)
     assert inner.std(axis=0).max() < 4.0
-
-
-def test_colours_at_places_of_a_surface():
-    surface = plate()
-    thing = PaintedMesh(surface.mesh, own_paint(surface))
-    place = np.array([[-0.5, -0.6, 0.0], [0.6, -0.5, 0.0], [-0.6, 0.5, 0.0], [0.5, 0.6, 0.0]])
-    face = np.array([0, 0, 1, 1])
-    weights = barycentric(place[:, None], surface.mesh.triangles[face])[:, 0]
-    assert surface_colors(thing, face, weights) == pytest.approx(np.array(QUARTERS) / 255.0, abs=1e-9)
-    assert surface_colors(PaintedMesh(surface.mesh), face, weights) == pytest.approx(1.0)  # white vertices
-
-
-def test_tints_multiply_the_texture():
-    surface = plate()
-    half = Mesh(surface.mesh.vertices, surface.mesh.faces, np.full((4, 3), 188, np.uint8))  # half of the light
-    tint = own_paint(SourceSurface(half, surface.paint)).corner_tint
-    assert tint == pytest.approx(0.503, abs=2e-3)

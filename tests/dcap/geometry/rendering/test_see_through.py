@@ -7,10 +7,8 @@ import pytest
 from textured import plate, quarters
 
 from dcap.geometry.camera import Camera, looking_at
-from dcap.geometry.rendering.coverage import coverage, silhouette
-from dcap.geometry.rendering.painted import SeeThroughCaster, caster_of, own_paint, painted
+from dcap.geometry.rendering.painted import SeeThroughCaster, caster_of, own_paint
 from dcap.geometry.rendering.picture import exposed
-from dcap.geometry.solid.repair import subdivide_near
 from dcap.scene.types.mesh import AlphaMode, Mesh, PaintedMesh, SourceSurface, SurfaceMaterial
 
 MASK = SurfaceMaterial("leaf", AlphaMode.MASK, 0.5)
@@ -51,17 +49,6 @@ def test_colour_depth_and_ids_are_those_of_what_lies_behind():
     assert (shown[:, 1] > 1.5 * shown[:, [0, 2]].max(axis=1)).all()
 
 
-def test_masks_have_the_same_rim():
-    camera = from_above()
-    thing = look(half_clear())
-    exposure = exposed([ground(), thing], camera)
-    share, _ = coverage(exposure, 1, 2)
-    alone = silhouette(caster_of([thing]), camera, 2)
-    assert np.array_equal(share, alone)
-    assert alone[:, :31].max() == 0.0
-    assert alone[:, 33:].min() == 1.0
-
-
 def test_light_passes_where_it_is_clear():
     """Rays from below straight up: those under the clear half are open, whatever their length."""
     caster = caster_of([look(half_clear())])
@@ -72,15 +59,6 @@ def test_light_passes_where_it_is_clear():
     assert not caster.occluded(start, up, np.full(20, 0.4)).any()
     hits = caster.cast(start, up)
     assert np.array_equal(hits.face >= 0, x > 0)
-
-
-def test_a_ray_passes_several_layers_and_keeps_its_distance():
-    layers = [look(half_clear(height=0.1 * k)) for k in range(1, 9)]
-    caster = caster_of([*layers, PaintedMesh(plate(height=2.0).mesh)])
-    found = caster.first_hits(np.array([[-0.5, 0.2, 0, 0, 0, 2.0], [0.5, 0.2, 0, 0, 0, 2.0]], np.float32))
-    assert found.distance == pytest.approx([1.0, 0.05], abs=1e-5)
-    assert found.face[0] >= 16
-    assert found.face[1] < 2
 
 
 @pytest.mark.parametrize(
@@ -104,13 +82,3 @@ def test_what_is_glass_all_over_is_drawn():
     glass = replace(surface, paint=replace(surface.paint, textures=(image,)))
     assert not own_paint(glass).cut_out.any()
     assert not isinstance(caster_of([look(glass)]), SeeThroughCaster)
-
-
-def test_a_cut_mesh_is_clear_at_the_same_places():
-    surface = half_clear()
-    fine = subdivide_near(surface.mesh, np.array([[-9.0] * 3, [9.0] * 3]), 0.13)
-    whole, cut = caster_of([look(surface)]), caster_of([painted(fine, surface)])
-    rng = np.random.default_rng(3)
-    start = np.column_stack([rng.uniform(-0.99, 0.99, (200, 2)), np.full(200, 2.0)])
-    down = np.tile([0.0, 0.0, -1.0], (200, 1))
-    assert np.array_equal(whole.cast(start, down).face >= 0, cut.cast(start, down).face >= 0)

@@ -54,22 +54,6 @@ def members(labels: Sequence[str], *meshes: Mesh) -> list[tuple[str, tuple[int, 
     return [(whole.label, whole.members) for whole in found(labels, *meshes)]
 
 
-def test_a_table_is_measured() -> None:
-    """Size, upward level and the open sides of a table are those it was made with."""
-    (one,) = traits(table())
-    assert (one.length, one.width, one.height) == pytest.approx((1.0, 0.6, 0.7))
-    assert one.level_height == pytest.approx(0.7, abs=1e-6)
-    # legs end in the top: the upward area is the top's own
-    assert one.level_area == pytest.approx(0.6, rel=0.02)
-    assert (one.levels, one.rise) == (1, pytest.approx(0.0, abs=1e-6))
-    # from the side: a top of 0.04 m and two legs of 0.05 m of 0.6 m, rounded up to whole cells of 0.04 m
-    assert one.closed is not None
-    assert 0.15 < one.closed < 0.5
-    assert one.covered == 1.0
-    assert one.balance is not None
-    assert one.balance > 0.7
-
-
 def test_what_holds_a_thing() -> None:
     """A cup stands on the table, the table on the floor, a picture hangs at the wall, a lamp at the ceiling."""
     cup = block((0.4, 0.2, 0.70), (0.5, 0.3, 0.80))
@@ -79,20 +63,6 @@ def test_what_holds_a_thing() -> None:
     assert (mug.held_by, mug.holder, mug.carries) == ("", 0, 0)
     assert (frame.held_by, light.held_by) == (WALL, CEILING)
     assert frame.wall_gap == pytest.approx(0.01, abs=1e-6)
-
-
-def test_shelves_have_levels_and_leaves_are_rough() -> None:
-    """Five boards are five levels; crumpled sheets are rougher than a box."""
-    boards = [block((0.0, 0.0, 0.4 * k), (0.8, 0.3, 0.4 * k + 0.02)) for k in range(5)]
-    sides = [block((x, 0.0, 0.0), (x + 0.02, 0.3, 1.62)) for x in (-0.021, 0.801)]
-    rng = np.random.default_rng(0)
-    corners = rng.random((3000, 1, 3)) + 0.005 * rng.normal(size=(3000, 3, 3))
-    leaves = Mesh.of(corners.reshape(-1, 3), np.arange(9000).reshape(-1, 3))
-    shelf, plant = traits(joined([*boards, *sides]), moved(leaves, 3.0))
-    assert shelf.levels == 5
-    assert plant.rough is not None
-    assert shelf.rough is not None
-    assert plant.rough > 0.4 > 0.2 > shelf.rough
 
 
 BED = block((0.0, 0.0, 0.0), (1.6, 2.0, 0.5))

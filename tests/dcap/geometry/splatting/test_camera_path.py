@@ -5,13 +5,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dcap.geometry.camera import Camera, looking_at
+from dcap.geometry.camera import Camera
 from dcap.geometry.distance import MeshDistance
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.segmentation.labels import category_of
-from dcap.geometry.splatting.camera_path import FURNITURE, PathConfig, camera_path, entries, unhidden, worthwhile
+from dcap.geometry.splatting.camera_path import FURNITURE, PathConfig, camera_path
 from dcap.geometry.splatting.discs import splats_on_mesh
-from dcap.geometry.splatting.filled_cells import CELL, FilledCells, filled_cells
+from dcap.geometry.splatting.filled_cells import CELL
 from dcap.scene.readers.scenes.interiorgs import read_labels, read_structure
 from dcap.scene.readers.scenes.occupancy import read_occupancy
 from dcap.scene.types.boxes import OrientedBox
@@ -144,64 +144,6 @@ def test_what_has_no_inside_is_looked_at_from_all_sides(size: tuple[float, float
         assert (np.abs(y / z) * camera.focal < 30).all()
     height = [camera.position[2] for camera in cameras]
     assert min(height) < 0 < max(height)
-
-
-def wall(at: float) -> FilledCells:
-    """A wall across x, and a floor, in a grid of 4 x 4 x 2.5 m."""
-    filled = np.zeros((80, 80, 50), dtype=bool)
-    filled[round(at / CELL)] = True
-    filled[:, :, 0] = True
-    return FilledCells(filled, np.zeros(3), CELL)
-
-
-def test_cameras_before_a_wall_or_in_it_are_left_out() -> None:
-    """Near to it, in it and looking at nothing; away from it they stay."""
-    cells, config = wall(3.0), PathConfig(views=1, width=64, height=48)
-
-    def kept(x: float, toward: tuple[float, float, float]) -> bool:
-        place = np.array([x, 2.0, 1.25])
-        camera = looking_at(place, place + toward, 64, 48, fov_deg=69.0)
-        return bool(list(worthwhile([camera], cells, config)))
-
-    assert kept(1.0, (1.0, 0.0, 0.0))
-    assert not kept(2.6, (1.0, 0.0, 0.0))
-    assert not kept(3.02, (1.0, 0.0, 0.0))
-    assert not kept(1.0, (0.0, 0.0, 1.0))
-
-
-def test_the_floor_is_below_the_highest_headroom() -> None:
-    """Not the ceiling's reflection below it, and not the top of a table; without a ceiling the lowest thing."""
-    filled = np.zeros((3, 3, 100), dtype=bool)
-    filled[:, :, 4] = filled[:, :, 50] = filled[:, :, 96] = True
-    filled[0, 0, 64] = True
-    cells, points = FilledCells(filled, np.array([0.0, 0.0, -2.5]), CELL), np.array([[0.07, 0.07], [0.12, 0.12]])
-    assert cells.floor(points) == pytest.approx(50.5 * CELL - 2.5)
-    assert cells.floor(np.array([[0.02, 0.02]])) == pytest.approx(64.5 * CELL - 2.5)
-    filled[:, :, 51:] = filled[:, :, :50] = False
-    assert cells.floor(points) == pytest.approx(50.5 * CELL - 2.5)
-
-
-def test_gaussians_fill_the_cells_that_they_cover() -> None:
-    """Few large ones are as opaque as many small ones, thin ones too; faint ones fill nothing."""
-    turn = np.array([[1.0, 0, 0, 0]], np.float32)
-    scale = np.log(np.array([[0.2, 0.1, 0.001]], np.float32))
-    one = Gaussians(np.zeros((1, 3), np.float32), scale, turn, np.array([3.0], np.float32),
-                    np.zeros((1, 3), np.float32), np.zeros((1, 3, 0), np.float32))  # fmt: skip
-    cells = filled_cells(one)
-    x, y = np.meshgrid(np.linspace(-0.29, 0.29, 20), np.linspace(-0.14, 0.14, 10))
-    assert cells.at(np.stack([x.ravel(), y.ravel(), np.zeros(200)], axis=1)).mean() > 0.9
-    assert not cells.at(np.array([[0.0, 0.0, 0.1], [0.0, 0.25, 0.0]])).any()
-    faint = Gaussians(one.position, one.log_scale, one.rotation, -one.logit, one.dc, one.rest)
-    assert not filled_cells(faint).filled.any()
-
-
-def test_a_box_behind_a_wall_is_hidden() -> None:
-    """Seen whole from this side, not at all from the other; from a place beside the wall's end by a part."""
-    box = OrientedBox(np.array([1.0, 2.0, 0.5]), np.eye(3), np.array([0.3, 0.3, 0.3]))
-    places = np.array([[2.5, 2.0, 1.5], [3.7, 2.0, 1.5]])
-    assert unhidden(box, places, wall(3.0)) == pytest.approx([1.0, 0.0])
-    straight = entries(box, np.array([[3.0, 2.0, 0.5], [1.0, 2.0, 0.5]]), np.array([[-1.0, 0, 0]] * 2), margin=0.1)
-    assert straight == pytest.approx([1.6, 0.0])
 
 
 def test_pieces_that_nobody_can_see_are_named(splats: Gaussians, known: dict[str, Any]) -> None:

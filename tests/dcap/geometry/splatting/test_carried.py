@@ -10,7 +10,6 @@ from dcap.geometry.splatting.carried import (
     CLOSE,
     FAINT,
     FAR,
-    MOST_PIECES,
     MOST_STRETCH,
     REACH,
     STEPS,
@@ -19,7 +18,6 @@ from dcap.geometry.splatting.carried import (
     carried,
     pieces,
     split,
-    steps_within,
     strained,
 )
 from dcap.scene.types.gaussians import COEFFICIENTS, Gaussians, harmonics, turned_harmonics
@@ -213,15 +211,6 @@ def test_pieces_look_like_the_whole():
     assert (np.diff(found.owner) >= 0).all()
     away = np.linalg.norm(found.splats.position - splats.position[found.owner], axis=1)
     assert away.max() < REACH * np.hypot(0.03, 0.6 * 0.03)
-
-
-def test_there_are_never_too_many_pieces():
-    """A few are as fine as asked, very many coarser, and those that need none stay whole."""
-    share = np.array([[0.1, 1.0], [1.0, 1.0]])
-    assert steps_within(share).tolist() == [[28, 5], [0, 0]]
-    many = steps_within(np.tile(share, (3000, 1)))
-    assert 0 < ((2 * many + 1).prod(axis=1) - 1).sum() <= MOST_PIECES
-    assert not many[1::2].any()
 
 
 def test_a_large_disc_follows_by_its_pieces():

@@ -9,7 +9,7 @@ from point_files import points_on, without_normals
 
 from dcap.geometry.distance import MeshDistance
 from dcap.geometry.raycast import Raycaster
-from dcap.geometry.splatting.cloud import evenly_thinned, is_room, mesh_of_points, spread_sides, without_strays
+from dcap.geometry.splatting.cloud import is_room, mesh_of_points, without_strays
 from dcap.geometry.splatting.config import SurfaceConfig
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.point_cloud import PointCloud, local_planes
@@ -88,17 +88,6 @@ def test_a_room_is_seen_from_inside() -> None:
     assert any("towards the inside of the room" in note for note in notes)
 
 
-def test_thinning_keeps_to_its_limit_and_to_both_sides() -> None:
-    """No more points than are asked for; sides with other normals in one cell stay two."""
-    cloud = points_on(Mesh.of(*box((0.4, 0.3, 0.2))), 20_000)
-    assert len(evenly_thinned(cloud, 1e-4, 1000)) <= 1000
-    board = points_on(Mesh.of(*box((0.4, 0.3, 0.004))), 20_000)
-    thin = evenly_thinned(board, 0.02, 10_000)
-    assert thin.normal is not None
-    level = np.abs(thin.normal[:, 2]) > 0.9
-    np.testing.assert_allclose(thin.position[level, 2], 0.002 * np.sign(thin.normal[level, 2]), atol=1e-9)
-
-
 def test_strays_go_and_are_counted() -> None:
     """Points metres away from a box leave it as it was."""
     cloud = points_on(Mesh.of(*box((0.4, 0.3, 0.2))), 5000)
@@ -107,18 +96,6 @@ def test_strays_go_and_are_counted() -> None:
     kept, notes = without_strays(more, threads=1)
     assert len(kept) == 5000
     assert "7 points" in notes[0]
-
-
-def test_sides_spread_along_a_surface() -> None:
-    """From one point of a sphere, whose axes have any sign, all normals come to point outwards."""
-    random = np.random.default_rng(0)
-    out = random.standard_normal((2000, 3))
-    out /= np.linalg.norm(out, axis=1, keepdims=True)
-    axis = out * random.choice([-1.0, 1.0], (2000, 1))
-    known = np.zeros(2000)
-    known[0] = np.sign(axis[0] @ out[0])
-    sign = spread_sides(known, axis, local_planes(out).near[:, 1:9])
-    assert (np.einsum("ni,ni->n", sign[:, None] * axis, out) > 0.0).all()
 
 
 def box(size: tuple[float, float, float]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:

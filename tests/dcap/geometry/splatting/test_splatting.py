@@ -7,11 +7,11 @@ from scipy.spatial.transform import Rotation
 from dcap.geometry.camera import Camera, looking_at
 from dcap.geometry.distance import MeshDistance
 from dcap.geometry.splatting.config import SurfaceConfig
-from dcap.geometry.splatting.discs import FLATNESS, JITTER, OPACITY, OVERLAP, splats_on_mesh
-from dcap.geometry.splatting.kernels import BLUR, settle_on_ridge
+from dcap.geometry.splatting.discs import FLATNESS, OVERLAP, splats_on_mesh
+from dcap.geometry.splatting.kernels import BLUR
 from dcap.geometry.splatting.render import Splatter
-from dcap.geometry.splatting.surface import SurfacePoints, kept_apart, mesh_of_splats, surface_points
-from dcap.geometry.splatting.viewpoints import best_origins, viewpoints
+from dcap.geometry.splatting.surface import mesh_of_splats, surface_points
+from dcap.geometry.splatting.viewpoints import best_origins
 from dcap.scene.errors import GeometryError
 from dcap.scene.types.gaussians import DC, Gaussians
 from dcap.scene.types.mesh import Mesh
@@ -43,15 +43,6 @@ def ahead(width: int = 48, height: int = 32, focal: float = 60.0) -> Camera:
     return Camera(
         np.zeros(3), np.array([1.0, 0, 0]), np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]]), width, height, focal
     )
-
-
-def test_a_camera_looks_where_it_is_told():
-    """The middle of the picture is the target; up is up, right is right."""
-    camera = looking_at(np.array([1.0, 2, 3]), np.array([4.0, 2, 3]), 41, 41, fov_deg=90.0)
-    assert camera.directions(np.array([[20.5, 20.5]]))[0] == pytest.approx([1, 0, 0])
-    assert camera.directions(np.array([[20.5, 0.5]]))[0, 2] > 0.5
-    assert camera.directions(np.array([[40.5, 20.5]]))[0, 1] < -0.5
-    assert np.linalg.det(camera.world_from_camera) == pytest.approx(1.0)
 
 
 def test_one_gaussian_is_drawn_by_its_formula():
@@ -145,45 +136,6 @@ def test_splats_lie_on_their_mesh_and_add_up_to_its_picture():
         splats_on_mesh(mesh, 1e-5, 0)
 
 
-def test_places_are_inside_and_cameras_see_all_around():
-    """In a closed room within its walls and out of the box on its floor; around a thing outside of it."""
-    splats = splats_on_mesh(inside_out(3.0), 0.04, seed=0)
-    cameras = viewpoints(splats, 5, 64)
-    assert len(cameras) == 30
-    places = np.array([c.position for c in cameras])
-    assert (np.abs(places[:, :2]) < 1.3).all()
-    assert ((places[:, 2] > 0.2) & (places[:, 2] < 2.8)).all()
-    box = (np.abs(places - [0.3, 0.2, 0.25]) < [0.5, 0.4, 0.25]).all(axis=1)
-    assert not box.any()
-    thing = splats_on_mesh(rounded_box((0.3, 0.2, 0.1), 0.02), 0.005, seed=0)
-    around = np.array([c.position for c in viewpoints(thing, 5, 64)])
-    assert len(around) == 15
-    assert (np.linalg.norm(around, axis=1) > 0.2).all()
-
-
-def test_the_density_does_not_change_along_the_normal_on_its_ridge():
-    """Its slope there, sum_k w_k n^T A_k (m_k - p), vanishes against its parts; so does the turn of the normal."""
-    random = np.random.default_rng(0)
-    n, blur = 12, 0.01
-    splats = gaussians(random.uniform(-0.03, 0.03, (n, 3)) * [1, 1, 0.2], [0.04, 0.03, 0.004],
-                       np.zeros((n, 3)), 0.8)  # fmt: skip
-    point, normal = np.array([[0.0, 0, 0.02]], dtype=np.float32), np.array([[0.1, 0, 0.995]], dtype=np.float32)
-    axes = np.ascontiguousarray(splats.axes)
-    settle_on_ridge(
-        np.zeros(1, dtype=np.int32), splats.position, axes, splats.scale, splats.opacity,
-        np.tile(np.arange(n, dtype=np.int32), (n, 1)), np.full(n, blur, dtype=np.float32), 30,
-        np.ones(1, dtype=np.int32), point, normal,
-    )  # fmt: skip
-    A = np.einsum("kij,kj,klj->kil", axes, 1.0 / (splats.scale.astype(float) ** 2 + blur**2), axes)
-    away = splats.position - point
-    w = splats.opacity * np.exp(-0.5 * np.einsum("ki,kij,kj->k", away, A, away))
-    pull = w * np.einsum("i,kij,kj->k", normal[0], A, away)
-    assert abs(pull.sum()) < 1e-4 * np.abs(pull).sum()
-    turned = np.einsum("k,kij,j->i", w, A, normal[0])
-    assert turned / np.linalg.norm(turned) == pytest.approx(normal[0], abs=1e-4)
-    assert normal[0, 2] > 0.9
-
-
 @pytest.mark.slow
 def test_what_lies_under_a_layer_is_hidden():
     """Of a slab inside of a box, 3 cm under its top, hardly anything is seen, though light passes between splats; of
@@ -203,20 +155,6 @@ def ball(radius: float) -> Mesh:
     """A round mesh about the origin."""
     box = rounded_box((2 * radius,) * 3, 0.999 * radius, 0.05 * radius)
     return Mesh.of(radius * box.vertices / np.linalg.norm(box.vertices, axis=1, keepdims=True), box.faces)
-
-
-@pytest.mark.slow
-def test_points_of_the_level_set_lie_before_the_surface():
-    """Flat Gaussians side by side add up to A exp(-h^2 / 2 s^2), A = 2 pi OVERLAP^2 alpha: h = 2.3 s at the level 0.3,
-    and s varies by exp(JITTER z), by 1.64 at z = 1.65."""
-    mesh = inside_out(3.0)
-    splats = splats_on_mesh(mesh, 0.03, seed=0)
-    points = surface_points(splats, SurfaceConfig(places=3, pixels=96, rounds=0))
-    away = MeshDistance(mesh).unsigned(points.position)
-    height = np.sqrt(2 * np.log(2 * np.pi * OVERLAP**2 * OPACITY / 0.3))
-    thick = float(np.exp(np.median(splats.log_scale[:, 2])))
-    assert np.median(away) == pytest.approx(height * thick, rel=0.2)  # the thicker ones reach farther
-    assert np.quantile(away, 0.95) < height * thick * np.exp(1.65 * JITTER)
 
 
 @pytest.mark.slow
@@ -257,26 +195,6 @@ def test_two_sides_of_a_board_of_2_cm_stay_two_surfaces():
     height, up = points.position[middle, 2], points.normal[middle, 2]
     assert (np.sign(height) == np.sign(up)).mean() > 0.999
     assert np.abs(np.abs(height) - 0.01).mean() < 0.5 * scatter
-
-
-def test_sides_nearer_than_a_cell_go_back_to_the_level_set():
-    """Wholly up to the thickness of a cell, not at all from two; the facing sides of a gap stay where they are."""
-    x, y = (a.ravel() for a in np.meshgrid(np.arange(20) * 0.004, np.arange(20) * 0.004))
-    up, lead, cell = np.array([0.0, 0, 1]), 0.003, 0.01
-
-    def moved_by(thickness: float, outwards: float) -> float:
-        sheets = [np.stack([x, y, np.full_like(x, z)], axis=1) for z in (0.0, thickness)]
-        normal = np.repeat([-outwards * up, outwards * up], len(x), axis=0)
-        position = np.concatenate(sheets)
-        points = SurfacePoints(position, normal, np.zeros_like(position), np.full(len(position), lead))
-        along = np.einsum("ni,ni->n", kept_apart(points, cell) - position, normal)
-        assert np.ptp(along) < 1e-9
-        return float(along[0])
-
-    assert moved_by(0.005, 1.0) == pytest.approx(lead)
-    assert moved_by(0.015, 1.0) == pytest.approx(lead / 2)
-    assert moved_by(0.025, 1.0) == 0.0
-    assert moved_by(0.009, -1.0) == 0.0
 
 
 @pytest.mark.slow

@@ -4,10 +4,8 @@ import math
 from dataclasses import replace
 
 import pytest
-from hypothesis import assume, given
-from hypothesis import strategies as st
 
-from dcap.language.offline.shapes import ShapePrior, UsualRange, label_of, labels, probabilities, shape_row, shapes
+from dcap.language.offline.shapes import ShapePrior, label_of, labels, shape_row, shapes
 from dcap.language.protocol.replies import OTHER, LabelReply
 from dcap.language.protocol.requests import LabelRequest
 from dcap.scene.errors import InputError
@@ -51,15 +49,6 @@ def test_what_is_usual_for_a_label_gets_it(subtests: pytest.Subtests) -> None:
                 assert label_of(usual_thing(shape)).label == shape.label
 
 
-@pytest.mark.parametrize("shape", shapes()[:6], ids=lambda one: one.label)
-def test_probabilities_add_up(shape: ShapePrior) -> None:
-    """The probabilities of all labels and of none of them add up to 1, and the best one is the confidence."""
-    request = usual_thing(shape)
-    found = probabilities(request)
-    assert math.isclose(sum(found.values()), 1.0, rel_tol=1e-12)
-    assert label_of(request).confidence == max(found.values())
-
-
 def test_what_holds_a_thing_tells_what_it_is() -> None:
     """The same soft box is a pillow on a bed and a cushion on a sofa."""
     pillow = next(usual_thing(shape) for shape in shapes() if shape.label == "pillow")
@@ -83,25 +72,6 @@ def test_the_unheard_of_stays_a_thing() -> None:
     """A block of 4 m in the air is nothing that a home has."""
     bed = next(usual_thing(shape) for shape in shapes() if shape.label == "bed")
     assert label_of(replace(bed, size=(4.0, 4.0, 4.0), bottom=0.9, holder="nothing", rise=4.0)).label == OTHER
-
-
-@given(st.floats(0.01, 5.0), st.floats(1.0, 3.0))
-def test_farther_from_usual_is_never_likelier(value: float, factor: float) -> None:
-    """Beyond the usual range the density falls, on both sides, and within it is even."""
-    usual = UsualRange.of("bottom", [0.1, 0.4, 0.6, 1.2])
-    assume(min(abs(value - 0.4), abs(value - 0.6)) > 1e-6)  # nearer to an edge the square of the distance rounds away
-    at, beyond = usual.log_density(value), usual.log_density(0.5 + factor * (value - 0.5))
-    assert beyond <= at + 1e-9  # the farther value is rounded, so that it may be nearer by 1e-15
-    assert (at == usual.log_density(0.5)) == (0.4 <= value <= 0.6)
-
-
-def test_a_density_has_mass_one() -> None:
-    """The density adds up to 1: a narrow range is no advantage but for what it fits."""
-    usual = UsualRange.of("bottom", [0.1, 0.4, 0.6, 1.2])
-    step = 1e-3
-    total = sum(math.exp(usual.log_density(-2.0 + step * k)) * step for k in range(6000))
-    # within FARTHEST standard deviations all but 1e-9 of a normal distribution; beyond it the floor exp(-18) is even
-    assert total == pytest.approx(1.0, abs=1e-3)
 
 
 @pytest.mark.parametrize("entry", ["height=1 2 3", "height=3 2 1 4", "girth=1 2 3 4"])
