@@ -97,12 +97,6 @@ def reach_this_machine() -> None:
     os.environ["no_proxy"] = ",".join(filter(None, (known, *missing)))
 
 
-def running_url() -> str:
-    """Return the address of the server of this data folder; empty if none is healthy."""
-    url = _kept_url()
-    return url if url and is_healthy(url) else ""
-
-
 def _kept_url() -> str:
     """Return the address of the server of this data folder, whose keeper lives; empty if there is none."""
     folder = server_folder()

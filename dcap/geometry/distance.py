@@ -96,11 +96,6 @@ class MeshDistance:
         return np.asarray(self.winding(points) > INSIDE)
 
 
-def distance_grid(mesh: Mesh, low: NDArray[np.float64], high: NDArray[np.float64], spacing: float) -> DistanceGrid:
-    """Samples of the signed distance of a mesh that cover the box [low, high] [m]."""
-    return sampled(MeshDistance(mesh), low, high, spacing)
-
-
 def sampled(distance: Distance, low: NDArray[np.float64], high: NDArray[np.float64], spacing: float) -> DistanceGrid:
     """Samples of a signed distance over a box: exact within BAND samples of the surface, interpolated farther away."""
     low, high = np.asarray(low, dtype=np.float64), np.asarray(high, dtype=np.float64)

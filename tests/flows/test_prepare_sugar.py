@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from colmap_files import read_colmap
 from fake_sugar import fake_sugar
 from PIL import Image
 
 from dcap.geometry.splatting.discs import splats_on_mesh
-from dcap.scene.readers.scenes.colmap import read_colmap
 from dcap.scene.readers.scenes.sugar import find_mesh, has_only_splats
 from dcap.scene.readers.splats.splats import read_splats
 from dcap.scene.writers.gaussians import write_compressed_splats

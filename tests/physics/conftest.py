@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dcap.geometry.distance import distance_grid
+from dcap.geometry import distance
+from dcap.geometry.distance import MeshDistance
 from dcap.geometry.primitives import Box, Capsule, Cylinder
 from dcap.geometry.solid.fill import fill
 from dcap.geometry.solid.repair import mass_properties
@@ -23,11 +24,11 @@ from tasks.case.run import run_case
 GRAVITY = 9.81
 
 
-def sampled(distance, low, high, spacing):
+def sampled(field, low, high, spacing):
     """A signed distance on a grid."""
     axes = [np.arange(a, b + spacing, spacing) for a, b in zip(low, high, strict=True)]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
-    return SignedDistance(np.array([a[0] for a in axes]), spacing, distance(points).astype(np.float32))
+    return SignedDistance(np.array([a[0] for a in axes]), spacing, field(points).astype(np.float32))
 
 
 def rigid(
@@ -62,7 +63,7 @@ def rigid_mesh(name, mesh, position, *, mass=1.0, mu=(0.5, 0.4), rolling=0.0, ro
     turn = np.eye(3) if rotation is None else rotation
     placed = Mesh.of(mesh.vertices @ turn.T + np.asarray(position, dtype=float), mesh.faces)
     low, high = placed.bounds
-    grid = distance_grid(placed, low - 0.01, high + 0.01, spacing)
+    grid = distance.sampled(MeshDistance(placed), low - 0.01, high + 0.01, spacing)
     natural, center, inertia = mass_properties(placed, 1000.0)
     sdf = SignedDistance(grid.origin, grid.spacing, grid.values)
     inertia = inertia * mass / natural

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 from dented_bed import RADIUS, anchor, ball, scene_of, settled
 
-from dcap.geometry.distance import distance_grid
+from dcap.geometry.distance import MeshDistance, sampled
 from dcap.scene.types.export_scene import ExportScene
 from dcap.scene.types.materials import ContactFriction
 from dcap.scene.types.mesh import Mesh
@@ -26,7 +26,7 @@ def body(name: str, surface: Mesh, friction: ContactFriction, center: np.ndarray
     low, high = surface.bounds
     return RigidSimulationBody(
         name=name, instance=name, fixed=name != "object", surface=surface,
-        distance=distance_grid(surface, low - 0.01, high + 0.01, 0.02),
+        distance=sampled(MeshDistance(surface), low - 0.01, high + 0.01, 0.02),
         inertial=InertialProperties(MASS, center, 0.4 * MASS * RADIUS**2 * np.eye(3)), friction=friction,
         face_friction=None if faces is None else np.asarray(faces, dtype=np.float64),
     )  # fmt: skip

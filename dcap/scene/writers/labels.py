@@ -3,7 +3,6 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -111,8 +110,3 @@ def labels_text(tree: Mapping[str, object]) -> str:
 def compact(value: object) -> str:
     """JSON in one line."""
     return json.dumps(value, ensure_ascii=False, allow_nan=False)
-
-
-def write_labels(path: Path, tree: Mapping[str, object]) -> None:
-    """Write labels.json."""
-    path.write_text(labels_text(tree), encoding="utf-8")

@@ -8,7 +8,7 @@ and so is the resulting mesh.
 
 COLMAP models to files: cameras, images and points3D, binary (what programs read first) or as text.
 
-The layouts are those of dcap/scene/readers/scenes/colmap.py; no observations and no tracks are written.
+The layouts are COLMAP's (https://colmap.github.io/format.html); no observations and no tracks are written.
 """
 
 import json

@@ -8,7 +8,7 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dcap.geometry.distance import BAND, MeshDistance, distance_grid, lattice, sampler
+from dcap.geometry.distance import BAND, MeshDistance, lattice, sampled, sampler
 from dcap.scene.errors import GeometryError
 from dcap.scene.types.mesh import Mesh
 
@@ -35,7 +35,7 @@ def test_sphere_distance_on_a_grid_is_within_the_sum_of_its_known_errors() -> No
     """R = 5 cm on a 1.5 mm grid: off by h^2 / (8 R) in each of two directions and by the sagitta of the facets."""
     radius, spacing, rounds = 0.05, 1.5e-3, 5
     mesh = of(trimesh.creation.icosphere(rounds, radius))
-    grid = distance_grid(mesh, mesh.bounds[0] - 0.01, mesh.bounds[1] + 0.01, spacing)
+    grid = sampled(MeshDistance(mesh), mesh.bounds[0] - 0.01, mesh.bounds[1] + 0.01, spacing)
     rng = np.random.default_rng(0)
     outward = rng.normal(size=(4000, 3))
     outward /= np.linalg.norm(outward, axis=1)[:, None]
@@ -75,7 +75,7 @@ def test_a_mug_stays_hollow() -> None:
     mesh = of(cup())
     wall = SHIFT + np.array([[0.038, 0, 0.05], [0, -0.038, 0.02], [0.01, 0.01, 0.002]])
     bore = SHIFT + np.array([[0, 0, 0.05], [0.03, 0, 0.02], [0, 0, 0.085]])
-    grid = distance_grid(mesh, mesh.bounds[0] - 0.01, mesh.bounds[1] + 0.01, 0.0015)
+    grid = sampled(MeshDistance(mesh), mesh.bounds[0] - 0.01, mesh.bounds[1] + 0.01, 0.0015)
     for distance in (MeshDistance(mesh), sampler(grid)):
         assert (distance(wall) < -1e-3).all()
         assert (distance(bore) > 5e-3).all()
@@ -128,7 +128,7 @@ def test_every_sample_in_the_band_is_exact_also_beside_thin_walls() -> None:
     the band on the right side: of a cup whose wall is as thick as two samples, between which no coarse sample lies."""
     spacing = 2e-3
     mesh = of(cup(wall=4e-3))
-    grid = distance_grid(mesh, mesh.bounds[0] - 0.02, mesh.bounds[1] + 0.02, spacing)
+    grid = sampled(MeshDistance(mesh), mesh.bounds[0] - 0.02, mesh.bounds[1] + 0.02, spacing)
     exact = MeshDistance(mesh)(lattice(grid.origin, spacing, np.array(grid.values.shape)))
     found = grid.values.ravel().astype(np.float64)
     band = np.abs(exact) < BAND * spacing
@@ -141,8 +141,8 @@ def test_impossible_grids_are_refused() -> None:
     """An inverted box, or one that would take gigabytes, is refused before anything is allocated."""
     mesh = of(trimesh.creation.box((0.1, 0.1, 0.1)))
     with pytest.raises(GeometryError, match="high > low"):
-        distance_grid(mesh, np.ones(3), np.zeros(3), 0.01)
+        sampled(MeshDistance(mesh), np.ones(3), np.zeros(3), 0.01)
     with pytest.raises(GeometryError, match="raise its spacing"):
-        distance_grid(mesh, np.zeros(3), np.ones(3), 1e-4)
+        sampled(MeshDistance(mesh), np.zeros(3), np.ones(3), 1e-4)
     with pytest.raises(GeometryError, match="without faces"):
         MeshDistance(Mesh.of(np.zeros((0, 3)), np.zeros((0, 3))))(np.zeros((1, 3)))

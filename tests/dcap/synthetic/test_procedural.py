@@ -5,12 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from dcap.geometry.pieces import is_closed
 from dcap.synthetic import shapes
 from dcap.synthetic.dataset import build_object, in_metres
 from dcap.synthetic.recipes import object_recipes, room_names, room_recipe
 from dcap.synthetic.room import FurnishedRoom
 from dcap.synthetic.rooms import BuiltRoom, build_room, furnish
-from dcap.synthetic.shapes import is_manifold, volume
+from dcap.synthetic.shapes import volume
 from dcap.synthetic.shell import shell
 
 OBJECTS = object_recipes()
@@ -39,7 +40,7 @@ def test_rounded_box_is_closed_and_has_its_volume(size: tuple[float, float, floa
     exact = (
         a * b * c + 2 * radius * (a * b + b * c + c * a) + np.pi * radius**2 * (a + b + c) + 4 / 3 * np.pi * radius**3
     )
-    assert is_manifold(mesh)
+    assert is_closed(mesh)
     # A chord polygon with at least 4 segments a quarter... with one arc step the corner loses at most the part between
     # chord and arc, (pi - 2) / pi of the rounded share; the bound covers it.
     rounded = exact - a * b * c - 2 * radius * (a * b + b * c + c * a)
@@ -52,7 +53,7 @@ def test_union_volume_is_inclusion_exclusion() -> None:
     a = shapes.rounded_box((0.2, 0.1, 0.1), 1e-4, 0.05)
     b = shapes.moved(a, x=0.1)
     whole = shapes.union([a, b])
-    assert is_manifold(whole)
+    assert is_closed(whole)
     # The rounding takes 1e-4 off the edges: less than 1e-4 of the volume; single precision inside the union likewise.
     assert volume(whole) == pytest.approx(0.3 * 0.1 * 0.1, rel=1e-3)
 
@@ -62,7 +63,7 @@ def test_objects_are_closed_solids_of_plausible_density(name: str) -> None:
     """Every part is closed; mass over volume lies between that of down and that of iron; they stand on z = 0."""
     item = in_metres(OBJECTS[name])
     solids = [solid for part in item.parts for solid in part.solids]
-    assert all(is_manifold(solid) and volume(solid) > 0 for solid in solids)
+    assert all(is_closed(solid) and volume(solid) > 0 for solid in solids)
     density = OBJECTS[name].mass / sum(volume(solid) for solid in solids)
     assert 15 < density < 7900
     assert abs(item.bounds[0, 2]) < 0.0015
@@ -88,7 +89,7 @@ def test_furniture_is_made_of_closed_solids_within_the_walls(furnished: dict[str
     """Every solid is closed, nothing reaches below the floor or through a wall."""
     room = furnished[name]
     for item in [*shell(room).things, *(placed.thing for placed in room.things)]:
-        assert all(is_manifold(solid) and volume(solid) > 0 for part in item.parts for solid in part.solids), item.label
+        assert all(is_closed(solid) and volume(solid) > 0 for part in item.parts for solid in part.solids), item.label
     for placed in room.things:
         low, high = placed.thing.bounds
         assert low[2] > -0.004, placed.thing.label
@@ -156,7 +157,7 @@ def test_scan_is_noisy_but_close(built: dict[str, BuiltRoom]) -> None:
 def test_scan_is_not_watertight_and_tells_nothing_by_order(built: dict[str, BuiltRoom]) -> None:
     """The mesh has open edges, and neighbours in the file belong to different instances as often as by chance."""
     room = built["bedroom_01"]
-    assert not is_manifold(room.record.mesh)
+    assert not is_closed(room.record.mesh)
     instance = room.face_instance
     same = float((instance[1:] == instance[:-1]).mean())
     share = np.bincount(instance) / len(instance)

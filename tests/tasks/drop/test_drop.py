@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dcap.geometry.distance import distance_grid
+from dcap.geometry.distance import MeshDistance, sampled
 from dcap.geometry.primitives import Box, Capsule, Primitive
 from dcap.scene.errors import GeometryError
 from dcap.scene.types.choices import Anchor, Intent, Lean, OrientationRequest, RegionRequest
@@ -62,7 +62,7 @@ def body(
     surface = solid.surface(0.01)
     mesh = Mesh.of(surface.vertices @ rotation.T + np.array(position), surface.faces)
     low, high = mesh.bounds
-    grid = distance_grid(mesh, low - 0.01, high + 0.01, 0.003)
+    grid = sampled(MeshDistance(mesh), low - 0.01, high + 0.01, 0.003)
     inertia = rotation @ np.diag(solid.inertia_per_mass * mass) @ rotation.T
     return RigidSimulationBody(
         name=name, instance="object" if name == "object" else "table", fixed=fixed, surface=mesh, distance=grid,
@@ -298,7 +298,7 @@ def bed(cell: float, instance: str = "bed") -> SoftSimulationBody:
     state = np.zeros((5, 5, len(heights)), np.int8)
     return SoftSimulationBody(
         name=instance, instance=instance, fixed=True, surface=mesh,
-        distance=distance_grid(mesh, mesh.bounds[0] - 0.01, mesh.bounds[1] + 0.01, 0.02),
+        distance=sampled(MeshDistance(mesh), mesh.bounds[0] - 0.01, mesh.bounds[1] + 0.01, 0.02),
         inertial=InertialProperties(1.0, np.zeros(3), np.eye(3)), friction=ContactFriction(0.5, 0.4, 1e-3),
         points=MaterialPoints(np.zeros((1, 3)), np.ones(1), np.ones(1), np.ones(1), np.ones(1)),
         grid=BackgroundGrid(sides, sides, heights, state), loaded=True,
@@ -343,7 +343,7 @@ def plate(thickness: float, height: float) -> RigidSimulationBody:
     surface = solid.surface(0.01)
     mesh = Mesh.of(surface.vertices + position, surface.faces)
     low, high = mesh.bounds
-    grid = distance_grid(mesh, low - 0.01, high + 0.01, min(0.35 * thickness, 2e-3))
+    grid = sampled(MeshDistance(mesh), low - 0.01, high + 0.01, min(0.35 * thickness, 2e-3))
     inertial = InertialProperties(2.0, position, np.diag(solid.inertia_per_mass * 2.0))
     return RigidSimulationBody(name="plate", instance="object", fixed=False, surface=mesh, distance=grid,
                                inertial=inertial, friction=ContactFriction(0.5, 0.4, 0.0))  # fmt: skip

@@ -1,0 +1,78 @@
+"""COLMAP models as its programs read them, binary and as text."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from colmap_files import read_colmap, read_colmap_text
+from scipy.spatial.transform import Rotation
+
+from dcap.scene.errors import GeometryError
+from dcap.scene.types.pictures import ColmapModel, Pinhole, posed
+from dcap.scene.writers.sugar import write_colmap, write_colmap_text
+
+
+def model(images: int = 3, points: int = 5) -> ColmapModel:
+    """Two cameras, some pictures and points."""
+    random = np.random.default_rng(0)
+    turns = Rotation.random(images, rng=random).as_matrix()
+    return ColmapModel(
+        (Pinhole(1, 640, 480, (500.0, 500.5), (320.0, 240.0)), Pinhole(7, 32, 24, (1 / 3, 0.1), (16.5, 12.0))),
+        tuple(
+            posed(k + 1, f"a folder/view {k}.png", (1, 7)[k % 2], turns[k], random.normal(size=3))
+            for k in range(images)
+        ),
+        random.normal(size=(points, 3)),
+        random.integers(0, 256, (points, 3)).astype(np.uint8),
+    )
+
+
+def test_models_are_written_to_the_last_bit(tmp_path: Path) -> None:
+    """Cameras, poses, points and colours; a model without pictures and points is one, too."""
+    true = model()
+    write_colmap(tmp_path / "sparse" / "0", true)
+    read = read_colmap(tmp_path / "sparse" / "0")
+    assert read.cameras == true.cameras
+    for a, b in zip(read.images, true.images, strict=True):
+        assert (a.id, a.name, a.camera_id) == (b.id, b.name, b.camera_id)
+        assert np.array_equal([*a.quaternion, *a.translation], [*b.quaternion, *b.translation])
+    assert np.array_equal(read.points, true.points)
+    assert np.array_equal(read.colors, true.colors)
+    write_colmap(tmp_path, model(0, 0))
+    assert (read_colmap(tmp_path).images, len(read_colmap(tmp_path).points)) == ((), 0)
+
+
+def test_text_says_the_same(tmp_path: Path) -> None:
+    """With enough digits to restore the numbers; each picture is followed by an empty line of observations."""
+    true = model()
+    write_colmap_text(tmp_path, true)
+    read = read_colmap_text(tmp_path)
+    cameras = [[c.id, "PINHOLE", c.width, c.height, *c.focal, *c.center] for c in true.cameras]
+    assert read["cameras"] == [[str(word) for word in row] for row in cameras]
+    for words, blank, image in zip(read["images"][::2], read["images"][1::2], true.images, strict=True):
+        assert (words[0], words[8], " ".join(words[9:]), blank) == (
+            str(image.id),
+            str(image.camera_id),
+            image.name,
+            [""],
+        )
+        assert [float(word) for word in words[1:8]] == [*image.quaternion, *image.translation]
+    points = np.array(read["points3D"], dtype=float)
+    assert np.array_equal(points[:, 1:7], np.column_stack([true.points, true.colors]))
+
+
+def test_a_pose_is_world_to_camera() -> None:
+    """A place p appears at R p + t, the camera itself at zero."""
+    axes = Rotation.from_euler("zyx", [0.3, -0.4, 1.1]).as_matrix()
+    place = np.array([1.0, -2.0, 3.0])
+    image = posed(1, "a.png", 1, axes, place)
+    assert image.camera_from_world @ place + image.translation == pytest.approx(np.zeros(3), abs=1e-12)
+    assert image.camera_from_world @ (place + 2 * axes[:, 2]) + image.translation == pytest.approx([0, 0, 2])
+    assert image.position == pytest.approx(place)
+    assert image.quaternion[0] >= 0.0
+
+
+def test_what_is_no_model_is_refused() -> None:
+    """Two cameras of one number."""
+    with pytest.raises(GeometryError, match="same id"):
+        ColmapModel((Pinhole(1, 1, 1, (1, 1), (0, 0)),) * 2, (), np.zeros((0, 3)), np.zeros((0, 3), np.uint8))
