@@ -6,14 +6,16 @@ A replay is recorded first, from the model's stand-in, and then answers alone: w
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import pytest
 from box_rooms import ROOM
 from fake_api import FakeApi
 
 from dcap.language.connect import Client, connect
+from dcap.language.offline.client import OfflineClient
 from dcap.language.protocol.client import ClientName, LanguageConfig
+from dcap.language.protocol.questions import Question
 from dcap.language.protocol.session import Session
 from dcap.scene.types.choices import Anchor, Intent, Rotation
 from dcap.scene.types.materials import PartMaterials
@@ -31,6 +33,17 @@ PICTURE_SIZE = 64
 """Width and height of the rotation's pictures [pixels]."""
 
 T = TypeVar("T")
+
+
+class Asked(OfflineClient):
+    """The offline client, with what it was asked."""
+
+    def __init__(self) -> None:
+        self.requests: list[Any] = []
+
+    def ask(self, question: Question[Any, Any], request: Any) -> Any:
+        self.requests.append(request)
+        return super().ask(question, request)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""The stages with each client."""
+"""The stages with each client, and an empty store."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -7,6 +7,7 @@ import pytest
 from stage_chain import MARKS, Stages
 
 from dcap.language.protocol.client import ClientName
+from tasks.artifact import Store
 
 
 @pytest.fixture(params=[pytest.param(one, marks=MARKS.get(one, ())) for one in ClientName])
@@ -18,3 +19,9 @@ def stages(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Stages]:
     api = request.getfixturevalue("api")
     yield Stages(request.param, api, tmp_path)
     assert api.asked
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Store:
+    """An empty store."""
+    return Store(tmp_path / "store")

@@ -2,17 +2,15 @@
 
 from dataclasses import replace
 from functools import cache
-from typing import Any
 
 import numpy as np
 import pytest
 from box_rooms import ROOM, ball, block, mug, segmentation, thing, toy
-from stage_chain import PICTURE_SIZE, Stages
+from stage_chain import PICTURE_SIZE, Asked, Stages
 
 from dcap.geometry.placement.search import SAMPLES
 from dcap.language.material_table import load_materials
 from dcap.language.offline.client import OfflineClient
-from dcap.language.protocol.questions import Question
 from dcap.scene.types.choices import Anchor, Intent, Rotation
 from dcap.scene.types.materials import BodyModel, Material, PartMaterials
 from dcap.scene.types.mesh import Mesh
@@ -93,17 +91,6 @@ def test_without_a_prior_a_size_is_that_of_the_file(factor: float):
     assert kept.scale == 1.0
     assert (usual.scale == 1.0) == (factor == 1.0)
     assert (kept.base_id, kept.object_name, kept.region) == (usual.base_id, usual.object_name, usual.region)
-
-
-class Asked(OfflineClient):
-    """The offline client, with what it was asked."""
-
-    def __init__(self) -> None:
-        self.requests: list[Any] = []
-
-    def ask(self, question: Question[Any, Any], request: Any) -> Any:
-        self.requests.append(request)
-        return super().ask(question, request)
 
 
 def turned(prompt: str, client: Asked, **settings: object) -> Rotation:

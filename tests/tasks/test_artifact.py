@@ -16,12 +16,6 @@ VALUE = SourceOptions("y")
 MESH = Mesh.of(np.random.default_rng(0).random((50, 3)), [[0, 1, 2]])
 
 
-@pytest.fixture
-def store(tmp_path: Path) -> Store:
-    """An empty store."""
-    return Store(tmp_path / "store")
-
-
 DAMAGES: dict[str, Callable[[Path], object]] = {
     "flip": lambda file: file.write_bytes(bytes([file.read_bytes()[0] ^ 1]) + file.read_bytes()[1:]),
     "truncate": lambda file: file.write_bytes(file.read_bytes()[:-1]),

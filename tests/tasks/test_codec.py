@@ -3,7 +3,6 @@
 import json
 import pickle
 from dataclasses import fields, is_dataclass
-from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -242,12 +241,6 @@ def same(a: object, b: object) -> bool:
     if isinstance(a, tuple | list):
         return type(a) is type(b) and len(a) == len(b) and all(same(x, y) for x, y in zip(a, b, strict=True))
     return type(a) is type(b) and a == b
-
-
-@pytest.fixture
-def store(tmp_path: Path) -> Store:
-    """An empty store."""
-    return Store(tmp_path / "store")
 
 
 def test_every_stored_type_comes_back_bit_for_bit(store: Store) -> None:

@@ -12,12 +12,6 @@ from tasks.artifact import Source, Store
 
 
 @pytest.fixture
-def store(tmp_path: Path) -> Store:
-    """An empty store."""
-    return Store(tmp_path / "store")
-
-
-@pytest.fixture
 def scene(tmp_path: Path) -> Path:
     """A folder with one file, beside one that is not its own."""
     (tmp_path / "private.txt").write_text("private")

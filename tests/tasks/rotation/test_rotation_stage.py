@@ -1,34 +1,19 @@
 """Three pictures and one rotation: where up and front come to point for what the words say."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 from box_rooms import ROOM, block, book, mug, thing, toy
 from scipy.spatial.transform import Rotation as Turn
-from stage_chain import Stages, turned, with_each
+from stage_chain import Asked, Stages, turned, with_each
 
 from dcap.geometry.placement.poses import about_z
-from dcap.language.offline.client import OfflineClient
 from dcap.language.protocol.client import ClientName
-from dcap.language.protocol.questions import Question
 from dcap.scene.types.choices import Rotation
 from dcap.scene.types.mesh import Mesh
 
 OFFLINE = Stages()
 LYING = [Turn.from_euler("xy", angles, degrees=True).as_matrix() for angles in ((90, 0), (-90, 0), (0, 90))]
 """Own axes to those of files that have a thing on its front, its back, its side."""
-
-
-class Asked(OfflineClient):
-    """The offline client, with what it was asked."""
-
-    def __init__(self) -> None:
-        self.requests: list[Any] = []
-
-    def ask(self, question: Question[Any, Any], request: Any) -> Any:
-        self.requests.append(request)
-        return super().ask(question, request)
 
 
 def sitter() -> Mesh:
