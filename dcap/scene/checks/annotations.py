@@ -5,15 +5,16 @@ Checks labels.json and structure.json: problems that the readers report, and con
 Boxes far from every room, below the floor or annotated twice are usual in InteriorGS, so these are warnings.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
 from dcap.scene.checks.findings import Findings, Lines, json_lines, repeated_keys
-from dcap.scene.errors import FormatError, Place, Problem, Report, error, note, short, warning
+from dcap.scene.errors import FormatError, GeometryError, Place, Problem, Report, error, note, short, warning
 from dcap.scene.readers.files import FORMATS, read_json
 from dcap.scene.readers.scenes.interiorgs import LABELS, STRUCTURE, LabelEntry, label_entries, structure_of
 from dcap.scene.readers.scenes.occupancy import NAMES, map_cells, map_extent
@@ -27,6 +28,7 @@ SAME = 1e-3
 """Difference below which boxes are equal [m]."""
 SMALLEST_ROOM = 0.01
 """Area below which a profile is a line [m^2]."""
+T = TypeVar("T")
 SLACK = 2.0
 """Largest difference between the picture and the map [pixels]: conventions differ by half a pixel at each end."""
 
@@ -37,7 +39,7 @@ def check_annotations(folder: Path, findings: Findings) -> tuple[LabelBox, ...]:
     if (folder / STRUCTURE).is_file():
         document, report = read_tree(folder / STRUCTURE, findings)
         if document is not None:
-            rooms, _ = structure_of(document, report)
+            rooms, _ = boxes_of(structure_of, document, report, otherwise=((), ()))
             for problem in structure_problems(document, rooms):
                 report(problem)
     else:
@@ -48,10 +50,19 @@ def check_annotations(folder: Path, findings: Findings) -> tuple[LabelBox, ...]:
     document, report = read_tree(folder / LABELS, findings)
     if document is None:
         return ()
-    entries = label_entries(document, report)
+    entries = boxes_of(label_entries, document, report, otherwise=())
     for problem in label_problems(entries, rooms):
         report(problem)
     return tuple(entry.box for entry in entries if entry.box is not None)
+
+
+def boxes_of(read: Callable[[object, Report], T], document: object, report: Report, *, otherwise: T) -> T:
+    """What a reader makes of a tree; numbers too large for a box are a further error."""
+    try:
+        return read(document, report)
+    except GeometryError as broken:
+        report(error(str(broken)))
+        return otherwise
 
 
 def read_tree(path: Path, findings: Findings) -> tuple[object | None, Report]:

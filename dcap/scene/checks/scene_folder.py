@@ -17,7 +17,7 @@ import numpy as np
 
 from dcap.scene.checks.annotations import check_annotations, check_occupancy, read_tree
 from dcap.scene.checks.findings import Findings, Lines, json_lines
-from dcap.scene.errors import InputError, Place, Problem, Report, Severity, error, note, warning
+from dcap.scene.errors import GeometryError, InputError, Place, Problem, Report, Severity, error, note, warning
 from dcap.scene.readers.files import GROUND_TRUTH
 from dcap.scene.readers.mesh.raw import RawMesh
 from dcap.scene.readers.points.formats import is_points, read_points
@@ -80,7 +80,7 @@ def _check_mesh(path: Path, report: Report) -> FileContents:
 
     try:
         raw = READERS[path.suffix.lower()](path, also).without_loose_vertices()
-    except (InputError, *BROKEN):
+    except (InputError, GeometryError, *BROKEN):
         if Severity.ERROR in told:  # the rest of a broken file may be no valid mesh, which is no further problem
             return FileContents(path)
         raise
@@ -108,7 +108,7 @@ def _guarded(path: Path, report: Report, check: Callable[[], Found], otherwise: 
     """Run a check; a truncated file is a further error."""
     try:
         return check()
-    except InputError as broken:
+    except (InputError, GeometryError) as broken:
         report(error(str(broken).removeprefix(f"{path}: ")))
     except OSError as broken:
         report(error(f"cannot be read: {broken.strerror}"))
