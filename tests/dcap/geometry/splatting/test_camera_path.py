@@ -27,7 +27,7 @@ SMALL = PathConfig(views=48, width=64, height=48)
 
 @pytest.fixture(scope="module")
 def built() -> BuiltRoom:
-    return build_room("study_01", 0)
+    return build_room("hall_01", 0)
 
 
 @pytest.fixture(scope="module")

@@ -30,7 +30,7 @@ from pydantic import BaseModel
 from questions_at_hand import AT_HAND
 
 from dcap.evaluation.judging.cameras import SIZE
-from dcap.evaluation.judging.judge import JudgedPlacement, pair_request, score_request
+from dcap.evaluation.judging.judge import JudgedPlacement, pair_request
 from dcap.evaluation.judging.questions import JUDGE_PAIR, JUDGE_SCORE
 from dcap.language.model import anthropic_api, openai_api
 from dcap.language.model.ledger import prices
@@ -116,16 +116,15 @@ def test_forms_of_answers_leave_room(question: Question[Any, Any], record_proper
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("question", [JUDGE_SCORE, JUDGE_PAIR], ids=lambda one: one.name)
-def test_pictures_of_judges_reach_a_model_as_they_are(question: Question[Any, Any], record_property) -> None:
-    """Of the size that judges see, with all examples: both APIs take them and make none smaller. Anthropic does so from
-    1568 pixels along a side or 1.15 megapixels [VISION], OpenAI where the shorter side has more than 768 [IMAGES]."""
+def test_pictures_of_judges_reach_a_model_as_they_are(record_property) -> None:
+    """Of the size that judges see, of two placements at once: both APIs take them and make none smaller. Anthropic does
+    so from 1568 pixels along a side or 1.15 megapixels [VISION], OpenAI where the shorter side has more than 768
+    [IMAGES]."""
     noise = np.random.default_rng(0).integers(0, 255, (SIZE, SIZE, 3), dtype=np.uint8)  # what PNG cannot make smaller
     views = tuple(Picture(name, lambda: noise) for name in PLACED)
     before = tuple(Picture(name, lambda: noise) for name in BEFORE)
     one = JudgedPlacement("s", "a", "put it there", "ball", GOOD, before, views)
-    request = score_request(one) if question is JUDGE_SCORE else pair_request(one, replace(one, method="b"))
-    payload = payload_of(question, request)
+    payload = payload_of(JUDGE_PAIR, pair_request(one, replace(one, method="b")))
     body = anthropic_api.call_of(
         LanguageConfig(client=ClientName.ANTHROPIC, model="claude-sonnet-4-5"), payload, Session()
     )
