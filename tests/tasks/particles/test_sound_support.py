@@ -12,7 +12,7 @@ from tasks.particles.base_bodies import BaseBodies, base_bodies
 from tasks.particles.drop_setup import DropSetup
 
 TOP = 0.45
-SEAT = fine_box((-0.4, -0.4, 0.0), (0.4, 0.4, TOP))
+SEAT = fine_box((-0.15, -0.15, 0.3), (0.15, 0.15, TOP), rounds=4)
 
 
 def built(mesh: Mesh, *, wooden: bool = False) -> tuple[DropSetup, BaseBodies]:
@@ -48,7 +48,7 @@ def test_a_wreck_of_a_scan_is_a_sound_solid():
     kept = where(seen, rng.random(len(seen.faces)) > 0.1)
     top = where(seen, middles(seen)[:, 2] > TOP - 1e-6)
     layer = Mesh.of(top.vertices - np.array([0.0, 0.0, 0.008]), top.faces)
-    inside = [scrap((x, y, 0.3)) for x in (-0.2, -0.1, 0.0, 0.1, 0.2) for y in (-0.2, -0.1, 0.1, 0.2)]
+    inside = [scrap((x, y, 0.37)) for x in (-0.1, -0.05, 0.0, 0.05, 0.1) for y in (-0.1, -0.05, 0.05, 0.1)]
     setup, found = built(Mesh.concatenate([kept, layer, *inside, scrap((0.1, 0.1, TOP + 0.2))]))
     assert not [note for note in setup.notes if "valid solid" in note]
     assert highest(found) == pytest.approx(TOP, abs=0.0085)
