@@ -41,10 +41,10 @@ USED = "in-use.lock"
 
 
 class Ref(Generic[ValueT_co]):
-    """Name of an artifact, which stages pass to each other instead of the value.
+    """Name of an artifact, passed between stages instead of the value.
 
     `Ref[Intent]` names an Intent, or the Infeasible that says why there is none, or nothing yet: a walk that only looks
-    results up returns a `pending` reference where it finds none. A plain class, because Prefect looks for the task run
+    results up returns a `pending` reference for a missing result. A plain class, because Prefect looks for the task run
     that returned each field of a dataclass, and equal strings are one object.
     """
 
@@ -52,20 +52,21 @@ class Ref(Generic[ValueT_co]):
 
     def __init__(self, kind: str, sha256: str, record: "Record | None" = None) -> None:
         self.kind = kind
-        """Type of the value: Scan, Segmentation, ..., Infeasible, Source; of a pending one the stage's name."""
+        """Type of the value: Scan, Segmentation, ..., Infeasible, Source; for a pending reference the name of the
+        stage."""
         self.sha256 = sha256
-        """Digest over the names and contents of its files, 64 hex digits; empty while it is pending."""
+        """Digest over the names and contents of its files, 64 hex digits; empty while the reference is pending."""
         self.record = record
-        """Record of its computation; None if no stage returned it. Does not count for equality."""
+        """Record of the computation; None if no stage returned the artifact. Ignored in comparisons."""
 
     @property
     def infeasible(self) -> bool:
-        """Whether it names the reason why there is no value."""
+        """Whether the artifact is the reason why there is no value."""
         return self.kind == Infeasible.__name__
 
     @property
     def pending(self) -> bool:
-        """Whether its stage has not run yet."""
+        """Whether the stage of the artifact has not run yet."""
         return not self.sha256
 
     def to_json(self) -> dict[str, str]:
@@ -111,8 +112,8 @@ class Source:
     path: Path
     """The folder, or the single file under its original name next to its companions."""
     folder: str = ""
-    """Name of the given folder, or of the given file's folder, if it names the mesh; else empty: the same bytes under a
-    name that decides nothing are the same source."""
+    """Name of the given folder, or of the given file's folder, if it names the mesh; else empty, so that a name that
+    decides nothing does not distinguish equal sources."""
 
 
 class Store:
@@ -130,11 +131,11 @@ class Store:
         return _default_store(cache_root(), shared_store_url())
 
     def folder(self, ref: Ref[Any]) -> Path:
-        """Return where the files of an artifact lie."""
+        """Return the folder with the files of an artifact."""
         return self.root / OBJECTS / ref.kind / ref.sha256[:2] / ref.sha256
 
     def save(self, value: ValueT) -> Ref[ValueT]:
-        """Write a value; a sound existing artifact is not touched."""
+        """Write a value; an existing sound artifact is left alone."""
         files = encode(value)
         digests = {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
         ref: Ref[ValueT] = Ref(type(value).__name__, digest_of(digests))
@@ -146,12 +147,13 @@ class Store:
         return ref
 
     def share(self, ref: Ref[Any]) -> None:
-        """Write an artifact that is here into the shared store, if there is one."""
+        """Write a local artifact into the shared store, if there is one."""
         if self.shared is not None:
             self.shared.push(self._shared_name(ref), self.folder(ref))
 
     def load(self, ref: Ref[ValueT]) -> ValueT | Infeasible:
-        """Return the value of an artifact; MissingArtifactError if it is gone or does not match its digest."""
+        """Return the value of an artifact; raises MissingArtifactError if it is missing or does not match its
+        digest."""
         folder, missing = self.folder(ref), f"{ref.kind} {ref.sha256[:12]} in {self.folder(ref)} is missing or damaged"
         if ref.kind == Source.__name__:
             if not self.has(ref):
@@ -166,16 +168,16 @@ class Store:
         return cast("ValueT | Infeasible", decode(files))
 
     def has(self, ref: Ref[Any], *, bring: bool = True) -> bool:
-        """Return whether the artifact is here and sound; it is copied from the shared store if that has it.
+        """Return whether the artifact is here and sound; a copy in the shared store is fetched first.
 
-        Without `bring`, it is enough that the shared store has files of it, sound or not.
+        Without `bring`, files in the shared store are enough, sound or not.
         """
         return self.is_here(ref) or (self._fetch(ref) if bring else self._is_shared(ref))
 
     def is_here(self, ref: Ref[Any]) -> bool:
         """Return whether the artifact is in this folder and every byte matches its digest.
 
-        Bytes are read once per process; after that unchanged sizes and modification times are taken as proof.
+        Bytes are read once per process; after that, unchanged sizes and modification times count as proof.
         """
         folder = self.folder(ref)
         stamps = stamps_of(folder)
@@ -219,7 +221,7 @@ class Store:
         return ref
 
     def source_path(self, given: str | Path) -> Path | None:
-        """Return where `add_source` of this process put a path, to turn messages about it back."""
+        """Return the path of the copy that `add_source` made in this process, to translate it back in messages."""
         return self._sources.get(str(given))
 
     def discard(self, ref: Ref[Any]) -> None:
@@ -242,7 +244,8 @@ class Store:
 
     @contextmanager
     def _draft(self, ref: Ref[Any]) -> Iterator[Path]:
-        """A new folder that takes the artifact's place if its content is the artifact's, and vanishes if not."""
+        """Yield a new folder that becomes the artifact if its content has the artifact's digest, and is deleted
+        otherwise."""
         draft = self.root / DRAFTS / uuid.uuid4().hex
         draft.mkdir(parents=True)
         try:
@@ -268,7 +271,7 @@ class Store:
                 return
 
     def _move_away(self, folder: Path) -> None:
-        """Delete a folder by renaming it first: nobody ever sees half of it."""
+        """Delete a folder by renaming it first, so that nobody ever sees half of it."""
         gone = self.root / DRAFTS / uuid.uuid4().hex
         gone.parent.mkdir(parents=True, exist_ok=True)
         try:
@@ -287,7 +290,7 @@ def _default_store(folder: Path, url: str) -> Store:
 
 @cache
 def _use_lock(folder: Path) -> int | None:
-    """Take the shared lock of a cache until this process ends; None where the disk is read-only or full."""
+    """Take the shared lock of a cache until this process ends; None if the disk is read-only or full."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         lock = os.open(folder / USED, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
@@ -299,7 +302,7 @@ def _use_lock(folder: Path) -> int | None:
 
 @contextmanager
 def exclusive_use(folder: Path) -> Iterator[None]:
-    """Keep all other programs from using a cache inside of the block; StoreError if one does."""
+    """Keep all other programs from using a cache inside the block; raises StoreError if one is using it."""
     lock = _use_lock(folder)
     if lock is None:
         raise StoreError(f"{folder} cannot be written, so nothing can be deleted from it")
@@ -345,7 +348,7 @@ def stamps_of(folder: Path) -> tuple[tuple[str, int, int], ...]:
 
 
 def remove(path: Path) -> None:
-    """Delete a file, a link, or a folder with all that is in it."""
+    """Delete a file, a link, or a folder with all its contents."""
     if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path)
     else:

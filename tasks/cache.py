@@ -1,7 +1,7 @@
 """Turns the pure function of a stage into a cached Prefect task.
 
 `segment_task = stage(segment)` gives a callable that takes references (`Ref[Scan]`) where the function takes values,
-and plain values as they are, and returns a reference to what the function returns. An `Infeasible` among the inputs is
+takes plain values unchanged, and returns a reference to the function's result. An `Infeasible` among the inputs is
 passed on without running anything. A function with a parameter `client` gets the client that its configuration names.
 The `RunContext` around the calls decides how they run:
 
@@ -196,7 +196,7 @@ class Stage(Generic[P, ValueT_co]):
         return f"{self.name} {current_context().session.sample}".rstrip()
 
     def _bound(self, *args: Any, **kwargs: Any) -> dict[str, Any]:
-        """Return the inputs by name; missing inputs, and a missing configuration, have their defaults."""
+        """Return the inputs by name; missing inputs and a missing configuration get their defaults."""
         bound = self.signature.bind_partial(*args, **kwargs)
         bound.apply_defaults()
         inputs = {name: value for name, value in bound.arguments.items() if name != CLIENT}
@@ -216,7 +216,7 @@ class Stage(Generic[P, ValueT_co]):
         return ref
 
     def _run_watched(self, inputs: Mapping[str, Any]) -> Ref[Any]:
-        """Call the Prefect task; it returns a reference, or a state that holds one."""
+        """Call the Prefect task; it returns a reference, or a state that holds a reference."""
         # raises errors that Prefect would lose, and then compute without a record
         find_record(key_of(self.recipe(inputs)))
         task = self.task.with_options(refresh_cache=True) if self.name in current_context().refresh else self.task
@@ -282,8 +282,8 @@ class Stage(Generic[P, ValueT_co]):
         session: Session,
         idle: Callable[[], AbstractContextManager[object]] = nullcontext,
     ) -> tuple[str, str, float, int]:
-        """Load the inputs, run the function and save its result. Returns kind, digest, time [s] and size [bytes] of
-        it."""
+        """Load the inputs, run the function and save its result. Returns its kind, digest, time [s] and size
+        [bytes]."""
         values = {name: self._loaded(name, tree) for name, tree in given.items()}
         if config is not None:
             values["config"] = config
@@ -296,7 +296,8 @@ class Stage(Generic[P, ValueT_co]):
         return ref.kind, ref.sha256, seconds, Store.default().size(ref)
 
     def _loaded(self, name: str, tree: Mapping[str, Any]) -> Any:
-        """Return an input in the function's form; StoreError if the artifact is of another kind than declared."""
+        """Return an input in the function's form; raises StoreError if the artifact is of another kind than
+        declared."""
         declared = self.hints.get(name, object)
         if "ref" not in tree:
             return from_tree(tree["value"], declared, {})
@@ -312,7 +313,7 @@ class Stage(Generic[P, ValueT_co]):
 
     @contextmanager
     def _limit(self, config: Any) -> Iterator[None]:
-        """Hold a slot of the stage's limit, if that is set and its server is there.
+        """Hold a slot of the stage's limit, if the limit is set and its server is available.
 
         A cached stage waits for nothing.
         """
@@ -361,8 +362,8 @@ def stage(
 ) -> Stage[..., ValueT]:
     """Return the stage of a pure function.
 
-    `process` gives each run a process of its own, or only runs for whose inputs it returns true; a stage that
-    `simulates` counts towards the limit of simulations.
+    With `process`, each run gets a process of its own, or only the runs for whose inputs `process` returns true; a
+    stage that `simulates` counts towards the limit of simulations.
     """
     return Stage(function, process=process, name=name or function.__name__, simulates=simulates)
 
@@ -370,7 +371,7 @@ def stage(
 def run_job(
     module: str, function: str, code: str, given: dict[str, Any], settings: object, session: Session
 ) -> tuple[str, str, float, int]:
-    """Run a stage in its own process; StoreError if its code does not match the digest `code`."""
+    """Run a stage in its own process; raises StoreError if its code does not match the digest `code`."""
     own = stage(getattr(import_module(module), function))
     if own.code.digest != code:
         raise StoreError(f"code of the stage {own.name} has changed while this program started; start it again")
@@ -397,14 +398,14 @@ def plain_input(name: str, value: Any) -> dict[str, Any]:
 
 
 def kinds_of(declared: Any) -> tuple[type, ...]:
-    """Return the classes that a declared type allows, through unions and new names of a class."""
+    """Return the classes that a declared type allows, through unions and aliases of a class."""
     options = get_args(declared) or (declared,)
     plain = (getattr(one, "__supertype__", one) for one in options)
     return tuple(one for one in plain if isinstance(one, type))
 
 
 def reason_line(found: Infeasible) -> str:
-    """Return why there is no value, in a line."""
+    """Return the reason why there is no value, in one line."""
     return " ".join(f"{found.reason}: {found.message}".split()).rstrip(": ")
 
 
@@ -415,7 +416,7 @@ def _process_died(task: "Task[..., Any]", task_run: "TaskRun", state: "State[Any
 
 @contextmanager
 def _slot_lent(slots: threading.Semaphore | None) -> Iterator[None]:
-    """Release the slot that this thread holds inside of the block."""
+    """Release the slot of this thread inside the block."""
     if slots is None:
         yield
         return

@@ -1,12 +1,12 @@
 """Our own sources that decide a stage's result: every file that its module reaches by static import.
 
 Comments, docstrings and layout do not count (the syntax tree is hashed); imports inside functions do. A data file that
-reachable code names by a string (`materials.csv`, the folder `prompts`) counts with its bytes. The digest and
-the imports of a source file are kept in the cache: building 650 syntax trees takes three seconds.
+reachable code names by a string (`materials.csv`, the folder `prompts`) counts with its bytes. The digest and the
+imports of a source file are kept in the cache: building 650 syntax trees takes three seconds.
 
-A program hashes the sources of its stages once, soon after it has begun, and its fork server those that it has loaded
-(preload.py): they run the code loaded then, whatever is edited later. Data files are read when a stage runs, so those
-are checked again before its result is kept.
+A program hashes the sources of its stages once, soon after its start, and its fork server hashes the sources that it
+has loaded (preload.py): both run the code loaded then, even if it is edited later. Data files are read when a stage
+runs, so they are checked again before its result is kept.
 """
 
 import ast
@@ -57,24 +57,24 @@ FACE = "dcap"
 DATA_SUFFIXES = frozenset({".csv", ".yaml", ".yml", ".json", ".j2", ".txt", ".toml"})
 DATA_FOLDERS = frozenset({"prompts"})
 LONGEST_NAME = 100
-"""Longest string that may name a data file [characters]."""
+"""Maximum length of a string that may name a data file [characters]."""
 CARRIED = Path(FACE, settings.CARRIED)
 """Folder of an installed dcap with the data files of a clone's root."""
 DISTRIBUTIONS = {
     "PIL": "pillow", "igl": "libigl", "pxr": "usd-core", "ruamel": "ruamel.yaml", "skimage": "scikit-image",
     "yaml": "PyYAML",
 }  # fmt: skip
-"""Packages whose name to install differs from the name to import."""
+"""Packages that are installed under another name than they are imported."""
 PARSED, LISTS = "sources.json", "code"
-"""File of the cache with parsed sources, and its folder with lists of files by their digest."""
+"""File of the cache with parsed sources, and its folder with lists of files, named by their digest."""
 RULES = f"{sys.version_info[:2]} {hashlib.sha256(Path(__file__).read_bytes()).hexdigest()}"
-"""Everything besides its bytes that decides the parse of a source."""
+"""All that decides the parse of a source besides its bytes."""
 MOST_TRIES = 10
 """Number of attempts to parse a source: threads disturb each other in CPython's parser (cpython issue 106905)."""
 _known_lists: dict[str, Mapping[str, str]] = {}
 """Lists of files of this process's code, by digest."""
 _lock = Lock()
-"""Lets one of our threads build trees at a time, for the same reason."""
+"""Lets only one of our threads build trees at a time, for the same reason."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +91,7 @@ class Code:
 
 @cache
 def code_of(module_path: Path, root: Path = settings.PROJECT_ROOT) -> Code:
-    """Return the sources that a module reaches, including itself; found once per process, which runs the loaded
+    """Return the sources that a module reaches, including itself; determined once per process, which runs the loaded
     code."""
     with _lock:
         parsed = _sources_at_begin(settings.cache_root() / PARSED)
@@ -106,8 +106,8 @@ def code_of(module_path: Path, root: Path = settings.PROJECT_ROOT) -> Code:
 
 @cache
 def code_at_begin(modules: tuple[Path, ...]) -> None:
-    """Hash the sources that some modules reach; StoreError if one was edited since this program began to load: then it
-    is unknown which state was loaded."""
+    """Hash the sources that some modules reach; raises StoreError if one was edited after this program began to load,
+    because the loaded state is then unknown."""
     now = time.time_ns()
     for module in modules:
         for name in code_of(module).files:
@@ -117,8 +117,8 @@ def code_at_begin(modules: tuple[Path, ...]) -> None:
 
 
 def check_data_files(code: Code, root: Path = settings.PROJECT_ROOT) -> None:
-    """Raise StoreError if a data file has changed since it was hashed: then it is unknown which state a stage has
-    read."""
+    """Raise StoreError if a data file has changed since it was hashed, because the state that a stage has read is then
+    unknown."""
     for name, digest in code.files.items():
         if not name.endswith(".py"):
             path = _path_of(name, root)
@@ -217,7 +217,7 @@ def _parse(source: bytes, path: Path) -> dict[str, Any]:
 
 
 def _tree_of(source: bytes, path: Path) -> ast.Module:
-    """Return the syntax tree; try again if another thread, such as one of Prefect's, has disturbed the parser."""
+    """Return the syntax tree; retries if another thread, such as one of Prefect's, has disturbed the parser."""
     for _ in range(MOST_TRIES - 1):
         with suppress(SystemError):
             return ast.parse(source, filename=str(path))
@@ -298,7 +298,7 @@ def _versions(imported: set[str]) -> dict[str, str]:
 
 @cache
 def installed_version(distribution: str) -> str:
-    """Return the version of an installed package; empty if there is none of that name."""
+    """Return the version of an installed package; empty if it is not installed."""
     try:
         return version(distribution)
     except PackageNotFoundError:

@@ -33,10 +33,11 @@ from dcap.scene.writers.meshes import mesh_from_ply, mesh_to_ply
 
 VALUE_FILE = "value.json"
 INLINE_ITEMS = 48
-"""Most numbers of an array that is written into value.json: a 4x4 matrix or an 8-corner box is best read in place."""
+"""Maximum size of an array that is written into value.json: a 4x4 matrix or an 8-corner box is easiest to read in
+place."""
 NAMED_COLUMNS = {1: ("value",), 2: ("x", "y"), 3: ("x", "y", "z")}
 MOST_COLUMNS = 16
-"""Arrays of shape (n, k) get one Parquet column per k up to this width; wider or deeper ones are flattened."""
+"""Arrays of shape (n, k) get one Parquet column per k up to this width; wider or deeper arrays are flattened."""
 CHANNELS = (3, 4)
 """Channels of pictures: RGB and RGBA."""
 
@@ -162,7 +163,7 @@ def sequence_from_tree(tree: list[object], hint: object, files: Mapping[str, byt
 
 
 def options_of(hint: object) -> tuple[object, ...]:
-    """Return the types in `X | Y`, else the one."""
+    """Return the types in `X | Y`, or the single type."""
     return get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
 
 
@@ -179,7 +180,7 @@ def join(path: str, name: str) -> str:
 
 
 def check_key(key: object, path: str) -> str:
-    """Return a dict key that JSON and file names can carry; StoreError for any other."""
+    """Return a dict key that JSON and file names can carry; raises StoreError for any other key."""
     if not isinstance(key, str) or key.startswith("$"):
         raise StoreError(f"{path or 'value'}: {key!r} cannot be a key of a stored dict")
     return key
@@ -224,13 +225,13 @@ def is_picture(array: NDArray[np.generic]) -> bool:
 def picture_to_png(picture: NDArray[np.generic]) -> bytes:
     """Return a lossless picture, (h, w, 3) or (h, w, 4) uint8."""
     buffer = io.BytesIO()
-    # level 6, the usual one, takes two and a half times as long for 7 % fewer bytes
+    # level 6, the default, takes two and a half times as long for 7 % fewer bytes
     Image.fromarray(np.ascontiguousarray(picture)).save(buffer, "PNG", compress_level=4)
     return buffer.getvalue()
 
 
 def picture_from_png(data: bytes, name: str) -> NDArray[np.uint8]:
-    """Return the picture of a PNG; StoreError, before a pixel is decoded, for one larger than we write."""
+    """Return the picture of a PNG; raises StoreError before decoding a pixel if it is larger than those we write."""
     try:
         with Image.open(io.BytesIO(data), formats=("PNG",)) as image:
             if image.size[0] * image.size[1] > MAX_PIXELS:

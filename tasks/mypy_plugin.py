@@ -1,8 +1,8 @@
-"""A mypy plugin: the signature of a stage's task, derived from the signature of its function.
+"""A mypy plugin that derives the signature of a stage's task from the signature of its function.
 
 Where the function takes a value of the pipeline (a type of dcap/scene/types, or a Source), the task takes a `Ref` of
-it; what the user gave (dcap.scene.types.sample), an end pose, a viewpoint and plain values stay as they are; `client`
-is the runner's to give. Without this plugin a task takes anything, so other type checkers still know what it returns.
+it; user input (dcap.scene.types.sample), an end pose, a viewpoint and plain values stay as they are; the runner
+supplies `client`. Without this plugin a task accepts anything, so other type checkers still know its return type.
 """
 
 from collections.abc import Callable
@@ -21,7 +21,7 @@ OWN = "client"
 
 
 class StagePlugin(Plugin):
-    """Knows `tasks.cache.stage`."""
+    """Handles `tasks.cache.stage`."""
 
     def get_function_hook(self, fullname: str) -> Callable[[FunctionContext], Type] | None:
         """The hook for a function, if it is `stage`."""

@@ -1,6 +1,6 @@
-"""Pictures of an infeasible placement: the scene, and the object where it should have gone.
+"""Pictures of an infeasible placement: the scene, and the object at its intended place.
 
-In: scene and object, and the results of the stages before one of them failed. Out: one or two pictures from one camera;
+In: scene and object, and the results of the stages before the failed stage. Out: one or two pictures from one camera;
 without a support, the numbered things of the scene.
 """
 
@@ -49,7 +49,7 @@ def overview(
     config: OverviewConfig,
     filled: bool = False,
 ) -> Overview:
-    """Look at the base if one was found, else at the whole scene; an object filled with particles has no holes."""
+    """Look at the base if it was found, else at the whole scene; an object filled with particles has no holes."""
     camera = camera_for(scene, intent, anchor, config)
     structure = np.array([one.structure for one in scene.instances] + [True])[scene.face_instance]
     cut = cut_faces(scene.mesh, structure, camera.position, camera.target)

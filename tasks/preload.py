@@ -18,4 +18,4 @@ from tasks.code import code_of
 for module in list(STAGE_FILES):
     code_of(module)  # code as just loaded: each process compares it with the program's hashes
 gc.collect()
-gc.freeze()  # a garbage collection in a child would write to each object and so copy every shared page
+gc.freeze()  # a garbage collection in a child would write to each object and thus copy every shared page

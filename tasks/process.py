@@ -1,7 +1,7 @@
-"""Runs a function in a process of its own: a crash, a memory leak or a second `ti.init` stays inside of its job.
+"""Runs a function in its own process: a crash, a memory leak or a second `ti.init` stays inside that process.
 
-The fork server of `multiprocessing`, which has loaded the modules of heavy stages (preload.py), forks the processes.
-Each leads a session of its own, and ends with the program, even if that is killed.
+The processes are forked by the fork server of `multiprocessing`, which has loaded the modules of heavy stages
+(preload.py). Each process leads its own session, and ends with the program even if the program is killed.
 """
 
 import ctypes
@@ -31,9 +31,9 @@ from tasks.code import PACKAGES
 
 ResultT = TypeVar("ResultT")
 OnProgress = Callable[[float, str], None]
-"""Called with the share of the work that is done, 0 if unknown, and a text."""
+"""Called with the completed share of the work, 0 if unknown, and a text."""
 MOST_SECONDS = 3600.0
-"""Time after which a stage counts as hanging [s]: budgets count steps, so this never decides a result."""
+"""Time after which a stage counts as hanging [s]; budgets count steps, so this never decides a result."""
 LAST_LINES = 15
 PR_SET_PDEATHSIG = 1
 SAFE_PATH = "PYTHONSAFEPATH"
@@ -52,17 +52,17 @@ class StageProcessError(RuntimeError):
 
 
 def preload() -> None:
-    """Start the fork server if needed: it loads for three seconds, in parallel to the program."""
+    """Start the fork server if needed: it takes three seconds to load, in parallel to the program."""
     from multiprocessing import forkserver
 
     with _starting:
         if _preloaded.is_set() or sys.platform != "linux":
             return
         _preloaded.set()
-        CONTEXT.set_forkserver_preload(["dcap", "tasks.preload"])  # it finds our packages before others
+        CONTEXT.set_forkserver_preload(["dcap", "tasks.preload"])  # it finds our packages before any others
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # a Ctrl-C is meant for this program
         safe = os.environ.get(SAFE_PATH)
-        os.environ[SAFE_PATH] = "1"  # it imports nothing from the working directory
+        os.environ[SAFE_PATH] = "1"  # prevents imports from the working directory
         try:
             forkserver.ensure_running()
         finally:
@@ -73,14 +73,14 @@ def preload() -> None:
 
 
 def run_in_process(function: Callable[..., ResultT], *arguments: object, on_progress: OnProgress) -> ResultT:
-    """Return what a module-level function returns in a process of its own.
+    """Run a module-level function in a process of its own and return its result.
 
-    Its errors are raised here; StageProcessError if the process ends without a result, KeyboardInterrupt if that is
-    because the program was interrupted.
+    Errors of the function are raised here; StageProcessError if the process ends without a result, KeyboardInterrupt if
+    it ends because the program was interrupted.
     """
     preload()
     receiver, sender = CONTEXT.Pipe(duplex=False)
-    # a file without a name, so that nothing stays if this program is killed
+    # an unnamed file, so that nothing remains if this program is killed
     with tempfile.TemporaryFile("w+", errors="replace") as output, receiver:
         printed = Connection(os.dup(output.fileno()), readable=False)  # a descriptor that can be sent
         process = _start((sender, printed, dict(os.environ), function, arguments))
@@ -103,14 +103,14 @@ def run_in_process(function: Callable[..., ResultT], *arguments: object, on_prog
 
 
 def interrupt() -> None:
-    """Kill the processes of all running stages, and start no more."""
+    """Kill the processes of all running stages, and prevent new ones."""
     _interrupted.set()
     for process in list(_running):
         _kill(process)
 
 
 def _start(job: tuple[object, ...]) -> BaseProcess:
-    """Start a process; `multiprocessing` would run the user's own script again in it, so that script is hidden."""
+    """Start a process; `multiprocessing` would run the user's script again in it, so the script is hidden."""
     with _starting:
         if _interrupted.is_set():
             raise KeyboardInterrupt
@@ -125,7 +125,8 @@ def _start(job: tuple[object, ...]) -> BaseProcess:
 
 
 def _listen(process: BaseProcess, receiver: Connection, on_progress: OnProgress) -> Any:
-    """Return the result that a process sends; _EndedError if it ends without one, MachineError if it hangs."""
+    """Return the result that a process sends; raises _EndedError if it ends without a result, MachineError if it
+    hangs."""
     deadline = time.monotonic() + MOST_SECONDS
     while True:
         if not receiver.poll(max(deadline - time.monotonic(), 0.0)):
@@ -145,11 +146,11 @@ def _listen(process: BaseProcess, receiver: Connection, on_progress: OnProgress)
 
 
 def _kill(process: BaseProcess) -> None:
-    """Kill a process and everything that it started."""
+    """Kill a process and its children."""
     if process.pid is not None:
         with suppress(ProcessLookupError, PermissionError):
             os.killpg(process.pid, signal.SIGKILL)
-        if process.is_alive():  # it does not lead its group yet
+        if process.is_alive():  # it does not lead a process group yet
             process.kill()
 
 
@@ -165,7 +166,7 @@ def _work(
     function: Callable[..., object],
     arguments: tuple[object, ...],
 ) -> None:
-    """Do a job in the process that was started for it."""
+    """Do the job in the process started for it."""
     os.setsid()
     die_with_parent()
     threading.Thread(target=_end_with_program, daemon=True).start()
@@ -173,11 +174,11 @@ def _work(
     os.dup2(output.fileno(), 2)
     output.close()
     os.environ.clear()
-    os.environ.update(environment)  # the fork server has the environment of its own start
+    os.environ.update(environment)  # the fork server still has the environment from when it started
     for package in PACKAGES:
         logging.getLogger(package).setLevel(logging.INFO)
         logging.getLogger(package).addHandler(_ProgressHandler(sender))
-    # more threads for small matrices spin while they wait, at the cost of other processes
+    # additional threads for small matrices would spin while waiting, at the cost of other processes
     threadpool_limits(1, user_api="blas")
     try:
         result = function(*arguments)
@@ -191,7 +192,7 @@ def _work(
 
 
 def _portable(error: Exception) -> Exception:
-    """Return an error that another process can read, with its traceback as a note if it is a bug of ours."""
+    """Return an error that another process can read; a bug of ours carries its traceback as a note."""
     known = error if isinstance(error, DcapError) else machine_error(error)
     if known is not None:
         return known
@@ -205,7 +206,7 @@ def _portable(error: Exception) -> Exception:
 
 
 def die_with_parent() -> None:
-    """Let the kernel kill this process when the one that started it dies."""
+    """Let the kernel kill this process when its parent dies."""
     if sys.platform == "linux":
         parent = os.getppid()
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
@@ -216,7 +217,7 @@ def die_with_parent() -> None:
 def _end_with_program() -> None:
     """Wait for the end of the requesting program, and kill this process with all its children.
 
-    The parent is the fork server, which lives as long as one of its processes.
+    The parent is the fork server, which lives as long as any of its processes.
     """
     program = multiprocessing.parent_process()
     assert program is not None
@@ -225,7 +226,7 @@ def _end_with_program() -> None:
 
 
 class _ProgressHandler(logging.Handler):
-    """Sends our code's log records to the parent; `extra={"progress": 0.4}` is the share of the work that is done."""
+    """Sends our code's log records to the parent; `extra={"progress": 0.4}` is the completed share of the work."""
 
     def __init__(self, sender: Connection) -> None:
         super().__init__(logging.INFO)

@@ -1,9 +1,9 @@
 """Earlier results of stages: recipes, and the records of their results.
 
 A recipe holds everything that decides a result; its digest is the key. A record lies at `records/KEY` as Prefect's
-result file, written by Prefect or by a run without a server. A record counts only if it is whole, has the wanted key,
+result file, written by Prefect or by a run without a server. A record counts only if it is complete, has the right key,
 and its artifact is sound. If not, the next name is used (KEY, KEY-r1, ...), so nothing is ever deleted, only repaired
-from a shared store; and Prefect never gets a file that names another serializer, such as `pickle`.
+from a shared store; and Prefect never reads a file that names another serializer, such as `pickle`.
 
 Locks of records, which stages hold while they compute, with Prefect and without.
 """
@@ -43,7 +43,7 @@ DAMAGED = (OSError, ValueError, KeyError, TypeError, RecursionError)
 
 
 def key_of(recipe: Mapping[str, Any]) -> str:
-    """Return the name of the record of a recipe, readable at the front."""
+    """Return the name of the record of a recipe, which begins with readable text."""
     return f"{recipe['stage']}-{hashlib.sha256(canonical_json(recipe)).hexdigest()[:40]}"
 
 
@@ -55,10 +55,10 @@ def records_root() -> Path:
 def find_record(
     key: str, *, bring: bool = True, wait: Callable[[str], object] | None = None
 ) -> tuple[str, Ref[Any] | None]:
-    """Return the first name that is free or has a usable record, and the result that this names.
+    """Return the first name that is free or has a usable record, and the result of that record.
 
-    A record that is missing or damaged here is searched in the shared store; with `bring` it and its artifact are
-    copied here. `wait` waits while another program holds the lock of a name: Prefect writes a record in place.
+    A record that is missing or damaged here is looked up in the shared store; with `bring` it and its artifact are
+    copied here. `wait` waits while another program holds the lock of a name, since Prefect writes records in place.
     """
     for repeat in range(MOST_REPEATS):
         name = key if repeat == 0 else f"{key}-r{repeat}"
@@ -77,7 +77,8 @@ def find_record(
 
 
 def usable_result(path: Path, key: str, *, bring: bool = True) -> Ref[Any] | None:
-    """Return the result that a record names; None if there is no record, or it or the artifact is damaged."""
+    """Return the result that a record names; None if there is no record, or if the record or its artifact is
+    damaged."""
     try:
         return _usable(path.read_bytes(), key, bring=bring)
     except OSError:
@@ -95,7 +96,7 @@ def _usable(data: bytes, key: str, *, bring: bool) -> Ref[Any] | None:
 
 
 def read_record(path: Path) -> Ref[Any]:
-    """Return the result in a record's file; raises one of DAMAGED if it is not a complete record of ours."""
+    """Return the result in a record file; raises one of DAMAGED if it is not a complete record of ours."""
     return parsed_record(path.read_bytes())
 
 
@@ -127,8 +128,8 @@ def write_record(name: str, ref: Ref[Any]) -> None:
 
 
 def share_record(name: str, ref: Ref[Any], *, new: bool) -> None:
-    """Write a record into the shared store, if there is one and the record lies here; that of an earlier run only if
-    the shared store has none of that name, and with its artifact."""
+    """Write a record that lies here into the shared store, if there is one; a record of an earlier run only if the
+    shared store has none of that name, and together with its artifact."""
     shared, path = Store.default().shared, records_root() / name
     if shared is None or not path.is_file():
         return
@@ -140,7 +141,8 @@ def share_record(name: str, ref: Ref[Any], *, new: bool) -> None:
 
 
 def _shared_result(name: str, key: str, *, bring: bool) -> tuple[bool, Ref[Any] | None]:
-    """Return whether the shared store has a record, and the result that it names; with `bring` it is copied here."""
+    """Return whether the shared store has a record, and the result that it names; with `bring` the result is copied
+    here."""
     shared = Store.default().shared
     data = None if shared is None else shared.read(f"{FOLDER}/{name}")
     if data is None:
@@ -155,7 +157,7 @@ def _shared_result(name: str, key: str, *, bring: bool) -> tuple[bool, Ref[Any] 
 
 
 def encode_ref(ref: object) -> dict[str, Any]:
-    """Return a result as JSON with a digest of everything: only the digest ties the artifact to the key."""
+    """Return a result as JSON with a digest over everything: only the digest ties the artifact to the key."""
     if not isinstance(ref, Ref) or ref.record is None:
         raise TypeError(f"a {type(ref).__name__} is not a result of a stage")
     record = ref.record
@@ -165,7 +167,8 @@ def encode_ref(ref: object) -> dict[str, Any]:
 
 
 def decode_ref(tree: dict[str, Any]) -> object:
-    """Return the result that `encode_ref` wrote; ValueError if its digest is wrong. Other objects stay as they are."""
+    """Return the result that `encode_ref` wrote; raises ValueError if its digest is wrong. Other objects stay
+    unchanged."""
     if tree.keys() != {"artifact", "check"}:
         return tree
     inner = tree["artifact"]
@@ -176,7 +179,7 @@ def decode_ref(tree: dict[str, Any]) -> object:
 
 
 def every_record() -> Iterator[tuple[Path, Ref[Any] | None]]:
-    """Yield the file of every record, sorted, with its result; None for a damaged one."""
+    """Yield the file of every record, sorted, with its result, or None for a damaged record."""
     root = records_root()
     for path in sorted(root.iterdir()) if root.is_dir() else ():
         written = modified_ns(path)
@@ -190,7 +193,7 @@ def refs_in(recipe: Mapping[str, Any]) -> list[Ref[Any]]:
 
 
 def records_behind(refs: Iterable[Ref[Any]]) -> Iterator[tuple[Path, Ref[Any]]]:
-    """Yield every known record that made one of these artifacts, or one of those that they were made from."""
+    """Yield every known record of these artifacts, and of the artifacts from which they were made."""
     makers: dict[Ref[Any], list[tuple[Path, Ref[Any]]]] = {}
     for path, ref in every_record():
         if ref is not None:
@@ -223,7 +226,7 @@ def _read_once(path: Path, modified_ns: int) -> Ref[Any] | None:
 
 
 class FileLocks:
-    """Exclusive locks by `flock(2)` for threads and processes of one machine: the kernel releases those of a killed
+    """Exclusive locks by `flock(2)` for threads and processes of one machine: the kernel releases the locks of a killed
     process. The methods are those of Prefect's LockManager, which sets no timeouts here."""
 
     _held: ClassVar[dict[str, tuple[str, int]]] = {}
@@ -277,7 +280,7 @@ class FileLocks:
 
     @contextmanager
     def held(self, key: str) -> Iterator[None]:
-        """Hold a lock inside of the block."""
+        """Hold a lock inside the block."""
         holder = str(threading.get_ident())
         self.acquire_lock(key, holder)
         try:

@@ -1,4 +1,4 @@
-"""Decides how stages called inside a block run, and reports events to a listener; it decides no result."""
+"""Decides how stages called inside a block run, and reports events to a listener; has no effect on results."""
 
 import threading
 from collections.abc import Callable, Iterator, Mapping
@@ -21,14 +21,14 @@ class Mode(StrEnum):
 
 
 class Event(StrEnum):
-    """Events of a stage while a sample is placed."""
+    """Events of a stage during the placement of a sample."""
 
     STARTED = "started"
     PROGRESS = "progress"
     FINISHED = "finished"
     CACHED = "cached"
     MISSING = "missing"
-    """Only in a lookup: it would run, or depends on a stage that would."""
+    """Only in a lookup: the stage would run, or depends on a stage that would."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,10 +38,10 @@ class StageEvent:
     stage: str
     event: Event
     part: float = 0.0
-    """Share of the work that is done, 0..1, if the stage knows it."""
+    """Completed share of the work, 0..1, if the stage knows it."""
     text: str = ""
     ref: Ref[Any] | None = None
-    """The result, once there is one."""
+    """The result, if it is available."""
     recipe: Mapping[str, Any] = field(default_factory=dict)
     """Recipe of a missing result; empty if it depends on another stage."""
 
@@ -51,16 +51,16 @@ OnEvent = Callable[[StageEvent], None]
 
 @dataclass(frozen=True, slots=True)
 class RunContext:
-    """How the stages that are called inside `use_context` run. It decides no result."""
+    """Settings for running the stages called inside `use_context`; they have no effect on results."""
 
     mode: Mode = Mode.DIRECT
     on_event: OnEvent = lambda event: None
     session: Session = field(default_factory=Session)
     """Session of the language client."""
     refresh: frozenset[str] = frozenset()
-    """Stages to compute again although they have a record."""
+    """Stages to compute again even if they have a record."""
     bring: bool = True
-    """Whether a look-up copies results from the shared store."""
+    """Whether a lookup copies results from the shared store."""
     slots: threading.Semaphore | None = None
     """Limits the number of stages that compute at a time; a stage that waits for a reply lends its slot to another."""
     limits: frozenset[str] = frozenset()
@@ -73,7 +73,7 @@ _context: ContextVar[RunContext] = ContextVar("run context")
 
 
 def current_context() -> RunContext:
-    """Return the context of this thread's run; a plain one outside of any."""
+    """Return the context of this thread's run; a default context outside any run."""
     return _context.get(None) or RunContext()
 
 

@@ -1,7 +1,7 @@
-"""A store that several machines share: files under any URL that fsspec opens (`$DCAP_STORE`: s3://..., a folder).
+"""A store shared by several machines: files under any URL that fsspec opens (`$DCAP_STORE`: s3://..., a folder).
 
 It holds the same files under the same names as the local cache: artifacts below `objects/`, records below `records/`.
-Content read here counts only after its digest was checked, so a half-written artifact counts as missing.
+Content read here only counts after its digest was checked, so a half-written artifact counts as missing.
 """
 
 from collections.abc import Iterator
@@ -53,7 +53,8 @@ class SharedStore:
         self._pushed.add(name)
 
     def fetch(self, name: str, folder: Path) -> None:
-        """Copy the files of an artifact into a folder; none if there is no such artifact, or it is too large."""
+        """Copy the files of an artifact into a folder; copies nothing if there is no such artifact, or if it is too
+        large."""
         with self._errors_as_one_line(f"{name} cannot be read"):
             found: dict[str, dict[str, Any]] = self._files.find(f"{self._root}/{name}", detail=True)
             if sum(about["size"] for about in found.values()) <= MOST_BYTES:
@@ -72,7 +73,7 @@ class SharedStore:
         return self._names[folder]
 
     def read(self, name: str) -> bytes | None:
-        """Return the content of a file; None if there is none."""
+        """Return the content of a file; None if it does not exist."""
         with self._errors_as_one_line(f"{name} cannot be read"):
             try:
                 return bytes(self._files.cat_file(f"{self._root}/{name}"))
@@ -81,7 +82,7 @@ class SharedStore:
 
     @contextmanager
     def _errors_as_one_line(self, what: str) -> Iterator[None]:
-        """Turn the errors of storage libraries, which have classes of their own, into a StoreError of one line."""
+        """Turn the errors of storage libraries, which have classes of their own, into a one-line StoreError."""
         try:
             yield
         except StoreError:

@@ -1,4 +1,4 @@
-"""Contents of the cache, their damage, artifacts that are no longer needed, and explanations why a stage would run."""
+"""Contents of the cache, its damage, unneeded artifacts, and explanations why a stage would run."""
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -15,17 +15,17 @@ from tasks.code import files_behind
 from tasks.records import every_record, key_of, modified_ns, records_behind, records_root, refs_in
 
 SOURCES, UNRECORDED, RECORDS, LITTER = "source files", "without a record", "records", "litter"
-"""Rows besides those of stages."""
+"""Rows in addition to those of stages."""
 LITTER_HOURS = 6.0
 """Age at which drafts count as left behind by a killed program: no stage takes that long [h]."""
 ABSENT = "absent"
 DAMAGED = "its result is missing or damaged"
 SHOWN = 3
-"""Most settings, files or libraries that a line names."""
+"""Maximum number of settings, files or libraries named in a line."""
 LONGEST = 60
-"""Most characters of a value that a line shows."""
+"""Maximum length of a value in a line [characters]."""
 KeyOf = Callable[[str, str], str]
-"""Returns the name of a setting for a person, from the stage and the stage's own name for it."""
+"""Returns a setting's name for people, from the stage and the stage's own name for it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ class CacheUsage:
     stage: str
     records: int = 0
     artifacts: int = 0
-    """Number of artifacts, without those also made by an earlier stage in the list."""
+    """Number of artifacts, excluding those also made by an earlier stage in the list."""
     size: int = 0
     """Bytes of these artifacts."""
     seconds: float = 0.0
@@ -54,12 +54,12 @@ class Unneeded:
 
     @property
     def count(self) -> int:
-        """Number of things."""
+        """Number of artifacts and records."""
         return len(self.records) + len(self.artifacts) + len(self.litter)
 
     @property
     def size(self) -> int:
-        """Bytes that are freed."""
+        """Freed space [bytes]."""
         return sum(row.size for row in self.usage)
 
 
@@ -74,7 +74,7 @@ class Damage:
 
 
 def usages() -> list[CacheUsage]:
-    """Return the usage by each stage, then by artifacts of no stage, by records and by litter."""
+    """Return the usage by each stage, then by artifacts without a stage, by records and by litter."""
     store, found = Store.default(), [(path, ref) for path, ref in every_record() if ref is not None]
     records = CacheUsage(RECORDS, len(found), 0, sum(size_of(path) for path, _ in found))
     litter = CacheUsage(LITTER, 0, 0, sum(size_of(path) for path in litter_in(store, 0.0)))
@@ -102,7 +102,7 @@ def usage_by_stage(made: Iterable[Ref[Any]], refs: Iterable[Ref[Any]]) -> list[C
 
 
 def unneeded(needed: Iterable[Ref[Any]], older_than_s: float) -> Unneeded:
-    """Return everything that is neither needed nor younger than an age [s], nor an input of such."""
+    """Return everything but needed results, results younger than an age [s], and the inputs of both."""
     store, known = Store.default(), list(every_record())
     young = [ref for path, ref in known if ref is not None and age(path) < older_than_s]
     kept_paths, kept_refs = set[Path](), {*needed, *young}
@@ -123,7 +123,7 @@ def unneeded(needed: Iterable[Ref[Any]], older_than_s: float) -> Unneeded:
 
 
 def delete(what: Unneeded) -> None:
-    """Delete records and artifacts. Nobody else may use the cache meanwhile (`exclusive_use`)."""
+    """Delete records and artifacts. No other program may use the cache meanwhile (`exclusive_use`)."""
     for path in (*what.records, *what.litter):
         remove(path)
     for ref in what.artifacts:
@@ -149,7 +149,7 @@ def damages() -> list[Damage]:
 def repair(found: Sequence[Damage]) -> None:
     """Delete damaged records and artifacts; they are computed again when needed.
 
-    The record after a damaged one (KEY-r1) gets its name: a lookup stops at a free name.
+    The record after a damaged record (KEY-r1) gets its name, because a lookup stops at a free name.
     """
     for one in found:
         if one.ref is None:
@@ -170,7 +170,7 @@ def litter_in(store: Store, older_than_s: float) -> list[Path]:
 
 
 def idle_locks() -> Iterator[Path]:
-    """Yield old lock files: empty, but they add up."""
+    """Yield old lock files: they are empty, but accumulate."""
     folder = cache_root() / "locks"
     yield from (path for path in folder.glob("*.lock") if age(path) >= LITTER_HOURS * 3600.0)
 
@@ -189,7 +189,7 @@ def size_of(path: Path) -> int:
 
 
 def age(path: Path) -> float:
-    """Return the time since a file was written [s]; 0 if it is gone."""
+    """Return the time since a file was written [s]; 0 if it no longer exists."""
     try:
         return max(time.time() - path.lstat().st_mtime, 0.0)
     except OSError:
@@ -197,7 +197,7 @@ def age(path: Path) -> float:
 
 
 def why_not_cached(recipe: Mapping[str, Any], key_of_setting: KeyOf) -> str:
-    """Return which parts of a recipe differ from the closest earlier one: input, setting, code, data file, library."""
+    """Return the differences between a recipe and the closest earlier one: input, setting, code, data file, library."""
     if (records_root() / key_of(recipe)).exists():
         return DAMAGED
     record = closest_record(recipe)
@@ -214,7 +214,7 @@ def why_not_cached(recipe: Mapping[str, Any], key_of_setting: KeyOf) -> str:
 
 
 def closest_record(recipe: Mapping[str, Any]) -> Record | None:
-    """Return the record of the same stage with the most in common, the newest of several.
+    """Return the record of the same stage that has most in common with a recipe, the newest of several.
 
     Plain inputs (the sentence, a seed, a mass) identify the sample, so they count first.
     """
@@ -267,7 +267,7 @@ def changed_values(old: Any, new: Any) -> dict[str, tuple[object, object]]:
 def named(
     kind: str, changes: Mapping[str, tuple[object, object]], name_of: Callable[[str], str] = lambda key: key
 ) -> Iterator[str]:
-    """Yield the first changes in words, and the number of further ones."""
+    """Yield the first changes in words, and the number of remaining changes."""
     words = [f"{name_of(key)} {short(old)} -> {short(new)}" for key, (old, new) in changes.items()]
     if words:
         yield kind + first_of(words, SHOWN)
@@ -290,7 +290,7 @@ def flattened(tree: Any, prefix: str = "") -> Iterator[tuple[str, object]]:
 
 @lru_cache(maxsize=1)
 def _records_by_stage(root: Path, changed_ns: int | None) -> dict[str, list[Record]]:
-    """Return all records by stage, newest first; read again when one has come or gone."""
+    """Return all records by stage, newest first; read again after a record was added or removed."""
     found: dict[str, list[tuple[int, Record]]] = {}
     for path, ref in every_record():
         if ref is not None and ref.record is not None:

@@ -1,7 +1,7 @@
 """The part and the areas on it that a reply selects, under the intent's constraints.
 
-In: scene, base, intent, the reply and the object as it will lie. Out: a `Choice`: areas to try, and spare ones for
-the case that those have no place.
+In: scene, base, intent, the reply and the object in its planned pose. Out: a `Choice`: areas to try, and spare areas in
+case the first ones have no place.
 
 Faces of the scene that can carry an object on a part: the part's own, and those of things lying flat on it.
 
@@ -35,7 +35,7 @@ from tasks.anchor.no_room import side_cautions
 from tasks.requests.surroundings import horizontal_gap, is_floor, part_frame, reference_boxes, reference_frame
 
 COVERS = frozenset({"blanket", "mattress"})
-"""Parts that lie on each other: whichever is on top there carries the object."""
+"""Parts that lie on each other: the one on top carries the object."""
 SEEN = 0.3
 """Share of its box below which a named part is hidden from above, so that the thing on it carries instead [-]."""
 FLAT = 0.03
@@ -58,7 +58,7 @@ REPORTED_OFFSET = 0.02
 
 
 def carriers(scene: Segmentation, base: Instance, index: int, *, named: bool, caster: Raycaster) -> list[Mask]:
-    """Faces that may carry, best first, each of shape (faces,); `named`: the prompt asks for this part."""
+    """Masks of the faces that may carry, best first, each of shape (faces,); `named`: the prompt asks for this part."""
     own = faces_of(scene, base, index)
     if base.structure:
         flat = coverings(scene, base, index)
@@ -111,18 +111,19 @@ class Choice:
     region: str
     """Region words of the areas; empty for the whole part."""
     note: str = ""
-    """How the region was understood."""
+    """Interpretation of the region, for the report."""
     spare_note: str = ""
-    """How it was understood in the spare areas."""
+    """Interpretation of the region in the spare areas."""
     distance: float | None = None
     """Distance of the requested place from the part [m]; None if it is on it."""
     cautions: tuple[Caution, ...] = ()
     """Warnings on sides whose point of view is ambiguous."""
     in_turn: bool = False
-    """Whether an area is only tried if those before it have no place: the corner that is farthest from something."""
+    """Whether an area is only tried if the areas before it have no place: the corner that is farthest from
+    something."""
 
     def tries(self) -> list[tuple[list[Region], str]]:
-        """Areas to try together, best first, with how the region is understood in them."""
+        """Areas to try together, best first, with the interpretation of the region that each stands for."""
         both = ((self.areas, self.note), (self.spare, self.spare_note))
         return [
             (part, note) for areas, note in both for part in ([[one] for one in areas] if self.in_turn else [areas])
@@ -158,7 +159,7 @@ def choice_of(scene: Segmentation, base: Instance, intent: Intent, reply: Anchor
     view, reach = other or frame, reach_of(mesh, frame)
     outline = convex_hull(mesh.vertices[np.unique(mesh.faces)][:, :2])
     outside = any(horizontal_gap(base.box, box) > 0.0 for group in groups for box in group) and not is_floor(base)
-    sided = any(name in SIDES for name in names)  # in front of a chair that stands next to the table
+    sided = any(name in SIDES for name in names)  # "in front of a chair that stands next to the table
     limits = (*intent.region.constraints, *region_constraints(reply.constraints))
     guessed = side_cautions(scene, base, intent, names, reply.references, limits, frame, other)
     farther = max([HAND if outside and sided else 0.0, *distances(limits, reply.references)])
@@ -176,7 +177,7 @@ def choice_of(scene: Segmentation, base: Instance, intent: Intent, reply: Anchor
     if reply.point is not None:
         areas = [replace(area, target=frame.world(np.array(reply.point))) for area in areas]
     if not names and not note and sum(part.name == base.parts[index].name for part in base.parts) > 1:
-        names = intent.region.names  # "on the left": it picked one of the cushions side by side
+        names = intent.region.names  # "on the left": the reply picked one of the cushions side by side
     bounds = Bounds(scene, base, index, frame, outline, reach, float(np.ptp(mesh.bounds[:, 2])))
     left, spare = (constrained(some, limits, bounds) for some in (areas, spare))
     in_turn = any(one.kind in ("farthest", "nearest") for one in limits)
@@ -199,7 +200,7 @@ def spare_areas(
     base: Instance, frame: ViewerFrame, names: Sequence[str], groups: Sequence[list[OrientedBox]], reach: Array,
     view: ViewerFrame, outline: Array,
 ) -> tuple[list[Region], str]:  # fmt: skip
-    """Areas if there is no room next to a thing: on the floor a little farther off, on furniture under overhanging
+    """Areas if there is no room next to a thing: on the floor slightly farther away, on furniture under overhanging
     things."""
     if not OFF.intersection(names) or not any(groups):
         return [], ""
@@ -211,7 +212,8 @@ def spare_areas(
 
 
 def distances(limits: Sequence[RegionConstraint], references: Sequence[str]) -> list[float]:
-    """Requested distance from the things next to which it goes [m]: "in front of the armchair, 50 cm from it"."""
+    """Requested distances from the things next to which the object goes [m]: "in front of the armchair, 50 cm from
+    it"."""
     return [
         one.metres for one in limits
         if one.metres is not None and one.reference in references and one.kind in ("exactly", "at_least")
@@ -222,7 +224,7 @@ def distances(limits: Sequence[RegionConstraint], references: Sequence[str]) -> 
 def groups_of(scene: Segmentation, base: Instance, reply: AnchorReply, index: int) -> list[list[OrientedBox]]:
     """Boxes of the regions' references, grouped if they form one area together, the nearest to the part first.
 
-    "Near the pillow" with two pillows is near one of them; "between" takes all together.
+    "Near the pillow" with two pillows means near either of them; "between" takes all together.
     """
     boxes = reference_boxes(scene, base, reply.references, base.parts[index].box.center)
     return [[box] for box in boxes] if boxes and "between" not in reply.regions else [boxes]
@@ -234,7 +236,7 @@ def reach_of(mesh: Mesh, frame: ViewerFrame) -> Array:
 
 
 def reply_at(scene: Segmentation, base: Instance, at: Array, caster: Raycaster) -> AnchorReply:
-    """The part at the point; no client is asked."""
+    """The part at the point, without asking a client."""
     hit = caster.cast((at + ABOVE * UP)[None], -UP[None])
     face = int(hit.face[0])
     own = face >= 0 and int(scene.face_instance[face]) == scene.index_of(base.id)
@@ -243,7 +245,7 @@ def reply_at(scene: Segmentation, base: Instance, at: Array, caster: Raycaster) 
 
 
 def area_at(at: Array, mesh: Mesh) -> Region:
-    """A square about the point, aimed at its middle; `mesh` is the object as it will lie."""
+    """A square about the point, with its middle as the aim; `mesh` is the object in its planned pose."""
     half = max(NEAR, 0.25 * float(np.ptp(mesh.bounds[:, :2], axis=0).sum()))
     ring = np.array([[-half, -half], [half, -half], [half, half], [-half, half]])
     return Region(at[:2] + ring, at[:2].copy(), "at the point")

@@ -59,7 +59,7 @@ class Bounds:
 
 
 def constrained(areas: Sequence[Region], constraints: Sequence[RegionConstraint], bounds: Bounds) -> list[Region]:
-    """The remaining areas, in their order; first cut, then aimed."""
+    """The remaining areas in their order, each with its aim."""
     left = list(areas)
     for one in sorted(constraints, key=lambda one: one.kind in ("farthest", "nearest")):
         left = [cut for area in left for cut in cut_to(area, one, bounds) if len(cut.polygon) >= 3]
@@ -92,7 +92,7 @@ def cut_to(area: Region, one: RegionConstraint, bounds: Bounds) -> list[Region]:
 
 
 def from_things(area: Region, one: RegionConstraint, rings: Sequence[Array]) -> list[Region]:
-    """An area at a least or largest distance from things, or at an exact distance from one of several."""
+    """An area at a minimum or maximum distance from things, or at an exact distance from one of several things."""
     assert one.metres is not None
     if one.kind == "at_least":
         return [with_exclusions(area, [grown(ring, one.metres) for ring in rings])]
@@ -110,7 +110,7 @@ def from_things(area: Region, one: RegionConstraint, rings: Sequence[Array]) -> 
 
 def from_edges(area: Region, one: RegionConstraint, bounds: Bounds) -> list[Region]:
     """An area at a distance from an edge, a corner or an end of the part, or from the edge at a thing; from all edges
-    if no single one is meant."""
+    if no single edge is meant."""
     frame, sides = bounds.frame, [SIDES[name] for name in one.regions if name in SIDES]
     if "corner" in one.regions:
         spots = [frame.world(np.array(d, dtype=float))[None] for d in corner_directions(sides)]
@@ -125,7 +125,7 @@ def from_edges(area: Region, one: RegionConstraint, bounds: Bounds) -> list[Regi
 
 
 def cut_to_band(area: Region, edges: Sequence[tuple[int, int]], one: RegionConstraint, bounds: Bounds) -> Region:
-    """The area in which the object's free gap to each of these edges is as requested; an exact one is aimed at."""
+    """The area in which the object's free gap to each of these edges is as requested; an exact gap becomes the aim."""
     polygon, target, frame = area.polygon, area.target, bounds.frame
     for x, y in edges:
         axis, sign = (0, x) if x else (1, y)
@@ -191,12 +191,12 @@ def aimed_inside(area: Region) -> Region:
 
 
 def with_exclusions(area: Region, rings: Sequence[Array]) -> Region:
-    """The area with more of it excluded."""
+    """The area with further rings excluded."""
     return replace(area, excluded=(*area.excluded, *rings))
 
 
 def has_room(area: Region) -> bool:
-    """Whether something of it is not excluded."""
+    """Return whether a part of the area is not excluded."""
     return len(area.polygon) >= 3 and area_without(area.polygon, area.excluded) > SPOT
 
 
@@ -209,7 +209,7 @@ def rings_of(one: RegionConstraint, bounds: Bounds) -> list[Array]:
 
 
 def barred_rings(one: RegionConstraint, bounds: Bounds) -> list[Array]:
-    """The plans of excluded things; of parts only those that are in the way on the chosen part."""
+    """The plans of excluded things; among parts, only those that obstruct the chosen part."""
     boxes = boxes_of(bounds.scene, bounds.base, one.reference)
     if one.reference.startswith(PART):
         boxes = [box for box in boxes if at_level(box, bounds)]
@@ -217,7 +217,7 @@ def barred_rings(one: RegionConstraint, bounds: Bounds) -> list[Array]:
 
 
 def at_level(box: OrientedBox, bounds: Bounds) -> bool:
-    """Whether a box is where the object would be on the part, not a board above or below it."""
+    """Return whether a box is at the object's height on the part, and not a board above or below it."""
     top = bounds.base.parts[bounds.index].box.top
     return top - SAME_LEVEL < box.top and box.bottom < top + bounds.height
 

@@ -1,7 +1,7 @@
 """Start of a leaning object: tilted against a wall, a back or another thing, its foot at a stable distance.
 
 In: scene, base, object, intent and the anchor's reply. Out: the pre-drop pose, the spot and the tilt, or the reason why
-there is none. The thin side of the object goes along the wall; it is tilted until its centre of mass lies clearly
+no start exists. The thin side of the object goes along the wall; it is tilted until its centre of mass lies clearly
 beyond its lower edge, at least by `LEAST` (so that it presses against its support) and at most by `MOST` (so that
 friction holds its foot: a ladder slides where the tangent of its angle from the vertical exceeds twice the coefficient
 of friction, at 0.3 beyond 31 degrees). Set down on the base at a small distance, it is moved towards the thing that it
@@ -44,7 +44,7 @@ STRIP = 0.04
 FARTHEST = 0.6
 """Largest distance that the object is moved towards the thing that it leans on [m]."""
 THIN = 0.75
-"""Ratio of width to length in plan below which an object has a thin side, which goes along the wall [-]."""
+"""Ratio of width to length in plan below which an object has a thin side; the thin side goes along the wall [-]."""
 Z = np.array([0.0, 0.0, 1.0])
 
 
@@ -55,11 +55,11 @@ class LeanSide:
     middle: Array
     """Middle of the face, seen from above [m], shape (2,)."""
     toward: Array
-    """Horizontal unit vector into it, shape (2,)."""
+    """Horizontal unit vector into the face, shape (2,)."""
     half: float
-    """Half its width [m]."""
+    """Half the width of the face [m]."""
     top: float
-    """Height of its upper edge [m]."""
+    """Height of the upper edge of the face [m]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -77,7 +77,7 @@ class LeaningStart:
 def leaning_start(
     scene: Segmentation, base: Instance, item: Mesh, pose: Array, intent: Intent, reply: AnchorReply, caster: Raycaster
 ) -> LeaningStart | Infeasible:
-    """The start at the first side with a place, of the thing that it should lean on."""
+    """The start at the first suitable side of the thing that the object should lean on."""
     why = "there is nothing to lean on"
     for on, side in faces_to_lean_on(scene, base, intent.orientation.lean, reply.part_index):
         turned = aligned(item, pose, side.toward, turn=not intent.orientation.facing)
@@ -124,8 +124,8 @@ def faces_to_lean_on(
 
 
 def sides_of(scene: Segmentation, base: Instance, on: str, part_index: int) -> Iterator[LeanSide]:
-    """The upright faces to lean on, the likeliest first: a wall's towards the room, a back's towards the seat, a
-    thing's front, then its other sides from that towards the room on."""
+    """The upright faces to lean on, the likeliest first: of a wall the one towards the room, of a back the one towards
+    the seat, of a thing its front, then its other sides starting from the room."""
     if on.startswith(PART):
         before = base.parts[part_index].box.center
         for box in sorted(boxes_of(scene, base, on), key=lambda box: -float(np.prod(box.half_extents))):
@@ -142,7 +142,7 @@ def sides_of(scene: Segmentation, base: Instance, on: str, part_index: int) -> I
 
 
 def faces_of_box(box: OrientedBox) -> list[LeanSide]:
-    """Its four upright faces."""
+    """The four upright faces of a box."""
     found = []
     for axis in (0, 1):
         for sign in (1.0, -1.0):
@@ -153,7 +153,7 @@ def faces_of_box(box: OrientedBox) -> list[LeanSide]:
 
 
 def leaned_faces(scene: Segmentation, base: Instance, on: str) -> NDArray[np.int64]:
-    """The faces of the thing that it leans on, shape (k,)."""
+    """The faces of the thing to lean on, shape (k,)."""
     if not on.startswith(PART):
         return np.flatnonzero(scene.face_instance == scene.index_of(on))
     own = scene.face_instance == scene.index_of(base.id)
@@ -164,8 +164,8 @@ def leaned_faces(scene: Segmentation, base: Instance, on: str) -> NDArray[np.int
 
 
 def aligned(item: Mesh, pose: Array, toward: Array, *, turn: bool) -> Array:
-    """The pose turned about the vertical so that a side lies along the face, the thin one if there is one; the nearest
-    turn that does it. Not turned if a facing is requested."""
+    """The pose turned about the vertical by the smallest angle that puts a side along the face, preferably the thin
+    side. Not turned if a facing is requested."""
     mesh = item.transformed(pose)
     along, size = smallest_rectangle(mesh.vertices[np.unique(mesh.faces)][:, :2])
     if not turn:
@@ -179,7 +179,7 @@ def aligned(item: Mesh, pose: Array, toward: Array, *, turn: bool) -> Array:
 
 
 def tilt_of(mesh: Mesh, toward: Array) -> float:
-    """Tilt towards a face at which it presses against the face [rad]: its middle beyond its edge."""
+    """Tilt towards a face at which the object presses against the face [rad]: its middle beyond its edge."""
     depth = mesh.vertices[:, :2] @ toward
     # the centre of mass is at the origin
     edge, height = float(depth[mesh.vertices[:, 2] < low_band(mesh)].max()), float(-mesh.bounds[0, 2])
@@ -208,7 +208,8 @@ def set_against(
     scene: Segmentation, base: Instance, choice: Choice, asked: tuple[Intent, str], mesh: Mesh, side: LeanSide,
     caster: Raycaster,
 ) -> tuple[Start, PlacementSearch] | None:  # fmt: skip
-    """The place in front of a face, moved against it; None without one. `asked` includes the thing that it leans on."""
+    """The place in front of a face, moved against the face; None if there is no place. `asked` includes the thing to
+    lean on."""
     intent, on = asked
     exact = Clearance(mesh, scene.mesh, caster)
     held = scene.mesh.submesh(leaned_faces(scene, base, on))
@@ -223,7 +224,7 @@ def set_against(
 
 
 def strips(area: Region, mesh: Mesh, side: LeanSide, cell: float) -> list[Region]:
-    """Strips for the object's middle in front of the face, at a small distance, as samples cannot touch; cut to the
+    """Strips for the object's middle at a small distance in front of the face, because samples cannot touch; cut to the
     area."""
     reach = float((mesh.vertices[:, :2] @ side.toward).max()) + 3.0 * cell
     along = np.array([-side.toward[1], side.toward[0]])
@@ -238,29 +239,29 @@ def strips(area: Region, mesh: Mesh, side: LeanSide, cell: float) -> list[Region
 
 
 class Sideways:
-    """Horizontal distance of an object from the thing that it leans on: clearance in a frame whose down is that
-    direction."""
+    """Horizontal distance of an object from the thing that it leans on, as a clearance in a frame whose down axis
+    points there."""
 
     def __init__(self, item: Mesh, held: Mesh, toward: Array) -> None:
-        """`toward`: horizontal unit vector to its support, shape (2,)."""
+        """`toward`: horizontal unit vector to the thing to lean on, shape (2,)."""
         down = np.array([*toward, 0.0])
-        self.turn = np.stack([Z, np.cross(-down, Z), -down])  # rows: an own right-handed frame whose -z is `toward`
+        self.turn = np.stack([Z, np.cross(-down, Z), -down])  # rows: a right-handed frame whose -z is `toward`
         matrix = np.eye(4)
         matrix[:3, :3] = self.turn
         turned = held.transformed(matrix)
         self.clearance = Clearance(item.transformed(matrix), turned, Raycaster(turned))
 
     def gap(self, place: Array) -> float:
-        """Smallest distance to its support for the object's origin at `place` [m]; inf if it would miss it."""
+        """Smallest distance to the thing to lean on, for the object's origin at `place` [m]; inf if they would not
+        meet."""
         return self.clearance.gap(self.turn @ place)
 
 
 def against(start: Start, search: PlacementSearch, exact: Clearance, sideways: Sideways) -> Start | None:
-    """The start moved until only the gap to its support is left; None if the support is far or something is in
-    between."""
+    """The start moved until only the gap to its support is left; None if the support is too far away or obstructed."""
     place = np.array([start.spot.x, start.spot.y, start.height])
     toward = np.array([*-sideways.turn[2, :2], 0.0])
-    for _ in range(2):  # moved, its foot may stand a little higher or lower
+    for _ in range(2):  # after the move its foot may stand slightly higher or lower
         way = sideways.gap(place)
         if not np.isfinite(way) or way > FARTHEST:
             return None

@@ -2,7 +2,7 @@
 
 Warnings on sides of a support, or of a thing next to it, whose point of view is ambiguous.
 
-In: scene, base, the request and the frames of its reading. Out: a caution for each thing without a front whose
+In: scene, base, the request and the frames in which it is read. Out: a caution for each thing without a front whose
 left, right, front or back the result depends on. Doors and walls are seen from the room, which settles it.
 """
 
@@ -20,7 +20,7 @@ from dcap.scene.types.segmentation import Instance, Segmentation
 from tasks.requests.surroundings import PART, is_floor, part_frame
 
 NAMED, LEAST = 3, 0.05
-"""Most obstacles that are named, and the least share of the spots that each of them blocks [-]."""
+"""Maximum number of named obstacles, and minimum share of the spots that each of them blocks [-]."""
 FACED = frozenset({"viewer", "left", "right", "front", "back"})
 """Facings that depend on the point of view on the support."""
 
@@ -29,7 +29,7 @@ def no_room(
     scene: Segmentation, base: Instance, index: int, frame: ViewerFrame, search: PlacementSearch,
     areas: Sequence[Region], intent: Intent, mesh: Mesh,
 ) -> Infeasible:  # fmt: skip
-    """The refusal with its evidence; `mesh`: the object as it would lie there."""
+    """The refusal with its evidence; `mesh`: the object in its planned pose."""
     part, size, space = base.parts[index], np.ptp(mesh.bounds, axis=0), 2.0 * frame.half
     reasons = [search.failure(area) for area in areas]
     best = max(reason.best_share for reason in reasons)
@@ -100,7 +100,7 @@ def not_level(base: Instance, index: int, intent: Intent) -> Infeasible:
 
 
 def not_leaning(base: Instance, index: int, intent: Intent, why: str) -> Infeasible:
-    """The refusal of leaning without a possible pose."""
+    """The refusal of leaning if no pose is possible."""
     part, on = base.parts[index], intent.orientation.lean
     evidence = BesideThePart(base=base.id, part=part.name, region="leaning", references=(on,), beside_m=0.0)
     text = f"{intent.object_name} cannot lean on {on} on the {part.name} of {base.label}: {why}"
@@ -153,17 +153,17 @@ def facing_cautions(scene: Segmentation, base: Instance, intent: Intent) -> tupl
 
 
 def is_seen_from_the_room(thing: Instance) -> bool:
-    """Whether it is only seen from one side: a door or a wall, but not a floor."""
+    """Return whether a thing is only seen from one side: a door or a wall, but not a floor."""
     return thing.structure and not is_level(thing)
 
 
 def is_level(thing: Instance) -> bool:
-    """Whether it is lower than it is long and wide: a floor or a ceiling."""
+    """Return whether a thing is lower than it is long and wide: a floor or a ceiling."""
     return bool(thing.box.half_extents[2] < thing.box.half_extents[:2].min())
 
 
 def seen_from(words: str, thing: Instance, frame: ViewerFrame) -> Caution:
-    """Point of view of the words, and how to state another one."""
+    """The point of view from which the words are understood, and how to state another one."""
     where = f"{words!r} is taken as seen from the {axis_word(frame.front)} side of the {thing.label} (world axes, z up)"
     return Caution(
         Cause.WHICH, f'{where}, which has no front; "on the side nearest the ..." or --at X,Y say it otherwise'

@@ -1,7 +1,7 @@
 """The anchor's question: information for a client to choose a part and a place on it.
 
-In: scene, base, intent, sentence and the object as it will lie. Out: an `AnchorRequest` with boxes in the frame of a
-viewer of the base's front, and with a picture of the base from above that is made on demand.
+In: scene, base, intent, sentence and the object in its planned pose. Out: an `AnchorRequest` with boxes in the frame of
+a viewer of the base's front, and a picture of the base from above, made on demand.
 
 The picture of a base from above, with the things on it and next to it; made on demand.
 """
@@ -36,13 +36,13 @@ LETTERS = 20
 NEARBY = 0.6
 """Distance from a base within which things are shown with it [m]."""
 MOST = 40
-"""Most of these things, the nearest ones: everything stands on a floor."""
+"""Maximum number of these things, nearest first: everything stands on a floor."""
 
 
 def base_from_above(
     scene: Segmentation, base: Instance, frame: ViewerFrame, others: Sequence[Instance]
 ) -> NDArray[np.uint8]:  # fmt: skip
-    """The viewer's side at the bottom, his right at the right, shape (SIZE, SIZE, 3)."""
+    """The picture with the viewer's side at the bottom and the viewer's right at the right, shape (SIZE, SIZE, 3)."""
     shown = [base, *(one for one in others if one.box.bottom < base.box.top + HEADROOM)]
     meshes = [scene.instance_mesh(scene.index_of(one.id)) for one in shown]
     height = AROUND * float(frame.half.max()) / np.tan(np.radians(FOV_DEG / 2.0))
@@ -55,7 +55,7 @@ def base_from_above(
 
 
 def with_sides(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """The names of the four sides at the rim."""
+    """The picture with the names of the four sides at the rim."""
     image = Image.fromarray(rgb)
     draw, font = ImageDraw.Draw(image), ImageFont.load_default(size=LETTERS)
     width, height = image.size
@@ -99,7 +99,7 @@ def anchor_request(scene: Segmentation, base: Instance, intent: Intent, prompt: 
 
 
 def allowed_parts(scene: Segmentation, base: Instance, intent: Intent) -> tuple[PartView, ...]:
-    """The base's parts without excluded ones; all, if that would leave none."""
+    """The base's parts without the excluded ones; all parts if none would be left."""
     views = part_views(scene, scene.index_of(base.id))
     barred = {
         index

@@ -47,7 +47,7 @@ PIECE_LEVEL = 0.7
 PIECE = 0.3
 """Least share of the largest piece's surface that a piece has [-]."""
 OVER = 0.05
-"""Largest distance in plan of an aim over a piece [m]."""
+"""Maximum distance in plan from an aim to a piece [m]."""
 
 
 class AnchorConfig(BaseModel, frozen=True, extra="forbid"):
@@ -126,8 +126,8 @@ anchor_task = stage(anchor)
 
 
 def aimed_at_middle(intent: Intent, base: Instance, caster: Raycaster) -> Intent:
-    """The intent with the middle of the support's box, on the highest surface there, as if the user had given the
-    point."""
+    """The intent aimed at the middle of the support's box, on the highest surface there, as if the user had pointed at
+    it."""
     top = base.box.corners[:, 2].max()
     over = np.array([*base.box.center[:2], top + 0.05])
     way = float(caster.cast(over[None], np.array([[0.0, 0.0, -1.0]])).distance[0])
@@ -188,13 +188,13 @@ def leaning_anchor(
 
 
 def facing_alone(asked: AskedPose | None, intent: Intent) -> AskedPose | None:
-    """The part of a leaning object's pose that is compared: leaning has a check of its own, and the support decides the
+    """The part of a leaning object's pose that is compared: leaning is checked separately, and the support decides the
     turn."""
     return replace(asked, name="any") if asked is not None and intent.orientation.facing else None
 
 
 def cover_note(base: Instance, choice: Choice, carrier: Instance, index: int) -> str:
-    """Note that another thing than the intended part carries the object."""
+    """Note that a thing other than the intended part carries the object."""
     meant = base.parts[choice.index].name
     if carrier.id != base.id:
         return f"; there the {carrier.label} lies on the {meant}"
@@ -208,7 +208,8 @@ def support_note(start: Start, part: str) -> str:
 
 
 def at_own_middles(mesh: Mesh, mask: NDArray[np.bool_], areas: Sequence[Region]) -> list[Region]:
-    """The areas; one whose aim is over no carrying piece is repeated for each piece, aimed at the piece's middle.
+    """The areas; an area whose aim is over no carrying piece is repeated for each piece, aimed at the middle of the
+    piece.
 
     Args:
         mesh: the scene.

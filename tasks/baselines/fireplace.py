@@ -169,7 +169,7 @@ def not_there(reply: OutlinesReply, request: OutlinesRequest) -> Infeasible:
 
 
 def is_implied(one: ConstraintOutline, carrying: ConstraintOutline) -> bool:
-    """Whether an outline only repeats, for the contact's own surface, a condition of every solve."""
+    """Return whether an outline merely repeats, for the contact's own surface, a condition of every solve."""
     same = (one.anchors, one.anchor_parts, one.anchor_side) == (
         carrying.anchors, carrying.anchor_parts, carrying.anchor_side,
     )  # fmt: skip
@@ -212,7 +212,8 @@ def room_of(scene: Segmentation) -> SupportArea | None:
 
 
 def part_below(scene: Segmentation, carrier: Carrier, item: RestingItem, best: SolvedPlacement) -> int:
-    """The part of the base that the object touches or lies over: of the anchor's surface, if none is near."""
+    """The part of the base that the object touches or lies over; if no part is near, the part of the anchor's
+    surface."""
     resting_to_world = best.world_from_object @ np.linalg.inv(item.matrix)
     points = item.contact.points @ resting_to_world[:3, :3].T + resting_to_world[:3, 3]
     normal = carrier.anchor.surface.normal
@@ -223,7 +224,7 @@ def part_below(scene: Segmentation, carrier: Carrier, item: RestingItem, best: S
 
 
 def no_placement(carrier: Carrier, item: RestingItem, found: SolveOutcome, scene: Segmentation) -> Infeasible:
-    """The set of feasible placements is empty, and why."""
+    """The refusal of an empty set of feasible placements, with its reason."""
     base, part = carrier.base, carrier.base.parts[carrier.anchor.part]
     size = np.ptp(item.mesh.bounds, axis=0)
     large = found.proposed == 0 and found.least_overhang >= MOST_OVERHANG
@@ -263,7 +264,7 @@ def chosen_placement(
     chooser: Chooser,
     config: FirePlaceConfig,
 ) -> tuple[SolvedPlacement, str]:
-    """The placement that survives pruning and is preferred, and the number of placements."""
+    """The preferred placement among those that survive pruning, and the number of placements."""
     options = [
         Described(
             f"placement {k}",
@@ -282,13 +283,13 @@ def chosen_placement(
 
 
 def placement_facts(one: SolvedPlacement) -> Facts:
-    """Displayed measures of a placement."""
+    """Measures of a placement, as shown to the client."""
     where = (("margin_m", one.margin), ("from_middle_m", one.from_middle), ("gap_m", one.gap))
     return (("loss", one.loss), ("overhang", one.overhang), *where)
 
 
 def plausible(options: Sequence[Described], object_name: str, chooser: Chooser) -> list[int]:
-    """The placements that remain after pruning in batches; all, if none would remain."""
+    """The placements that remain after pruning in batches; all of them if none would remain."""
     if len(options) < 2:
         return list(range(len(options)))
     order = [int(k) for k in chooser.rng.permutation(len(options))]
@@ -314,7 +315,7 @@ def plausible(options: Sequence[Described], object_name: str, chooser: Chooser) 
 def anchored(
     scene: Segmentation, carrier: Carrier, index: int, best: SolvedPlacement, reply: OutlinesReply, about: str
 ) -> Anchor:  # fmt: skip
-    """The result in the form of every method."""
+    """The result in the form that all methods share."""
     base, surface = carrier.base, carrier.anchor.surface
     part = base.parts[index]
     own = [one for one in reply.constraints if one.anchor_side in ("left", "right", "front", "back")

@@ -1,7 +1,8 @@
 """Resolves the thing and the surface of a constraint outline: options, and the client's choice among them.
 
 In: the scene, the outlines and a client. Out: the surface that carries, and the other constraints with both sides
-known. Several things, and several surfaces of one, are chosen from in batches (`selection.py`).
+known. Where there are several things, or several surfaces of a thing, the client chooses among them in batches
+(`selection.py`).
 
 Pictures of options for batched visual selection: a thing, a surface, a placement; made on demand.
 
@@ -67,7 +68,7 @@ LEVEL = 0.5
 COVER, COVER_SPACING = 0.2, 0.04
 """Largest thickness of a thing lying on a part, and spacing of the points at which it is searched [m]."""
 MUCH = 0.2
-"""Share of those points [-]."""
+"""Least share of those points that a covering part lies over [-]."""
 
 
 def thing_picture(scene: Segmentation, index: int, frame: ViewerFrame, size: int) -> NDArray[np.uint8]:
@@ -142,7 +143,7 @@ def outline_mesh(surface: InteractionSurface) -> Mesh:
 
 
 def loud(mesh: Mesh) -> Mesh:
-    """The mesh in a bright colour blended with its own."""
+    """The mesh with a bright colour blended into its own."""
     return Mesh(mesh.vertices, mesh.faces, np.rint((1.0 - TINT) * mesh.colors + TINT * LOUD).astype(np.uint8))
 
 
@@ -180,7 +181,7 @@ class Chooser:
 
 
 def covering_parts(scene: Segmentation, index: int, parts: Sequence[int], caster: Raycaster) -> list[int]:
-    """Other parts of an instance that lie over much of the given ones' upward faces."""
+    """Other parts of an instance that lie over much of the upward faces of the given parts."""
     own = (scene.face_instance == index) & np.isin(scene.face_part, np.array(parts))
     upward = scene.mesh.face_normals[:, 2] > LEVEL * 2.0 * scene.mesh.face_areas
     faces = np.flatnonzero(own & upward)
@@ -200,7 +201,7 @@ class Carrier:
     base: Instance
     anchor: AnchorSurface
     frame: ViewerFrame
-    """Frame of the whole thing, as its viewer sees it."""
+    """Frame of the whole thing as its viewer sees it."""
 
     @property
     def rim(self) -> ViewerFrame:
@@ -215,7 +216,7 @@ class Carrier:
 
 
 class AnchorResolver:
-    """Resolves outlines in one scene; each thing is only asked about once."""
+    """Resolves outlines in one scene; asks about each thing only once."""
 
     def __init__(self, scene: Segmentation, chooser: Chooser, picture_size: int) -> None:
         self.scene, self.chooser, self.size = scene, chooser, picture_size
@@ -262,19 +263,19 @@ class AnchorResolver:
             seen = np.concatenate([self.faces_of(index, part) for part in dict.fromkeys((*parts, *over))])
             together = surfaces_of_part(self.scene.mesh, seen, -1, way, outline.anchor_side, self.caster)
             found += [replace(one, part=self.main_part(one)) for one in together]
-        if not found:  # no planar surface faces that way: the side of the box stands in
+        if not found:  # no planar surface faces that way: fall back to the side of the box
             found = [self.box_surface(base, index, part, outline) for part in parts]
         options = [self.described_surface(base, index, one, frame) for one in found]
         sought = outline.words or f"{outline.anchor_side} of the {base.label} that carries the object"
         return Carrier(base, found[self.chooser.choose("anchor_surface", sought, options)], frame)
 
     def parts_of(self, outline: ConstraintOutline, base: Instance) -> Sequence[int]:
-        """The parts that an outline names; all if it names none, or names those of another candidate."""
+        """The parts that an outline names; all parts if it names none, or names those of another candidate."""
         meant = base.id == outline.anchors[0] and outline.anchor_parts
         return outline.anchor_parts if meant else range(len(base.parts))
 
     def main_part(self, one: AnchorSurface) -> int:
-        """The part that has most of a surface."""
+        """The part that has the largest share of a surface."""
         faces = one.surface.faces
         return int(np.bincount(self.scene.face_part[faces], self.scene.mesh.face_areas[faces]).argmax())
 

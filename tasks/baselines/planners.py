@@ -2,15 +2,15 @@
 
 LayoutGPT as a stage: one question, one new line of the room's layout, and its pose.
 
-In: scene, object, the intent's scale and name of the object (nothing else of it), prompt, plans of other rooms. Out:
-an `Anchor` whose pose is final, or `no_support_hit` if the answer is not one new line. See
+In: scene, object, the object's scale and name (nothing else of the intent), prompt, plans of other rooms. Out: an
+`Anchor` whose pose is final, or `no_support_hit` if the answer is not one new line. See
 `dcap/evaluation/baselines/layoutgpt`.
 
 Holodeck as a stage: one question; the named thing decides between the floor's search and places on a receptacle.
 
-In: scene, object, the intent's scale and name of the object (nothing else of it), prompt. Out: an `Anchor` whose pose
-is final; `too_large_for_target` if the object is not smaller than 90 % of the receptacle, `no_support_hit` if all
-attempts fail, the place collides, the floor has no place, or the answer has no line for the object. See
+In: scene, object, the object's scale and name (nothing else of the intent), prompt. Out: an `Anchor` whose pose is
+final; `too_large_for_target` if the object is not smaller than 90 % of the receptacle, `no_support_hit` if all attempts
+fail, the place collides, the floor has no place, or the answer has no line for the object. See
 `dcap/evaluation/baselines/holodeck`.
 """
 
@@ -39,7 +39,7 @@ from tasks.cache import stage
 from tasks.requests.views import instance_views, object_view, room_center
 
 SHOWN = 120
-"""Most characters of a bad answer that a message quotes."""
+"""Maximum number of characters of a bad answer that a message quotes."""
 
 
 class LayoutGptConfig(BaseModel, frozen=True, extra="forbid"):
@@ -63,7 +63,7 @@ def layoutgpt(
     exemplars: FloorPlans | None = None,
     left_out: tuple[str, ...] = (),
 ) -> Anchor | Infeasible:
-    """Ask for one line and use it unchanged; `left_out` names rooms that would be examples but cannot be read."""
+    """Ask for one line and use it unchanged; `left_out` names example rooms that cannot be read."""
     plan = floor_plan_of(scene)
     asset = canonical_asset(item.mesh, intent.scale, intent.object_name)
     asked = IntentRequest(prompt, object_view(item), instance_views(scene), vector(room_center(scene)))
@@ -179,7 +179,7 @@ def on_floor(
     rng: np.random.Generator,
     config: HolodeckConfig,
 ) -> Anchor | Infeasible:
-    """The floor's place of the best score."""
+    """The best-scoring place on the floor."""
     names, name = {one.id: one.name for one in request.things}, request.object_name
     relations = parsed_relations(constraints, name, [names[box.thing] for box in plan.things])
     if relations is None:
@@ -199,7 +199,7 @@ def floor_plan(scene: SegmentedScene) -> FloorPlan:
 
 
 def gathered(plan: FloorPlan, before: FloorPlans | None = None) -> FloorPlans:
-    """The plans collected before, and one more."""
+    """The plans collected before, with one more added."""
     return FloorPlans((*(before.plans if before else ()), plan))
 
 

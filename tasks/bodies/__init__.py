@@ -1,1 +1,1 @@
-"""How simulated bodies are built, for cases and for placements: from a solid and its material to the solver's model."""
+"""Construction of simulated bodies, for cases and placements: from a solid and its material to the solver's model."""

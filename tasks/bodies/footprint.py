@@ -1,19 +1,19 @@
-"""Where and how wide the object will probably touch: decides cells and contact points before anything is simulated.
+"""Predicts place and width of the object's contact, which decide cells and contact points before the simulation.
 
-In: the object at its pre-drop pose, what lies beneath it, its weight, and the layers that press on each other. The gap
-between the object's underside and what lies below it is measured along gravity, once the object has tilted onto it; the
-part of it that closes first touches first.
+In: the object at its pre-drop pose, the surfaces beneath it, its weight, and the layers that press on each other. The
+gap between the object's underside and the surface below is measured along gravity, after the object has tilted onto
+that surface; the part of the gap that closes first touches first.
 
-How an object lies once it has tilted onto what it comes down on: contact is predicted for that pose, not for the one
-in which one end hangs higher than the other.
+Pose of an object after it has tilted onto the surface below: contact is predicted for that pose, not for the pose
+before, in which one end hangs higher than the other.
 
 The gap along gravity, as a surface over the plan, rests on its lower convex hull: the facet under the centre of mass
-holds the points that a rigid thing ends up on. The object turns by the facet's slope.
+holds the points on which a rigid thing comes to rest. The object turns by the slope of the facet.
 
-Surfaces that contact is evaluated on: given faces, subdivided where the predicted contact needs finer ones.
+Surfaces on which contact is evaluated: the given faces, subdivided where the predicted contact needs smaller faces.
 
-Every refinement has a budget of faces. Where the wanted edges do not fit, the faces of the predicted contact get them
-first, and what may touch later gets edges as short as what is left of the budget allows.
+Every refinement has a budget of faces. If the wanted edges do not fit, the faces of the predicted contact get them
+first, and the rest of the reachable surface gets edges as short as the remaining budget allows.
 """
 
 from collections.abc import Callable
@@ -33,11 +33,11 @@ from dcap.scene.types.mesh import Mesh
 from tasks.bodies.discretization import inertial_of_solid
 from tasks.bodies.plan_contact import Heights, PlanContact, Stack, gap_map, plan_contact
 
-TURNS = 3  # the facet of a turned object is another one where it is not flat
-STEEP = 0.5  # slope [-] from which an object falls over or slides rather than lie down
-LEVEL = 1e-3  # slope that changes no patch [-]
+TURNS = 3  # if the object is not flat, turning it changes the facet
+STEEP = 0.5  # slope [-] from which an object falls over or slides instead of lying down
+LEVEL = 1e-3  # slope too small to change a patch [-]
 LEAST_DEPTH, MOST_DEPTH = 5e-4, 0.06  # expected indentation [m]: below it is invisible, above it no formula holds
-WIDER = 4.0  # times the expected indentation: what may touch before the object has levelled out
+WIDER = 4.0  # times the expected indentation: may touch before the object has levelled out
 UP = (0.0, 0.0, 1.0)
 BELOW = 0.01  # a ray that looks for an underside starts this far below it [m]
 MOST_POINTS_ACROSS = 24.0  # edges across the shorter side of a rigid object's footprint
@@ -45,14 +45,14 @@ LEAST_EDGE = 2e-3  # contact points of a rigid object are never refined beyond t
 EDGES_ACROSS = 100.0  # edges along a soft object's longest side
 OBSTACLE_EDGES = 8.0  # edges of an obstacle across the shorter side of the footprint
 LEAST_OBSTACLE_EDGE = 0.01  # [m]
-OBSTACLE_FACES = 60_000  # faces that refining adds to an obstacle at most
+OBSTACLE_FACES = 60_000  # maximum number of faces that refinement adds to an obstacle
 FAR_EDGE = 0.02  # least edge of a soft support away from the footprint [m]
 PER_CELL = 2.0  # edges per fine cell of a soft support under the footprint
 
 
 def levelling(item: Mesh, center: Array, heights_of: Callable[[Mesh], Heights]) -> Array:
-    """The turn about the centre of mass [m] after which the object lies, as a matrix (4, 4); none where it would fall
-    over. `heights_of` tells the gap under the object as it is turned."""
+    """The turn about the centre of mass [m] that brings the object to lie, as a matrix (4, 4); the identity if it would
+    fall over. `heights_of` measures the gap under the turned object."""
     turn = Rotation.identity()
     for _ in range(TURNS):
         turned = item.transformed(about(center, turn))
@@ -77,8 +77,8 @@ def about(center: Array, turn: Rotation) -> Array:
 
 
 def slope_below(x: Array, y: Array, gap: Array, center: Array) -> Array | None:
-    """Slope along x and y of the facet of the gap's lower hull that a point in plan lies over, shape (2,); None where
-    it lies beside all of them. `gap` [m] is known at some of x (k,) and y (m,), shape (k, m)."""
+    """Slope along x and y of the facet of the gap's lower hull under a point in plan, shape (2,); None if no facet lies
+    under it. `gap` [m] is known at some of x (k,) and y (m,), shape (k, m)."""
     point = np.stack([*np.meshgrid(x, y, indexing="ij"), gap], axis=-1).reshape(-1, 3)
     point = point[np.isfinite(point[:, 2])]
     if len(point) < 4 or np.linalg.matrix_rank(point[:, :2] - point[:, :2].mean(axis=0), tol=1e-9) < 2:
@@ -104,28 +104,28 @@ class Footprint:
     """The predicted contact."""
 
     low: Array
-    """Lower corner of its box [m], shape (3,)."""
+    """Lower corner of its bounding box [m], shape (3,)."""
     high: Array
-    """Upper corner [m], shape (3,)."""
+    """Upper corner of its bounding box [m], shape (3,)."""
     wider: Array
-    """Lower and upper corner of what may touch too, at WIDER times the indentation [m], shape (2, 3)."""
+    """Lower and upper corner of the surface that may touch too, at WIDER times the indentation [m], shape (2, 3)."""
     on_base: Array
-    """The same two boxes of what is below once the object lies [m], shape (2, 2, 3)."""
+    """The same two boxes for the surface below, after the object has come to lie [m], shape (2, 2, 3)."""
     half_width: float
-    """Half the width of the contact where it is narrower [m]."""
+    """Half the width of the contact along its narrower side [m]."""
     depth: float
     """Expected indentation [m]."""
     contacts: tuple[PlanContact, ...]
-    """The patch, and that where it was found at rest before; none where nothing there is soft."""
+    """The patch, and the patch at the rest position of an earlier drop; empty if nothing there is soft."""
 
     @property
     def small_side(self) -> float:
-        """Shorter horizontal side once the object lies [m]."""
+        """Shorter horizontal side after the object has come to lie [m]."""
         return float(np.ptp(self.on_base[0], axis=0)[:2].min())
 
 
 def joined(one: Footprint, other: Footprint) -> Footprint:
-    """Two places where the object may touch."""
+    """Union of two places where the object may touch."""
     return Footprint(
         np.minimum(one.low, other.low), np.maximum(one.high, other.high), around(one.wider, other.wider),
         np.stack([around(a, b) for a, b in zip(one.on_base, other.on_base, strict=True)]),
@@ -134,35 +134,36 @@ def joined(one: Footprint, other: Footprint) -> Footprint:
 
 
 def around(one: Array, other: Array) -> Array:
-    """The box of two boxes, all of shape (2, 3)."""
+    """The bounding box of two boxes, all of shape (2, 3)."""
     return np.stack([np.minimum(one[0], other[0]), np.maximum(one[1], other[1])])
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Descent:
-    """The object over what it comes down on, before its contact is known."""
+    """The object over the surface on which it comes down, before its contact is known."""
 
     beneath: Raycaster
     fallback_height: float
-    """Stands for what lies below where a ray meets nothing [m]."""
+    """Height assumed for the surface below if a ray meets nothing [m]."""
     lying: Mesh
-    """The object once it has tilted onto what is below."""
+    """The object after it has tilted onto the surface below."""
     under: Array
-    """Its faces that look down, at its pre-drop pose [m], shape (k, 3, 3)."""
+    """Its downward faces at the pre-drop pose [m], shape (k, 3, 3)."""
     laid: Array
-    """The same once the object lies [m], shape (k, 3, 3)."""
+    """The same faces after the object has come to lie [m], shape (k, 3, 3)."""
     gap: float
     """Smallest gap at the start [m]."""
     way: Array
-    """The way down of each face once the object lies [m], shape (k,)."""
+    """Free way down of each face after the object has come to lie [m], shape (k,)."""
     face_nearest: int
     """Face of the object that touches first."""
     first: Array
-    """Where it touches what is below; of several places the one nearest to its middle [m], shape (3,)."""
+    """First point of contact on the surface below; of several points the one nearest to the object's middle [m], shape
+    (3,)."""
 
     @classmethod
     def of(cls, item: Mesh, beneath: Raycaster, fallback_height: float, *, tilts: bool) -> "Descent":
-        """Of an object at its pre-drop pose; `tilts` where it may lie down on what it meets."""
+        """Descent of an object from its pre-drop pose; `tilts`: it may lie down on the surface that it meets."""
         center = center_of(item)
         turn = levelling(item, center, lambda turned: heights_over(turned, beneath)) if tilts else np.eye(4)
         fine, under, gap, _ = underside(item, beneath, fallback_height)
@@ -179,12 +180,12 @@ class Descent:
         )  # fmt: skip
 
     def footprint(self, weight: float, stacks: tuple[Stack, Stack]) -> Footprint:
-        """The contact under a weight [N] of the layers of the object with those of what is below it."""
+        """The contact under a weight [N] between the layers of the object and the layers below it."""
         contact = None
         if any(compliance > 0.0 for stack in stacks for _, compliance in stack):
             box = self.lying.bounds[:, :2]
             contact = plan_contact(heights_over(self.lying, self.beneath), box, weight, stacks)
-            if contact is None:  # all of it is over a hole of what is seen
+            if contact is None:  # all of it is over a hole in the scan
                 level = heights_over(self.lying, self.beneath, self.fallback_height)
                 contact = plan_contact(level, box, weight, stacks)
         depth = LEAST_DEPTH if contact is None else float(np.clip(contact.patch.approach, LEAST_DEPTH, MOST_DEPTH))
@@ -200,13 +201,13 @@ class Descent:
 
 
 def box_of(corner: Array) -> Array:
-    """Around triangles (n, 3, 3) [m], shape (2, 3)."""
+    """Bounding box of triangles (n, 3, 3) [m], shape (2, 3)."""
     return np.stack([corner.min(axis=(0, 1)), corner.max(axis=(0, 1))])
 
 
 def heights_over(item: Mesh, beneath: Raycaster, fallback_height: float = np.nan) -> Heights:
-    """Tells where vertical lines enter the object from below, and what lies below that; `fallback_height` [m] where
-    nothing is seen."""
+    """Function that returns the heights at which vertical lines enter the object from below and meet the surface below
+    it; `fallback_height` [m] if there is no surface."""
     own, start = Raycaster(item), float(item.bounds[0, 2]) - BELOW
 
     def heights(plan: Array) -> tuple[Array, Array]:
@@ -221,7 +222,7 @@ def heights_over(item: Mesh, beneath: Raycaster, fallback_height: float = np.nan
 
 
 def center_of(item: Mesh) -> Array:
-    """Centre of the solid, else of the surface [m], shape (3,)."""
+    """Centre of mass of the solid, or of the surface if it is open [m], shape (3,)."""
     if is_closed(item):
         try:
             return inertial_of_solid(item, 1.0).center_of_mass
@@ -233,7 +234,8 @@ def center_of(item: Mesh) -> Array:
 def underside(
     item: Mesh, beneath: Raycaster, fallback_height: float
 ) -> tuple[Mesh, NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
-    """The object with small faces, which of them look down (k,), their free way down [m] and area in plan [m^2]."""
+    """The object with small faces, the indices of its downward faces (k,), their free way down [m] and area in plan
+    [m^2]."""
     size = float(np.ptp(item.vertices, axis=0).max())
     fine = subdivide_near(item, item.bounds, max(size / 40.0, 1e-3)) if len(item.faces) < 4000 else item
     normal = fine.face_normals
@@ -245,14 +247,15 @@ def underside(
 
 
 def first_curvature(item: Mesh, beneath: Raycaster, fallback_height: float) -> float:
-    """Radius [m] of the sphere whose cap of LEAST_DEPTH has the area that the object has within that depth of first
-    contact: A = 2 pi R d. Of a flat underside a radius much larger than its width, yet one that sinks deeper."""
+    """Radius [m] of the sphere whose cap of LEAST_DEPTH has the same area as the object within that depth of first
+    contact: A = 2 pi R d. For a flat underside the radius is much larger than its width, and a larger radius sinks in
+    deeper."""
     _, _, gap, area = underside(item, beneath, fallback_height)
     return float(area[gap <= gap.min() + LEAST_DEPTH].sum()) / (2.0 * np.pi * LEAST_DEPTH)
 
 
 def gaps(points: NDArray[np.float64], beneath: Raycaster, fallback_height: float) -> NDArray[np.float64]:
-    """Free way of points (n, 3) along gravity [m], shape (n,)."""
+    """Free way of points (n, 3) down along gravity [m], shape (n,)."""
     hits = beneath.cast(points, np.broadcast_to(np.array([0.0, 0.0, -1.0]), points.shape))
     return np.where(np.isfinite(hits.distance), hits.distance, points[:, 2] - fallback_height)
 
@@ -263,20 +266,21 @@ def nearest_face(mesh: Mesh, point: NDArray[np.float64]) -> int:
 
 
 def rigid_object_surface(mesh: Mesh, foot: Footprint, edge: float, most_faces: int) -> Mesh:
-    """Edges of about `edge` [m] where a rigid object will touch, as far as `most_faces` more allow."""
+    """The surface with edges of about `edge` [m] where a rigid object will touch, within `most_faces` additional
+    faces."""
     margin = 0.3 * (foot.high - foot.low) + foot.depth
     first, later = (grown(part, margin) for part in (np.stack([foot.low, foot.high]), foot.wider))
     return refined(mesh, first, later, max(edge, foot.small_side / MOST_POINTS_ACROSS, LEAST_EDGE), most_faces)
 
 
 def soft_object_surface(mesh: Mesh, bounds: Array, cell: float, most_faces: int) -> Mesh:
-    """Edges as long as a cell [m] all over a soft object with the given bounds (2, 3), as far as `most_faces` more
-    allow."""
+    """The surface of a soft object with the given bounds (2, 3), with edges as long as a cell [m], within `most_faces`
+    additional faces."""
     return subdivide_near(mesh, bounds, max(cell, float(np.ptp(bounds, axis=0).max()) / EDGES_ACROSS), most_faces)
 
 
 def obstacle_surface(mesh: Mesh, foot: Footprint) -> Mesh:
-    """Edges of a fixed rigid body, finer where the object will probably touch it."""
+    """The surface of a fixed rigid body, finer where the object will probably touch it."""
     edge = max(foot.small_side / OBSTACLE_EDGES, LEAST_OBSTACLE_EDGE)
     region = grown(around(np.stack([foot.low, foot.high]), foot.on_base[0]), np.full(3, foot.half_width + edge))
     return subdivide_near(mesh, region, edge, OBSTACLE_FACES)
@@ -285,11 +289,11 @@ def obstacle_surface(mesh: Mesh, foot: Footprint) -> Mesh:
 def soft_support_surface(
     mesh: Mesh, foot: Footprint, crop: Array, box: Array, cell: float, most_faces: int
 ) -> tuple[Mesh, float]:
-    """Visible soft faces within the box (2, 3), and the longest edge that is left where the object may touch [m].
+    """Visible soft faces within the box (2, 3), and the longest remaining edge where the object may touch [m].
 
-    Under the footprint half a fine cell, as far as `most_faces` more allow; longer farther away in the crop and
-    deeper than the object is expected to come. Faces as long as a cell cut the corners of the dent under an edge: they
-    showed a dumbbell 1 mm deep in its bed.
+    Edges under the footprint are half a fine cell long, as far as `most_faces` allows; they are longer farther away in
+    the crop and below the expected depth of the object. Faces as long as a cell cut the corners of the dent under an
+    edge: they showed a dumbbell 1 mm deep in its bed.
     """
     margin = np.array([0.3, 0.3, 0.0]) * np.ptp(foot.on_base[0], axis=0) + 0.5 * foot.half_width
     first, later = (grown(part, margin) for part in foot.on_base)
@@ -303,8 +307,8 @@ def soft_support_surface(
 
 
 def refined(mesh: Mesh, first: Array, later: Array, edge: float, most_added: int) -> Mesh:
-    """Edges of at most `edge` [m] in the box `later` (2, 3); where the budget does not reach so far, in its part
-    `first` (2, 3), and in the rest as short as what is left of it allows."""
+    """The mesh with edges of at most `edge` [m] in the box `later` (2, 3); if the budget is too small, in its part
+    `first` (2, 3), and in the rest as short as the remaining budget allows."""
     fine = subdivide_near(mesh, later, edge, most_added)
     if longest_near(fine, later) <= edge * (1.0 + 1e-9):
         return fine

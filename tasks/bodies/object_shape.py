@@ -1,7 +1,7 @@
-"""The object as one solid: as its file has it where that is sound, else of its visible shape, else refused.
+"""The object as one solid: from its file if that is sound, otherwise from its visible shape, otherwise refused.
 
 In: the object, its name and its pose before the drop. Out: the object with a surface that encloses a solid, or the hole
-that cannot be closed. Lengths are measured at its size in the scene.
+that cannot be closed. Lengths are measured at the object's size in the scene.
 """
 
 from dataclasses import dataclass, replace
@@ -21,8 +21,8 @@ from dcap.scene.types.outcome import Infeasible, ObjectHole, OpenObject, Reason
 from dcap.scene.types.scan import RepairReport
 from dcap.scene.types.segmentation import Segmentation
 
-UNMOVED = 1e-4  # what can be seen of an object may move this far [m]: contact points are its given faces
-TOLD = 5  # holes that are told of one by one
+UNMOVED = 1e-4  # the visible surface may move this far [m]: contact points lie on the faces of the file
+TOLD = 5  # maximum number of holes that are listed one by one
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -30,12 +30,12 @@ class ObjectShape:
     """An object whose surface encloses a solid."""
 
     item: Segmentation
-    """As given, or with a closed surface; in its own frame."""
+    """The object as given, or with a closed surface; in its own frame."""
     solid: MeshDistance
-    """At its pose before the drop."""
+    """Its signed distance at the pose before the drop."""
     report: RepairReport
     notes: tuple[str, ...] = ()
-    """Steps that closed it, one sentence each."""
+    """Steps that closed the surface, one sentence each."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -68,7 +68,7 @@ def object_shape(item: Segmentation, intent: Intent, anchor: Anchor) -> ObjectSh
 
 
 def closed_holes(mesh: Mesh) -> tuple[str, ...]:
-    """Sentence about the holes of a mesh whose faces are kept, which caps make a solid."""
+    """Sentence about the holes of a mesh that are closed with caps while its faces are kept."""
     if is_closed(mesh):
         return ()
     size = float(np.ptp(mesh.bounds, axis=0).max())
@@ -77,7 +77,7 @@ def closed_holes(mesh: Mesh) -> tuple[str, ...]:
 
 
 def one_sided(mesh: Mesh, vessel: bool | None) -> bool:
-    """Whether a mesh whose faces a cap would make a solid is the skin of something that has walls."""
+    """Return whether a mesh that caps would turn into a solid is the skin of a vessel with walls."""
     if is_closed(mesh) or not hole_loops(mesh):
         return False
     pieces = tidied(mesh, None, RepairLog()).pieces
@@ -85,7 +85,7 @@ def one_sided(mesh: Mesh, vessel: bool | None) -> bool:
 
 
 def refused(shape: OpenShape, name: str) -> Infeasible:
-    """The outcome of an object that is no solid."""
+    """The refusal of an object that is not a solid."""
     holes = tuple(ObjectHole(tuple(one.middle.tolist()), one.size) for one in shape.rims[:TOLD])
     place = ", ".join(f"{value:.3g}" for value in shape.rims[0].middle) if shape.rims else ""
     where = f" at ({place}) before the drop" if place else ""
@@ -97,7 +97,7 @@ def refused(shape: OpenShape, name: str) -> Infeasible:
 
 
 def solid_of(mesh: Mesh) -> tuple[MeshDistance, RepairReport]:
-    """Signed distance to the object as one solid, and what that took: faces of its pieces inside one another do not
+    """Signed distance to the object as one solid, and the repairs made; faces of pieces inside one another do not
     count.
     """
     allowed, log = RepairLimits(tolerance=UNMOVED), RepairLog()

@@ -1,6 +1,6 @@
-"""How deep bodies have gone into each other, measured on their surfaces at the start and at the end.
+"""Depth of the overlap between bodies, measured on their surfaces at the start and at the end.
 
-The places of a surface that points are nearest to, and which way it looks there.
+Nearest places of a surface to given points, and the direction of the surface there.
 """
 
 from collections.abc import Sequence
@@ -22,28 +22,28 @@ from solver.certificate import CertificateRow
 from solver.model.bodies import Model
 
 ON_AN_EDGE = 1e-3
-"""A nearest place with a corner's weight below this lies on an edge of its triangle [-]."""
+"""A nearest place with a weight of a corner below this lies on an edge of its triangle [-]."""
 NO_VOLUME = 1e-6
 """A closed piece with less volume over the 3/2 power of its area is a sheet with two sides [-]."""
 SPACING = 0.01
-"""Distance between the points of a surface that are sought in another body, over the size of the region in which both
+"""Spacing of the points of a surface that are tested against another body, over the size of the region in which both
 lie [-]."""
 LEAST_M = 1e-6
-"""Bodies whose boxes have less in common than this do not overlap [m]."""
+"""Bodies whose boxes overlap by less than this do not overlap [m]."""
 THICKNESS_SHARE = 0.25
-"""How deep a surface may lie in something thin, over the thickness of that [-]."""
+"""Maximum depth of a surface in a thin body, over the thickness of that body [-]."""
 STEP_U, STEP_V = 0.7548776662466927, 0.5698402909980532
 """Steps of the additive recurrence with the lowest discrepancy in a square [-]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Nearest:
-    """The places of a surface that k points are nearest to."""
+    """The places of a surface nearest to k points."""
 
     distance: Array
-    """[m], shape (k,)."""
+    """Distance to the surface [m], shape (k,)."""
     place: Array
-    """[m], shape (k, 3)."""
+    """Nearest place [m], shape (k, 3)."""
     side: Array
     """Longest sides of the triangles [m], shape (k,)."""
     face: NDArray[np.int64]
@@ -53,7 +53,7 @@ class Nearest:
 
 
 def nearest(mesh: Mesh, points: Array) -> Nearest:
-    """Where points (k, 3) are nearest to a surface."""
+    """Nearest places of a surface to points (k, 3)."""
     import open3d
 
     middle = points.mean(axis=0)  # single precision is finest around the origin
@@ -72,9 +72,9 @@ def nearest(mesh: Mesh, points: Array) -> Nearest:
 def largest_push(sides: "Sides", near: Nearest, force: Array) -> Array:
     """The largest part of forces (k, 3) along an inward normal at the nearest places, shape (k,).
 
-    Inside a triangle there is one. At an edge or a corner any direction between the normals of the faces that meet is
-    one, so the part is the length of the force's projection onto their cone. Where the outside is not known, either
-    direction of a face counts as inward.
+    Inside a triangle there is a single normal. At an edge or a corner any direction between the normals of the adjacent
+    faces counts as a normal, so the part is the length of the force's projection onto their cone. Where the outside is
+    not known, either direction of a face counts as inward.
     """
     corner = sides.corner
     count, faces = int(corner.max()) + 1, len(corner)
@@ -100,18 +100,18 @@ def largest_push(sides: "Sides", near: Nearest, force: Array) -> Array:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Sides:
-    """Which way m faces look."""
+    """Normals of m faces, and on which of them the outside is known."""
 
     normal: Array
-    """Unit normals, out of closed pieces, as wound elsewhere, shape (m, 3)."""
+    """Unit normals, outward for closed pieces, otherwise as wound, shape (m, 3)."""
     known: NDArray[np.bool_]
-    """Whether the outside is: by the volume that a closed piece encloses, shape (m,)."""
+    """Whether the outside is known from the volume that a closed piece encloses, shape (m,)."""
     corner: NDArray[np.int64]
     """Distinct corners, shape (m, 3)."""
 
 
 def sides_of(start: Mesh, end: Mesh) -> Sides:
-    """The sides of a surface with the faces of `start`, which tells inside and outside, and the corners of `end`."""
+    """The sides of a surface with the faces of `start`, which defines inside and outside, and the corners of `end`."""
     piece, is_open = numbered_pieces(start)
     volume = np.bincount(piece, cone_volumes(start.vertices, start.faces), minlength=len(is_open))
     area = np.bincount(piece, start.face_areas, minlength=len(is_open))
@@ -125,10 +125,10 @@ def sides_of(start: Mesh, end: Mesh) -> Sides:
 
 
 def overlap_row(model: Model, surfaces: Sequence[Mesh], least: float, most: float) -> CertificateRow:
-    """How much deeper than at the start a surface lies in a closed piece of another one, where that is largest over its
-    bound [m]: a quarter of the thickness there, but at least `least` and at most `most`.
+    """Row for the largest increase since the start in the depth of a surface inside a closed piece of another body,
+    relative to its bound [m]: a quarter of the thickness there, but at least `least` and at most `most`.
 
-    Pairs of which nothing can move do not count, nor do bonded ones, which may lie in each other.
+    Pairs of bodies that cannot move are ignored, and so are bonded pairs, which may overlap.
     """
     bonded = {frozenset(pair) for pair in model.bonds}
     rows = [CertificateRow.at_most(0.0, most)]
@@ -150,8 +150,8 @@ def overlap_row(model: Model, surfaces: Sequence[Mesh], least: float, most: floa
 
 
 def deepest(closed: Mesh, before: Mesh, points: Array, least: float, most: float) -> CertificateRow:
-    """The overlap of points (k, 6), where they are and where they were, with a closed surface that was `before`, where
-    it is largest over its bound [m]."""
+    """The overlap of points (k, 6), given by their places at the end and at the start, with a closed surface that was
+    `before`, where it is largest over its bound [m]."""
     deep = -MeshDistance(closed)(points[:, :3])
     inside = deep > least
     if not inside.any():
@@ -169,15 +169,16 @@ def closed_pieces(surface: Mesh) -> Mesh:
 
 
 def thickness(closed: Mesh, inside: Array) -> Array:
-    """How thick a solid is at points (k, 3) inside it, across the nearest place of its surface [m], shape (k,)."""
+    """Thickness of a solid at points (k, 3) inside it, measured across the nearest place of its surface [m], shape
+    (k,)."""
     near = nearest(closed, inside)
     inward = (inside - near.place) / near.distance[:, None]
     return near.distance + Raycaster(closed).cast(inside, inward).distance
 
 
 def points_in(surface: Mesh, start: Array, closed: Mesh) -> Array:
-    """Points of a surface in the box of a closed one, close together, each with its place when the vertices (n, 3) were
-    at `start` [m], shape (k, 6)."""
+    """Closely spaced points of a surface in the box of a closed surface, each with its place when the vertices (n, 3)
+    were at `start` [m], shape (k, 6)."""
     from trimesh.remesh import subdivide_to_size
 
     low = np.maximum(closed.triangles.min(axis=(0, 1)), surface.triangles.min(axis=(0, 1)))

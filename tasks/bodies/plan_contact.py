@@ -1,10 +1,10 @@
-"""Where one body will press on another, seen in plan: the patch that layered half-spaces show under the true gap.
+"""Contact patch of one body on another in plan: layered half-spaces pressed together across the true gap.
 
-In: the gap between the upper body's underside and what lies below it, at any points in plan. Out: the patch on a grid
-that is as fine as the patch is small. No shape is assumed: a line of contact, an edge, a ring and feet come out as they
+In: the gap between the upper body's underside and the surface below it, at any points in plan. Out: the patch on a grid
+that is finer for a smaller patch. No shape is assumed: a line of contact, an edge, a ring and feet come out as they
 are.
 
-The patch of a contact between stacks of layers: what it feels of the deeper ones depends on how wide it is.
+The patch of a contact between stacks of layers: the wider the patch, the more it feels of the deeper layers.
 
 The patch is that of an elastic half-space whose compliance weighs each layer by its share of the indentation; width of
 the patch and weights decide each other.
@@ -24,22 +24,22 @@ from solver.contact.patch import Patch, elastic_patch
 Layer = tuple[float, float]
 """Thickness [m] and compliance (1 - nu^2) / E [1/Pa], 0 if rigid."""
 Stack = Sequence[Layer]
-"""Layers from the contact inwards; the last one goes on for ever."""
+"""Layers from the contact inwards; the last layer is infinitely thick."""
 
 LAYER_ROUNDS = 4  # of compliance and width
 Heights = Callable[[Array], tuple[Array, Array]]
-"""Of points in plan (n, 2): heights of the upper body's underside and of the top of what is below it [m], each (n,),
-nan where there is none."""
+"""Function of points in plan (n, 2): heights of the upper body's underside and of the top of the body below [m], each
+(n,), nan where there is no surface."""
 
-SAMPLES = 128  # of the gap along each side of a box in plan
-ZOOMED = 0.4  # a patch that fills less of the box along both sides is looked at again in a smaller one [-]
-BORDER = 0.25  # of the patch's box on each side of it [-]
+SAMPLES = 128  # samples of the gap along each side of a box in plan
+ZOOMED = 0.4  # a patch that fills less of the box along both sides is sampled again in a smaller box [-]
+BORDER = 0.25  # margin on each side of the patch's box, over its size [-]
 MOST_ZOOMS = 6
-BESIDE = 0.3  # of its half width: cells stay fine this far beside a contact
+BESIDE = 0.3  # of its half width: cells stay fine this far outside a contact
 
 
 def layered_patch(gap: Array, spacing: tuple[float, float], load: float, stacks: Sequence[Stack]) -> Patch:
-    """The contact under a load [N] of two stacks whose gap [m] is known on a grid, shape (nx, ny), nan where they
+    """The contact under a load [N] between two stacks whose gap [m] is known on a grid, shape (nx, ny), nan where they
     cannot meet; `spacing` [m] of the grid."""
     gap = np.where(np.isfinite(gap), gap, np.inf)
     radius = 0.0
@@ -53,8 +53,8 @@ def layered_patch(gap: Array, spacing: tuple[float, float], load: float, stacks:
 
 
 def felt_compliance(stack: Stack, radius: float) -> float:
-    """1 / E* that a contact of a radius [m] feels of layers: each weighted by its share of the indentation of a uniform
-    half-space under uniform pressure, 1 - F(depth / radius) [J85, Eq. 3.32b]; the last one reaches down for ever.
+    """1 / E* that a contact of a radius [m] feels: each layer is weighted by its share of the indentation of a uniform
+    half-space under uniform pressure, 1 - F(depth / radius) [J85, Eq. 3.32b]; the last layer is infinitely thick.
 
     [J85] K. L. Johnson, Contact Mechanics, Cambridge University Press, 1985.
     """
@@ -78,21 +78,21 @@ def below(depth: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class PlanContact:
-    """A patch and where it is."""
+    """A patch and its place in plan."""
 
     x: Array
     """Middles of the patch's cells [m], shape (nx,)."""
     y: Array
     """[m], shape (ny,)."""
     top: Array
-    """Heights of the lower body there [m], nan where there is none, shape (nx, ny)."""
+    """Heights of the lower body there [m], nan where there is no surface, shape (nx, ny)."""
     closest: tuple[int, int]
     """The cell that touches first."""
     patch: Patch
 
     @property
     def height(self) -> float:
-        """Of the first contact on the lower body [m]."""
+        """Height of the first contact on the lower body [m]."""
         return float(self.top[self.closest])
 
     @property
@@ -103,7 +103,7 @@ class PlanContact:
 
     @property
     def boxes(self) -> Array:
-        """Around each place of the patch and a little beside it, in plan [m], shape (k, 2, 2)."""
+        """Boxes in plan around each place of the patch, with a small margin [m], shape (k, 2, 2)."""
         label, count = ndimage.label(self.patch.region, np.ones((3, 3)))
         margin, found = BESIDE * self.half_width, []
         for one in range(1, count + 1):
@@ -112,7 +112,8 @@ class PlanContact:
         return np.array(found)
 
     def across(self, axis: int) -> tuple[Array, Array]:
-        """Coordinates along an axis where there is contact [m], and half the patch's width along it there [m]."""
+        """Coordinates along an axis at which there is contact [m], and half the patch's width along the axis there
+        [m]."""
         half = self.patch.half_widths(axis)
         touching = np.isfinite(half)
         return (self.x, self.y)[axis][touching], half[touching]
@@ -129,7 +130,7 @@ class PlanContact:
 
     @cached_property
     def half_width(self) -> float:
-        """Half the width of the patch where it is narrower, mean over its load [m]."""
+        """Half the width of the patch along its narrower side, averaged over its load [m]."""
         means = []
         for axis in range(2):
             load = self.patch.pressure.sum(axis=1 - axis)
@@ -140,7 +141,8 @@ class PlanContact:
 
 
 def plan_contact(heights: Heights, box: Array, load: float, stacks: Sequence[Stack]) -> PlanContact | None:
-    """The contact under a load [N] within a box in plan [m], shape (2, 2); None where nothing lies above anything."""
+    """The contact under a load [N] within a box in plan [m], shape (2, 2); None if nowhere one body lies above the
+    other."""
     region = box
     for _ in range(MOST_ZOOMS):
         x, y, gap, top = gap_map(heights, region)
@@ -161,8 +163,8 @@ def plan_contact(heights: Heights, box: Array, load: float, stacks: Sequence[Sta
 
 
 def gap_map(heights: Heights, region: Array) -> tuple[Array, Array, Array, Array]:
-    """Middles of the cells of a grid over a box in plan [m], shapes (k,) and (k,), the gap and the height of what is
-    below there [m], nan where there is none, shapes (k, k), with k = SAMPLES."""
+    """Cell middles of a grid over a box in plan [m], shapes (k,) and (k,), the gap and the height of the surface below
+    [m], nan where there is no surface, shapes (k, k), with k = SAMPLES."""
     width = (region[1] - region[0]) / SAMPLES
     x, y = (region[0, a] + width[a] * (np.arange(SAMPLES) + 0.5) for a in range(2))
     under, top = heights(np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2))
@@ -175,7 +177,7 @@ def share_within(points: Array, boxes: Array) -> float:
 
 
 def within_any(points: Array, boxes: Array) -> NDArray[np.bool_]:
-    """Return which points (n, 3) lie within any of some boxes in plan, shape (k, 2, 2) [m]."""
+    """Mask of the points (n, 3) that lie within any of some boxes in plan, shape (k, 2, 2) [m]."""
     point = points[:, None, :2]
     within = ((point >= boxes[:, 0]) & (point <= boxes[:, 1])).all(axis=2)
     return np.asarray(np.any(within, axis=1))

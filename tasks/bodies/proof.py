@@ -1,8 +1,8 @@
-"""Whether the forces that hold bodies at rest act through contacts that exist on their final surfaces.
+"""Checks that the forces that hold bodies at rest act through contacts that exist on their final surfaces.
 
-In: the outcome of a drop, whichever method computed it. Out: the same with a `ContactProof`, and with no verdict of
-rest where that fails. Distances are measured to the triangles on which contact was evaluated, by code that no method of
-the solver uses while it computes.
+In: the outcome of a drop by any method. Out: the same outcome with a `ContactProof`; if the proof fails, the outcome is
+no longer at rest. Distances are measured to the triangles on which contact was evaluated, by code that no method of the
+solver uses while it computes.
 """
 
 from collections.abc import Iterator, Sequence
@@ -23,33 +23,33 @@ from solver.result import SettledModel
 from tasks.bodies.overlap import Nearest, Sides, largest_push, nearest, overlap_row, sides_of
 
 LARGEST_GAP_M = 3e-4
-"""Of tl: six times the penetration that its contacts aim at, and invisible in any picture [m]."""
+"""Largest gap for tl: six times the penetration that its contacts aim at, and invisible in any picture [m]."""
 CELL_SHARE, LARGEST_MLS_GAP_M = 0.1, 1e-3
-"""Of mls: this share of its cell, and never more than that [-], [m]."""
+"""Largest gap for mls: this share of its cell, and never more than the second value [-], [m]."""
 LARGEST_IMBALANCE = 0.01
-"""Largest share of a body's weight that no visible contact holds [-]."""
+"""Largest share of a body's weight that may be held by no visible contact [-]."""
 COUNTED = 0.9
-"""Share of the force between two bodies whose points are force-carrying [-]: where a rim bends a surface, its triangles
-are chords, some tenths of a millimetre beside it."""
+"""Share of the force between two bodies whose points count as force-carrying [-]: where a rim bends a surface, its
+triangles are chords, some tenths of a millimetre off the surface."""
 SIDE_SHARE = 0.03
 """Largest distance between a triangle of a soft body and the curved surface that contact sees, over its side [-]."""
 STRAIN = 0.2
-"""How far a place inside a soft body may have moved beside what its surface there did, over its depth [-]."""
+"""Largest motion of a place inside a soft body relative to the surface there, over its depth [-]."""
 FARTHEST_M = 1e-3
 """A force that acts farther from a surface than this holds nothing, and no surface may lie deeper in a body [m]."""
 
 PULL = 0.2
 """Share of a force that may pull at the first body's faces: normals of two faces are not quite opposite [-]."""
 CONE, UNEVEN = 2.0, 0.1
-"""Triangles are flat where surfaces are curved: the friction that is allowed over that of the bodies, and the share by
-which forces may push less than that says [-]."""
+"""Tolerances for flat triangles on curved surfaces: factor on the friction of the bodies, and amount by which the
+normal share of forces may fall below that of the resulting cone [-]."""
 
 TINY = np.finfo(float).tiny
 
 
 def proven(model: Model, result: SettledModel) -> SettledModel:
-    """The outcome with its proof; one at rest that the surfaces do not bear out has found no equilibrium. UnstableStep
-    for a state that is not finite."""
+    """The outcome with its proof; a state of rest that the surfaces do not confirm becomes "no equilibrium found".
+    Raises UnstableStep for a state that is not finite."""
     require_finite(model, result)
     surfaces = [Mesh.of(end.vertices, body.faces) for end, body in zip(result.bodies, model.bodies, strict=True)]
     proof = contact_proof(model, surfaces, result.forces, largest_gap(result.certificate))
@@ -69,7 +69,7 @@ def smallest_area(model: Model, result: SettledModel) -> float | None:
 
 
 def require_finite(model: Model, result: SettledModel) -> None:
-    """UnstableStep that names the first thing in a final state that is not a number."""
+    """Raise UnstableStep that names the first quantity in a final state that is not finite."""
     for end in result.bodies:
         if not np.isfinite(end.vertices).all():
             raise UnstableStep(f"the surface of body {end.name!r} at the end is not finite")
@@ -81,14 +81,14 @@ def require_finite(model: Model, result: SettledModel) -> None:
 
 
 def largest_gap(certificate: Certificate) -> float:
-    """How far from a surface a force may act [m]: of mls more, as its cells are coarser."""
+    """Largest distance from a surface at which a force may act [m]: larger for mls, whose cells are coarser."""
     if certificate.cell_m is None:
         return LARGEST_GAP_M
     return min(CELL_SHARE * certificate.cell_m, LARGEST_MLS_GAP_M)
 
 
 def refutation(proof: ContactProof) -> str:
-    """Why a state is not at rest although nothing moves; empty where the proof holds."""
+    """Reason why a motionless state is not at rest; empty if the proof holds."""
     if not proof.gap_m.holds:
         gap, most = 1e3 * proof.gap_m.value, 1e3 * proof.gap_m.threshold
         return f"forces that hold it act {gap:.3g} mm off the surfaces (at most {most:.3g} mm)"
@@ -105,7 +105,7 @@ def refutation(proof: ContactProof) -> str:
 
 
 def contact_proof(model: Model, surfaces: Sequence[Mesh], forces: PointForces, largest_gap: float) -> ContactProof:
-    """Measure on the final surfaces, one for each body, where forces act, what they hold and where bodies overlap."""
+    """Measure on the final surfaces, one per body, where forces act, how much they hold, and where bodies overlap."""
     at = places(model, surfaces, forces, largest_gap)
     size = np.linalg.norm(forces.force, axis=1)
     touching = ~forces.bonded & (size > 0.0)
@@ -122,16 +122,16 @@ def contact_proof(model: Model, surfaces: Sequence[Mesh], forces: PointForces, l
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Places:
-    """Where k forces act on the surfaces of their two bodies: rows are those of `a`, then of `b`."""
+    """Places of k forces on the surfaces of their two bodies: rows are those of `a`, then of `b`."""
 
     distance: Array
-    """From the farther one of the two surfaces [m], shape (k,)."""
+    """Distance from the farther one of the two surfaces [m], shape (k,)."""
     allowed: Array
-    """How far that may be [m], shape (k,)."""
+    """Largest allowed distance [m], shape (k,)."""
     push: Array
     """The force on `a`, or on `b`, along the inward normal there [N], shape (2, k)."""
     start: Array
-    """Where the places were at the start, if they moved with the surface [m], shape (2, k, 3)."""
+    """Places at the start, assuming that they moved with the surface [m], shape (2, k, 3)."""
 
 
 def places(model: Model, surfaces: Sequence[Mesh], forces: PointForces, largest_gap: float) -> Places:
@@ -156,7 +156,7 @@ def places(model: Model, surfaces: Sequence[Mesh], forces: PointForces, largest_
 
 
 def pushing_points(model: Model, forces: PointForces, at: Places) -> NDArray[np.bool_]:
-    """Tell which forces push at the surfaces of their two bodies, shape (k,): in their sum inside the cone of friction
+    """Mask of the forces that push at the surfaces of both bodies, shape (k,): their sum lies inside the friction cones
     of both."""
     size = np.linalg.norm(forces.force, axis=1)
     ordered = np.column_stack([forces.a, forces.b])
@@ -172,7 +172,7 @@ def pushing_points(model: Model, forces: PointForces, at: Places) -> NDArray[np.
 
 
 def largest_gap_row(forces: PointForces, at: Places, largest_gap: float) -> CertificateRow:
-    """How far from a surface the forces between two bodies act, of the pair nearest to what is allowed."""
+    """Row for the distance of forces from the surfaces, for the pair of bodies nearest to its limit."""
     size = np.linalg.norm(forces.force, axis=1)
     pair = np.sort(np.column_stack([forces.a, forces.b]), axis=1)
     touching = ~forces.bonded & (size > 0.0)
@@ -187,7 +187,7 @@ def largest_gap_row(forces: PointForces, at: Places, largest_gap: float) -> Cert
 
 
 def started(body: Body, surface: Mesh, points: Array, near: Nearest) -> Array:
-    """Where places (k, 3) that move with the nearest triangle of a body were at the start [m]."""
+    """Start positions of places (k, 3) that move with the nearest triangle of a body [m]."""
     corners = body.faces[near.face]
     before, now = body.vertices[corners], surface.vertices[corners]
     off = points - np.einsum("kc,kci->ki", near.weight, now)
@@ -207,8 +207,8 @@ def frames(corner: Array) -> Array:
 def imbalances(
     model: Model, surfaces: Sequence[Mesh], forces: PointForces, valid: NDArray[np.bool_]
 ) -> Iterator[float]:
-    """Return the imbalance of each free body under valid forces [-]: force over its weight, or over what it carries
-    where that is more, and torque about its centre of mass over the same times half its size. Torque that rolling
+    """Return the imbalance of each free body under valid forces [-]: force over its weight, or over the carried load if
+    that is larger, and torque about its centre of mass over the same times half its size. Torque that rolling
     resistance may hold, the force times the largest lever of the surfaces, is not counted; nor is that of a soft body
     whose lever is within its bending, as its centre is known no better. A body without a valid force is not held at
     all."""

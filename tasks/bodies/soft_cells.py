@@ -2,17 +2,17 @@
 
 In: signed distances and boxes. Out: node planes. Cells are uniform per axis for free bodies, graded for supports.
 
-How fine the cells of a soft body must be where contacts are predicted, along each axis for itself.
+Cell sizes that a soft body needs where contacts are predicted, separately along each axis.
 
-A fifth of half the patch's width: across a line of contact fine, along it as coarse as it is long, and finer again
-where a long contact ends, since pressure falls to nothing there over about as much as it is wide.
+Cells are a fifth of half the patch's width: fine across a line of contact, coarse along it, and fine again where a long
+contact ends, since pressure falls to zero there over about its width.
 
-Cells through what is thin in a soft support: a cushion of one cell can neither bend nor be pressed together.
+Cells through thin parts of a soft support: a cushion of one cell can neither bend nor be compressed.
 
-In: the sampled distance of a solid and the planes that the contact asked for. Out: planes with enough cells through
-what is thin, where a budget allows them, and the places where it does not. Thickness is that of the material that a
-line along an axis passes at one stretch; rims and rounded edges are shorter than what they belong to, so that a low
-quantile counts, not the least.
+In: the sampled distance of a solid and the planes that the contact requires. Out: planes with enough cells through thin
+parts, as far as a budget allows, and the places where it does not. Thickness is the length of an uninterrupted stretch
+of material on a line along an axis; rims and rounded edges are shorter than the part that they belong to, so a low
+quantile counts, not the minimum.
 """
 
 from collections.abc import Callable, Sequence
@@ -34,20 +34,18 @@ Planes = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 THIN_SHARE = 0.2  # chords shorter than all but this share count as the thinnest: rims and tips are always shorter
 MOST_ASPECT = 3.0  # longest over shortest cell edge: beyond it trilinear cells lock
 COARSENING = 1.06  # factor per round when a grid exceeds its budget
-MOST_LOOKED_AT = 4_000_000  # cells of a grid that are looked at one by one: half a gigabyte while it lasts
+MOST_LOOKED_AT = 4_000_000  # cells of a grid that are checked one by one: half a gigabyte meanwhile
 PADDING = 2  # cells beyond the surface of a free body, so that its displacement extends past it
 CELLS_ACROSS = 5.0  # cells in half the width of a predicted contact
-CELLS_AT_ENDS = 2.0  # and in the shorter half width where a long contact ends: pressure falls over about as much
+CELLS_AT_ENDS = 2.0  # and in the shorter half width where a long contact ends: pressure falls over that length
 CELLS_AT_EDGES = 11.0  # and where it ends at an edge: a flat cylinder on a thin layer is 1.5 to 3 % short so
-MOST_FACTOR = 1e3  # on the wanted sizes: what is still over its budget then is so without any contact
+MOST_FACTOR = 1e3  # on the wanted sizes: a grid that is still over budget would be so without any contact
 GROWTH = 1.6  # ratio of neighbouring cells away from a contact
-THROUGH = 2.0  # cells through what bends, at least
+THROUGH = 2.0  # least number of cells through a part that bends
 ALLOWANCE = 1.25  # times the budget of the contact's cells, for thin parts too
 EASED = (1.0, 1.25, 1.5, 2.0, 3.0)  # factors on the wanted size of cells, tried in this order to meet the allowance
-MOST_PIECES = 4  # of an interval between two planes: a sliver must not spend what others need
-LEAST_SHARE = (
-    0.05  # of the lines through the solid that must pass a place: less is a rim or a knob, which bends nothing
-)
+MOST_PIECES = 4  # of an interval between two planes: a sliver must not use up the budget of other parts
+LEAST_SHARE = 0.05  # least share of the solid's lines through a place: below it is a rim or a knob, which does not bend
 MOST_LINES = 60  # lines across a solid along each of the two other axes
 NAMED = 0.95  # share of the wanted number of cells below which a part is named
 
@@ -60,7 +58,7 @@ class Cells:
     size: float
     """Cell size at the contact, or the smallest of a uniform grid [m]."""
     count: int
-    """Cells with material."""
+    """Number of cells with material."""
 
 
 def thickness(grid: DistanceGrid) -> NDArray[np.float64]:
@@ -99,7 +97,7 @@ def uniform_cells(
 
 
 def uniform_planes(bounds: NDArray[np.float64], cell: NDArray[np.float64]) -> Planes:
-    """Planes of uniform cells (3,) centred on a box, PADDING cells wider on each side."""
+    """Planes of uniform cells (3,) centred on a box, PADDING cells beyond it on each side."""
     planes = []
     for axis in range(3):
         low, high = bounds[:, axis]
@@ -110,8 +108,8 @@ def uniform_planes(bounds: NDArray[np.float64], cell: NDArray[np.float64]) -> Pl
 
 
 def occupied(planes: Planes, distance: Distance) -> int:
-    """Number of cells that may hold material: whose middle is inside or nearer to the surface than half their
-    diagonal; of a grid beyond all budgets the number of all cells, without looking at any.
+    """Number of cells that may hold material: their middle is inside, or nearer to the surface than half their
+    diagonal; for a grid far beyond any budget the number of all cells, without checking them.
     """
     total = int(np.prod([len(p) - 1 for p in planes], dtype=np.float64))
     if total > MOST_LOOKED_AT:
@@ -133,15 +131,15 @@ class WantedCells:
     """Largest cells along an axis in some intervals."""
 
     begin: Array
-    """[m], shape (k,)."""
+    """Lower end of each interval [m], shape (k,)."""
     end: Array
-    """[m], shape (k,)."""
+    """Upper end of each interval [m], shape (k,)."""
     size: Array
-    """[m], shape (k,)."""
+    """Largest cell in each interval [m], shape (k,)."""
 
     @classmethod
     def joined(cls, several: Sequence["WantedCells"]) -> "WantedCells":
-        """All of them."""
+        """The wanted cells of several contacts together."""
         nothing = np.zeros(0)
         return cls(
             np.concatenate([nothing, *(one.begin for one in several)]),
@@ -150,13 +148,13 @@ class WantedCells:
         )
 
     def resized(self, *, size: float | None = None, scale: float = 1.0, away: float = 0.0) -> "WantedCells":
-        """The same with a given size [m], that many times larger, and grown over a way `away` [m] to the body."""
+        """A copy with a new size [m], or sizes multiplied by `scale`, grown over a distance `away` [m] to the body."""
         asked = np.full(len(self.size), size) if size is not None else self.size
         return WantedCells(self.begin, self.end, scale * asked + np.log(GROWTH) * away)
 
 
 def wanted_in_plan(contact: PlanContact, axis: int) -> WantedCells:
-    """The cells that a contact asks for along x (0) or y (1)."""
+    """The cells that a contact needs along x (0) or y (1)."""
     place, half = contact.across(axis)
     step = 0.5 * contact.patch.spacing[axis]
     apart = np.diff(place) > 3.0 * step
@@ -171,13 +169,13 @@ def wanted_in_plan(contact: PlanContact, axis: int) -> WantedCells:
 
 def wanted_at_edges(contact: PlanContact, axis: int) -> WantedCells:
     """Return the cells that an accurate depth needs along x (0) or y (1) where the contact ends at an edge: a cell that
-    lies half under an edge gives way too little."""
+    is half under an edge deflects too little."""
     place, size = contact.edges(axis), contact.half_width / CELLS_AT_EDGES
     return WantedCells(place - size, place + size, np.full(len(place), size))
 
 
 def wanted_in_height(contact: PlanContact, low: float, high: float) -> WantedCells:
-    """The cells that it asks for along z, where it lies between two heights [m] on the body."""
+    """The cells that a contact needs along z if it lies between two heights [m] on the body."""
     half = contact.half_width
     return WantedCells(np.array([low - half]), np.array([high + half]), np.array([half / CELLS_ACROSS]))
 
@@ -185,8 +183,8 @@ def wanted_in_height(contact: PlanContact, low: float, high: float) -> WantedCel
 def cells_within(
     box: Array, wanted: Callable[[float], Sequence[WantedCells]], count: Callable[[Planes], int], budget: int | None
 ) -> tuple[Cells, float]:
-    """Cells over a box (2, 3) [m] as they are wanted along x, y and z, or larger by the least factor with which their
-    `count` meets a budget, if there is one; and that factor. `wanted` is asked with the factor."""
+    """Cells over a box (2, 3) [m] as wanted along x, y and z, or larger by the least factor with which their `count`
+    meets a budget, if one exists; and that factor. `wanted` takes the factor."""
     scale = 1.0
     while True:
         x, y, z = (
@@ -201,25 +199,25 @@ def cells_within(
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ThinProfile:
-    """How thick a solid is along one axis, at places along it."""
+    """Thickness of a solid along one axis, at places along it."""
 
     place: Array
     """Coordinates along the axis [m], shape (n,)."""
     thickness: Array
-    """Typical small thickness of what is there [m], inf where nothing is, shape (n,)."""
+    """Typical small thickness there [m], inf where nothing is, shape (n,)."""
     example: Array
-    """The middle of a stretch of that thickness [m], shape (n, 3)."""
+    """The middle of a stretch of material of that thickness [m], shape (n, 3)."""
 
 
 class Limit(StrEnum):
     """Reason why cells are coarser than something thin needs."""
 
     BUDGET = "budget"
-    """With more cells in all there would be enough."""
+    """A larger budget of cells would provide enough."""
     FINEST = "finest"
     """Cells are as fine as they may be."""
     PIECES = "pieces"
-    """A cell that the contact asks for is cut into MOST_PIECES already."""
+    """A cell of the contact is already cut into MOST_PIECES."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -229,15 +227,15 @@ class UnderResolved:
     cells: float
     """Cells through it [-]."""
     thickness: float
-    """[m]."""
+    """Thickness of the place [m]."""
     place: Array
     """A point in it [m], shape (3,)."""
     limit: Limit
-    """Why there are no more."""
+    """Reason why there are no more."""
 
 
 def thin_profile(grid: DistanceGrid, axis: int, region: Array) -> ThinProfile:
-    """The profile of a sampled solid along an axis, of what passes through the box `region` [m], shape (2, 3)."""
+    """The profile of a sampled solid along an axis, for material inside the box `region` [m], shape (2, 3)."""
     others = [a for a in range(3) if a != axis]
     first, last = (
         np.clip(np.round((corner - grid.origin) / grid.spacing).astype(int), 0, np.array(grid.values.shape) - 1)
@@ -250,7 +248,7 @@ def thin_profile(grid: DistanceGrid, axis: int, region: Array) -> ThinProfile:
     edge = np.diff(np.pad(inside, ((0, 0), (0, 0), (1, 1))).astype(np.int8), axis=2)
     (row, column, start), end = np.nonzero(edge == 1), np.nonzero(edge == -1)[2]
     count = grid.values.shape[axis]
-    length = np.where((start > 0) & (end < count), end - start, 2 * count)  # what is cut there goes on beyond
+    length = np.where((start > 0) & (end < count), end - start, 2 * count)  # cut material continues beyond
     thickness, example = np.full(count, np.inf), np.zeros((count, 3))
     least = max(1, int(LEAST_SHARE * len(np.unique(row * inside.shape[1] + column))))
     for index in range(first[axis], last[axis] + 1):
@@ -267,8 +265,8 @@ def thin_profile(grid: DistanceGrid, axis: int, region: Array) -> ThinProfile:
 def through_thin_parts(
     cells: Cells, grid: DistanceGrid, region: Array, budget: int, least: float
 ) -> tuple[Cells, list[UnderResolved]]:
-    """Cells with THROUGH of them through what is thin in a box [m], shape (2, 3), at least `least` [m] each and at most
-    ALLOWANCE times `budget` of them; and the places along each axis that stay thinner than that."""
+    """Cells with at least THROUGH of them through thin parts in a box [m], shape (2, 3), each at least `least` [m] and
+    at most ALLOWANCE times `budget` in all; and the places along each axis that still have fewer."""
     profiles = [thin_profile(grid, axis, region) for axis in range(3)]
     distance = sampler(grid)
     wanted = split_through(cells.planes, profiles, 1.0 / THROUGH, least)
@@ -293,7 +291,8 @@ def split_through(planes: Planes, profiles: list[ThinProfile], share: float, lea
 
 
 def split(planes: Array, profile: ThinProfile, share: float, least: float) -> Array:
-    """Planes whose intervals are at most `share` of the thickness of what they pass, but not finer than `least` [m]."""
+    """Planes whose intervals are at most `share` of the thickness of the material there, but not finer than `least`
+    [m]."""
     pieces = [planes[:1]]
     for low, high in pairwise(planes):
         wanted = max(share * thinnest(profile, low, high), least)
@@ -309,8 +308,8 @@ def thinnest(profile: ThinProfile, low: float, high: float) -> float:
 
 
 def too_thin(planes: Array, without_budget: Array, profile: ThinProfile, least: float) -> list[UnderResolved]:
-    """Where there are fewer cells through the thickness than are to be, and what keeps them from it: the budget if the
-    planes without it have enough."""
+    """Places with too few cells through the thickness, and the reason: the budget if the planes without a budget have
+    enough."""
     through = profile.thickness / interval_at(planes, profile.place)
     affordable = interval_at(without_budget, profile.place)
     return [
@@ -329,8 +328,8 @@ def interval_at(planes: Array, place: Array) -> Array:
 
 
 def limit_of(thickness: float, interval: float, least: float) -> Limit:
-    """Reason why something of a thickness has too few cells, where they are `interval` long with any budget
-    and may be no finer than `least` [m]."""
+    """Reason why a part of a thickness has too few cells, if they are `interval` long without a budget and may be no
+    finer than `least` [m]."""
     if thickness >= NAMED * THROUGH * interval:
         return Limit.BUDGET
     return Limit.FINEST if interval <= least * (1.0 + 1e-6) else Limit.PIECES

@@ -1,6 +1,6 @@
-"""The one translation of simulation bodies into the solver's model, for cases and placements alike.
+"""The only translation of simulation bodies into the solver's model, for cases and placements alike.
 
-Which nodes of a soft body's background grid are free: masks of those held by a clamp, a cut, a support or a core.
+Free nodes of a soft body's background grid: masks of the nodes held by a clamp, a cut, a support or a core.
 
 Masks are of shape (kx, ky, kz), for node planes along x, y and z of kx, ky and kz nodes.
 """
@@ -29,7 +29,7 @@ OVERHANG = 0.05  # beyond a part's own box its bottom still holds [m]: scans sho
 
 
 def solver_model(particles: Particles, gravity: Sequence[float], bonds: Sequence[tuple[str, str]] = ()) -> Model:
-    """The solver's model of all bodies under gravity [m/s^2]; raises ModelError for what it cannot simulate."""
+    """The solver's model of all bodies under gravity [m/s^2]; raises ModelError for bodies that it cannot simulate."""
     bodies = tuple(solver_body(body) for body in particles.bodies)
     return Model(bodies, np.array(gravity, dtype=np.float64), particles.friction_pairs, tuple(bonds))
 
@@ -60,14 +60,14 @@ def solver_body(body: SimulationBody) -> Body:
 
 
 def solver_layers(layers: LayeredPoints | None) -> Layers | None:
-    """The layers of material points as the solver has them."""
+    """The layers of material points in the solver's form."""
     if layers is None:
         return None
     return Layers(layers.youngs_modulus, layers.poisson_ratio, layers.shear_modulus, layers.normal)
 
 
 def grid_of(planes: Planes, *, held: Mask | None = None, core: Mask | None = None) -> BackgroundGrid:
-    """A grid with the state of its nodes; the core wins over what is held."""
+    """A grid with the state of its nodes; a node that is both held and in the core counts as core."""
     state = np.full(tuple(len(p) for p in planes), NodeState.FREE, dtype=np.int8)
     for mask, value in ((held, NodeState.HELD), (core, NodeState.CORE)):
         if mask is not None:
@@ -76,7 +76,7 @@ def grid_of(planes: Planes, *, held: Mask | None = None, core: Mask | None = Non
 
 
 def spacing_at(planes: Array) -> Array:
-    """Smaller of the two cells beside each node plane [m], shape (k,)."""
+    """Smaller of the two cells next to each node plane [m], shape (k,)."""
     gap = np.diff(planes)
     return np.asarray(np.minimum(np.append(gap, np.inf), np.insert(gap, 0, np.inf)))
 
@@ -95,7 +95,7 @@ def nodes_at_faces(planes: Planes, faces: Sequence[str], box: Array, rotation: A
 
 
 def nodes_at_cuts(planes: Planes, cut: Mask) -> Mask:
-    """Nodes of the grid's own sides (2, 2) = (low/high, x/y) that are cuts through the material."""
+    """Nodes on those sides of the grid, (2, 2) = (low/high, x/y), that are cuts through the material."""
     mask = np.zeros(tuple(len(p) for p in planes), dtype=bool)
     for axis in range(2):
         for side, end in ((0, 0), (1, -1)):
@@ -125,5 +125,5 @@ def nodes_within(planes: Planes, solid: Distance, distance: float) -> Mask:
 
 
 def node_positions(planes: Planes) -> Array:
-    """[m], shape (kx, ky, kz, 3)."""
+    """Positions of the nodes [m], shape (kx, ky, kz, 3)."""
     return nodes(planes).reshape(*(len(p) for p in planes), 3)

@@ -37,8 +37,8 @@ from tasks.case.solid import CaseSolid
 
 RIGID_CELLS = 25.0  # cells along the smallest side if nothing is soft: spacing of surface points
 CELLS_THROUGH = 4.0  # least cells through a body along each axis
-# and across layers: cells of constant slip see the parabola of n slices as one of (1 - 1 / n^2) of its second moment,
-# so a body that gives by slip alone is 1.5 % too stiff with eight and 6 % with four
+# and across layers: n cells of constant slip have (1 - 1 / n^2) of the parabola's second moment, so a body that deforms
+# by slip alone is 1.5 % too stiff with eight cells and 6 % with four
 CELLS_ACROSS_LAYERS = 8.0
 BUDGET = 30_000  # most cells of one soft body, unless a resolution was requested
 MOST_MARGIN = 0.02  # a signed distance reaches this far beyond the body [m], half its thickness for small ones
@@ -51,7 +51,7 @@ MOST_CELLS = 200_000  # most cells of one soft body; more would take longer than
 
 def case_particles(case: Case, folder: Path, resolution: float | None, ended: Case | None = None) -> Particles:
     """The simulation input of a case, with the smallest cell at a contact [m]; cells of fixed bodies are also fine at
-    the places where others `ended` on them before."""
+    the places where other bodies came to rest in `ended`."""
     solids, contacts = foreseen(case, folder)
     later = [] if ended is None else foreseen(ended, folder)[1]
     grids = [
@@ -83,10 +83,19 @@ def case_body(solid: CaseSolid, grid: Cells | None, finest: float, contacts: lis
         )  # fmt: skip
     loaded = (solid.body.rest_shape or ("loaded" if solid.fixed else "unloaded")) == "loaded"
     return SoftSimulationBody(
-        name=name, instance=name, fixed=solid.fixed, surface=surface, distance=distance, inertial=inertial,
-        friction=friction, velocity=velocity, angular_velocity=spin,
-        points=uniform_points(solid, planes, distance, inertial.mass), grid=clamped_grid(solid, planes), loaded=loaded,
-    )  # fmt: skip
+        name=name,
+        instance=name,
+        fixed=solid.fixed,
+        surface=surface,
+        distance=distance,
+        inertial=inertial,
+        friction=friction,
+        velocity=velocity,
+        angular_velocity=spin,
+        points=uniform_points(solid, planes, distance, inertial.mass),
+        grid=clamped_grid(solid, planes),
+        loaded=loaded,
+    )  # Number of cells between planes.
 
 
 def soft_grid(
@@ -149,14 +158,14 @@ def wanted_along(
 
 
 def cells_through(solid: CaseSolid) -> Array:
-    """Least cells through a body along x, y and z, shape (3,)."""
+    """Least number of cells through a body along x, y and z, shape (3,)."""
     if solid.material.layers is None:
         return np.full(3, CELLS_THROUGH)
     return CELLS_THROUGH + (CELLS_ACROSS_LAYERS - CELLS_THROUGH) * solid.layer_normal**2
 
 
 def bonded_group(solid: CaseSolid, solids: list[CaseSolid]) -> list[CaseSolid]:
-    """A body and those bonded to it, directly or through others."""
+    """A body and the bodies bonded to it, directly or through others."""
     group = [solid]
     for one in group:
         group += [s for s in solids if s.body.name in one.bonded and s not in group]
@@ -165,7 +174,7 @@ def bonded_group(solid: CaseSolid, solids: list[CaseSolid]) -> list[CaseSolid]:
 
 def sampled_distance(solid: CaseSolid, surface: Mesh, finest: float, contacts: list[PredictedContact]) -> DistanceGrid:
     """Return samples of the signed distance as fine as the contact needs, out to the reach of other bodies.
-    Interpolation between samples rounds sharp edges off, so a body that may be pressed on one has finer samples."""
+    Interpolation between samples rounds off sharp edges, so a body whose edges may be pressed on has finer samples."""
     distance, least = solid.distance(surface), min(0.5 * solid.smallest, MOST_MARGIN)
     longest = float(solid.extent.max()) + 2.0 * least
     spacing = max(min(finest / 2.5, solid.smallest / 24.0), longest / MOST_SAMPLES)
@@ -177,8 +186,8 @@ def sampled_distance(solid: CaseSolid, surface: Mesh, finest: float, contacts: l
 
 
 def touched_vertices(solid: CaseSolid, surface: Mesh, contacts: list[PredictedContact]) -> Array:
-    """Return vertices on which others may press [m], shape (n, 3): all of a moving body, else those at predicted
-    contacts."""
+    """Return the vertices on which other bodies may press [m], shape (n, 3): all of a moving body, else those at
+    predicted contacts."""
     if not solid.fixed:
         return surface.vertices
     boxes = [one.plan.boxes for one in contacts if solid.body.name in one.names]
@@ -186,7 +195,8 @@ def touched_vertices(solid: CaseSolid, surface: Mesh, contacts: list[PredictedCo
 
 
 def uniform_points(solid: CaseSolid, planes: Planes, distance: DistanceGrid, mass: float) -> MaterialPoints:
-    """Points of one material that weigh `mass` [kg], within the exact distance of a primitive, else the sampled one."""
+    """Points of one material that weigh `mass` [kg], inside the exact distance of a primitive, or the sampled distance
+    of a mesh."""
     m = solid.material
     inside: Distance = sampler(distance) if solid.primitive is None else solid.exact_distance
 
@@ -205,7 +215,7 @@ def uniform_points(solid: CaseSolid, planes: Planes, distance: DistanceGrid, mas
 
 
 def clamped_grid(solid: CaseSolid, planes: Planes) -> BackgroundGrid:
-    """The grid of a soft body, a fixed one's held at its clamped faces."""
+    """The grid of a soft body; a fixed body is held at its clamped faces."""
     if not solid.fixed:
         return grid_of(planes)
     faces = clamped_faces(solid.body.clamp)
@@ -220,5 +230,5 @@ def clamped_faces(clamp: str) -> list[str]:
 
 
 def _bonded_to(name: str, bonds: list[list[str]]) -> frozenset[str]:
-    """Names of the bodies bonded to one."""
+    """Names of the bodies bonded to a body."""
     return frozenset(one for bond in bonds if name in bond for one in bond if one != name)

@@ -1,12 +1,12 @@
 """Predicts the contacts between the bodies of a case.
 
-In: the solids at their start. Out: for every pair in which one may come to lie on the other, the patch of an elastic
-half-space under the gap between their true shapes. No shape is assumed.
+In: the solids at their start. Out: for every pair in which one body may come to lie on the other, the patch of an
+elastic half-space under the gap between their true shapes. No shape is assumed.
 
 `dcap drop --load-aware`: bodies of a case with an invisible deflection under the load become rigid.
 
 In: a checked case. Out: the same case with `model: rigid` where the predicted deflection is below a bound, and one
-sentence for each. Only bodies with `model: auto`; bodies requested as soft stay soft.
+sentence per changed body. Only bodies with `model: auto`; bodies requested as soft stay soft.
 """
 
 from dataclasses import dataclass
@@ -21,13 +21,13 @@ from tasks.bodies.plan_contact import Layer, PlanContact, plan_contact
 from tasks.case.file import Case
 from tasks.case.solid import CaseSolid
 
-MARCHES = 80  # steps of a point along gravity to the surface of a primitive
+MARCHES = 80  # steps of a ray along gravity to the surface of a primitive
 ON_SURFACE = 1e-7  # of the body's size: nearer counts as on it [-]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PredictedContact:
-    """One body on another."""
+    """Contact of one body on another."""
 
     upper: CaseSolid
     lower: CaseSolid
@@ -35,20 +35,21 @@ class PredictedContact:
 
     @property
     def names(self) -> set[str]:
-        """Of both bodies."""
+        """Names of both bodies."""
         return {self.upper.body.name, self.lower.body.name}
 
     def height_on(self, solid: CaseSolid) -> float:
-        """Height of the contact [m] for a body that touches there or is bonded to one that does: for the lower body and
-        those below it the point of first touch, else the underside of the upper one."""
+        """Height of the contact [m] for a body that touches there, or is bonded to a touching body: for the lower body
+        and those below it the point of first touch, else the underside of the upper body."""
         name = solid.body.name
         from_below = name == self.lower.body.name or (name != self.upper.body.name and higher(self.upper, solid))
         return self.plan.height if from_below else float(self.upper.low[2])
 
 
 def predicted_contacts(solids: list[CaseSolid], gravity: float) -> list[PredictedContact]:
-    """The contact of every pair that can press on each other and lies one above the other in plan, with anything soft
-    at or behind it. Contacts of bodies side by side are not predicted: cells there follow from other contacts."""
+    """The contacts of all pairs of bodies that can press on each other, lie one above the other in plan, and have a
+    soft body at or behind the contact. Contacts of bodies side by side are not predicted: cells there follow from other
+    contacts."""
     found = []
     for i, one in enumerate(solids):
         for two in one.may_touch(solids[i + 1 :]):
@@ -63,7 +64,7 @@ def predicted_contacts(solids: list[CaseSolid], gravity: float) -> list[Predicte
 def predicted_contact(
     upper: CaseSolid, lower: CaseSolid, solids: list[CaseSolid], gravity: float
 ) -> PredictedContact | None:
-    """Contact of a body on the one beneath it; None if it would fall past it, or nothing there is soft."""
+    """Contact of a body on the body beneath it; None if it would fall past that body, or nothing there is soft."""
     stacks = layers(upper, solids, 1.0), layers(lower, solids, -1.0)
     box = np.stack([np.maximum(upper.low, lower.low), np.minimum(upper.high, lower.high)])[:, :2]
     load = gravity * carried_mass(upper, lower, solids)
@@ -79,19 +80,19 @@ def predicted_contact(
 
 
 def higher(one: CaseSolid, two: CaseSolid) -> bool:
-    """Whether the middle of a body's box lies above that of another's."""
+    """Return whether the middle of one body's box lies above the middle of the other's."""
     return bool(one.low[2] + one.high[2] > two.low[2] + two.high[2])
 
 
 def covered(lower: CaseSolid, upper: CaseSolid, solids: list[CaseSolid]) -> bool:
-    """Whether bodies bonded to a body's top keep another from reaching it."""
+    """Return whether bodies bonded to a body's top keep another body from reaching it."""
     between = [s for s in solids if s.body.name in lower.bonded and higher(s, lower) and higher(upper, s)]
     return any((s.low[:2] <= lower.low[:2]).all() and (s.high[:2] >= lower.high[:2]).all() for s in between)
 
 
 def carried_mass(upper: CaseSolid, lower: CaseSolid, solids: list[CaseSolid]) -> float:
-    """Mass [kg] that comes down on `lower` through `upper`: its own, and that of bodies on it; if the upper one is
-    fixed, that of the lower one, which presses against it."""
+    """Mass [kg] that comes down on `lower` through `upper`: its own and that of the bodies on it; if the upper body is
+    fixed, the mass of the lower body, which presses against it."""
     if upper.fixed:
         return lower.mass
     carried, new = [upper], [upper]
@@ -103,14 +104,14 @@ def carried_mass(upper: CaseSolid, lower: CaseSolid, solids: list[CaseSolid]) ->
 
 
 def above(one: CaseSolid, two: CaseSolid) -> bool:
-    """Whether a body starts over another: their boxes overlap in plan."""
+    """Return whether a body starts over another: their boxes overlap in plan."""
     apart = (one.low[:2] >= two.high[:2]) | (one.high[:2] <= two.low[:2])
     return not apart.any() and higher(one, two)
 
 
 def heights(solid: CaseSolid, plan: Array, side: float) -> Array:
     """Height [m] at which a vertical line through each point (n, 2) enters a body from below (`side` 1) or from above
-    (-1), shape (n,); nan where it misses."""
+    (-1), shape (n,); nan where it misses the body."""
     begin = solid.low[2] if side > 0.0 else solid.high[2]
     size = float(np.linalg.norm(solid.extent))
     if solid.primitive is None:
@@ -126,7 +127,7 @@ def heights(solid: CaseSolid, plan: Array, side: float) -> Array:
 
 
 def layers(solid: CaseSolid, solids: list[CaseSolid], side: float) -> list[Layer]:
-    """Layers of a body and of those bonded to it further from the contact: below it (`side` -1) or above (1)."""
+    """Layers of a body and of the bodies bonded to it farther from the contact: below it (`side` -1) or above (1)."""
     found, one = [], solid
     while True:
         found.append((float(one.extent[2]), one.compliance))
@@ -139,11 +140,11 @@ def layers(solid: CaseSolid, solids: list[CaseSolid], side: float) -> list[Layer
 
 
 def load_aware(case: Case, folder: Path, invisible: float) -> tuple[Case, list[str]]:
-    """Make bodies rigid that give less than `invisible` [m] under the weight of all free bodies together.
+    """Make bodies rigid that deflect less than `invisible` [m] under the weight of all free bodies together.
 
-    Hertz's indentation by the smallest curvature there is, and bending as a bar clamped at one end, unless the body is
-    clamped at its bottom: then a bar as high as it is. Without a free body or gravity there is no load to predict from
-    and nothing is changed.
+    The deflection is Hertz's indentation for the smallest radius, plus bending of a bar clamped at one end, or, if the
+    body is clamped at its bottom, of a bar of the body's height. Without a free body or gravity there is no load to
+    predict from and nothing is changed.
     """
     solids = [CaseSolid(body, folder) for body in case.bodies]
     weight = float(np.linalg.norm(case.gravity)) * sum(s.mass for s in solids if not s.fixed)

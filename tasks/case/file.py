@@ -55,7 +55,7 @@ class CapsuleShape(BaseModel, **Strict):
 
 
 class CaseShape(BaseModel, **Strict):
-    """Exactly one of the five."""
+    """Exactly one of the five shapes."""
 
     box: BoxShape | None = None
     sphere: SphereShape | None = None
@@ -72,7 +72,7 @@ class CaseShape(BaseModel, **Strict):
 
 
 class CaseLayers(BaseModel, **Strict):
-    """Further constants of a layered material; its own modulus and Poisson ratio are then those across the layers."""
+    """Further constants of a layered material; its modulus and Poisson ratio are then those across the layers."""
 
     youngs_modulus: float
     poisson_ratio: float
@@ -81,7 +81,7 @@ class CaseLayers(BaseModel, **Strict):
 
     @property
     def constants(self) -> LayerConstants:
-        """All but the normal."""
+        """All constants but the normal."""
         return LayerConstants(self.youngs_modulus, self.poisson_ratio, self.shear_modulus)
 
     @model_validator(mode="after")
@@ -104,7 +104,7 @@ class CaseMaterial(BaseModel, **Strict):
 
     @property
     def problem(self) -> str:
-        """Description of a value for which some strain costs no energy; empty if none does."""
+        """Description of a value for which some strain would cost no energy; empty if there is none."""
         if self.layers is not None:
             return self.layers.constants.problem(self.youngs_modulus, self.poisson_ratio)
         inside = -1.0 < self.poisson_ratio < 0.5
@@ -112,7 +112,7 @@ class CaseMaterial(BaseModel, **Strict):
 
     @property
     def friction(self) -> ContactFriction:
-        """Its contribution to a contact's friction."""
+        """Contribution of the material to a contact's friction."""
         return ContactFriction(self.static_friction, self.dynamic_friction, self.rolling_resistance)
 
 
@@ -184,12 +184,12 @@ def read_case(path: Path) -> Case:
 
 
 def checked_case(document: Mapping[str, object], path: str) -> Case:
-    """The case of a tree of keys and values; raises InputError with `path`, where it comes from, key and value."""
+    """The case of a tree of keys and values; raises InputError with `path`, the origin of the tree, key and value."""
     try:
         case = Case.model_validate(document)
     except ValidationError as error:
         raise InputError(f"{path}: {_first_complaint(error)}") from error
-    for where in truth_values(document):  # the tree is known to be finite now: an alias may hold itself
+    for where in truth_values(document):  # now the tree is known to be finite: an alias may contain itself
         if where != "inertia":
             raise InputError(f"{path}: {where}: true and false are not numbers")
     names = [b.name for b in case.bodies]
@@ -214,7 +214,7 @@ def checked_case(document: Mapping[str, object], path: str) -> Case:
 
 
 def truth_values(tree: object, where: str = "") -> Iterator[str]:
-    """Places of true and false in a tree, keys joined by dots: pydantic takes them for 1 and 0."""
+    """Places of true and false in a tree, keys joined by dots: pydantic would read them as 1 and 0."""
     if isinstance(tree, bool):
         yield where
     items = tree.items() if isinstance(tree, Mapping) else enumerate(tree) if isinstance(tree, list | tuple) else ()
@@ -260,12 +260,12 @@ def layers_of(row: LayerConstants | None) -> CaseLayers | None:
 
 
 def is_rigid(body: CaseBody, material: CaseMaterial) -> bool:
-    """Whether the body is simulated as rigid."""
+    """Return whether the body is simulated as rigid."""
     return body.model == "rigid" or (body.model == "auto" and material.youngs_modulus > RIGID_ABOVE)
 
 
 def primitive_of(shape: CaseShape) -> Primitive | None:
-    """The primitive of a shape, None for a mesh."""
+    """The primitive of a shape; None for a mesh."""
     if shape.box:
         return Box(np.asarray(shape.box.size, dtype=np.float64))
     if shape.sphere:

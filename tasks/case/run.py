@@ -1,9 +1,9 @@
-"""`dcap drop`: a physics case from a YAML file to `result.json`, one PLY per body at rest and `history.parquet`.
+"""`dcap drop`: from a physics case in a YAML file to `result.json`, one PLY per body at rest and `history.parquet`.
 
 A second drop of a case whose bodies came to rest on a soft body outside the predicted contact.
 
-In: the case and its rest state. Out: the rest state of a drop from the same start with cells of fixed bodies that are
-fine at both places, or a note why the first one stays.
+In: the case and its rest state. Out: the rest state of a second drop from the same start, with cells of fixed bodies
+that are fine at both places, or a note that explains why the first result is kept.
 """
 
 import json
@@ -40,11 +40,12 @@ from tasks.case.contacts import load_aware as stiffened
 from tasks.case.file import Case, checked_case, read_case
 
 FORESEEN = 0.5
-"""Least share of a body's contact inside the predicted patch; else its place is resolved too [-]."""
+"""Least share of a body's contact inside the predicted patch; below it, the actual place is resolved too [-]."""
 
 
 def elsewhere(case: Case, folder: Path, result: SettledModel) -> bool:
-    """Whether a body rests on a fixed soft one with less than half of its contact on cells that are fine for it."""
+    """Return whether a body rests on a fixed soft body with less than half of its contact on cells that are fine
+    enough."""
     if result.verdict is not Verdict.AT_REST:
         return False
     solids, contacts = foreseen(case, folder)
@@ -65,7 +66,7 @@ def elsewhere(case: Case, folder: Path, result: SettledModel) -> bool:
 def dropped_again(
     case: Case, folder: Path, first: SettledModel, settle: Callable[[Model], SettledModel]
 ) -> tuple[tuple[Particles, Model, SettledModel] | None, str]:
-    """The second drop, None if it does not end at rest, and a note."""
+    """The second drop, or None if it does not end at rest, and a note."""
     rolled = "bodies came to rest outside the predicted contact"
     try:
         particles = case_particles(case, folder, None, as_ended(case, first))
@@ -102,9 +103,9 @@ def run_case(
     settings: Mapping[str, object] | None = None,
     quiet: bool = False,
 ) -> JsonObject:
-    """Read, simulate and write a case, from a file or given as the tree of one; returns the content of result.json.
+    """Read, simulate and write a case, from a file or from a tree of its keys; returns the content of result.json.
 
-    `settings` are further ones of the solver; the options and the case's own settings win over them.
+    `settings` are further settings of the solver; the options and the case's own settings take precedence.
     """
     path = given if isinstance(given, Path) else Path("case")  # a tree's meshes are relative to the working directory
     case = read_case(given) if isinstance(given, Path) else checked_case(given, str(path))
@@ -167,7 +168,7 @@ def _progress(step: int, seconds: float, signals: Signals) -> None:
 
 
 def _broken(error: UnstableStep, bodies: Sequence[Body], cell: float, notes: list[str]) -> JsonObject:
-    """result.json of a drop without a reliable last state, without times."""
+    """result.json of a drop without a reliable last state; without times."""
     return {
         "verdict": "unstable_step", "bodies": {body.name: None for body in bodies}, "contacts": [], "residual": None,
         "resolution": cell, "simulated_s": None, "relaxation_steps": None, "steps": None, "particles": None,
@@ -176,7 +177,7 @@ def _broken(error: UnstableStep, bodies: Sequence[Body], cell: float, notes: lis
 
 
 def summarise(case: Case, bodies: Sequence[Body], result: SettledModel, cell: float) -> JsonObject:
-    """result.json without times."""
+    """result.json, without times."""
     described: JsonObject = {}
     for given, body, rest in zip(case.bodies, bodies, result.bodies, strict=True):
         start = Rotation.from_quat(np.roll(given.quaternion, -1))
@@ -207,9 +208,9 @@ def summarise(case: Case, bodies: Sequence[Body], result: SettledModel, cell: fl
 def write_case(
     out: Path, summary: Mapping[str, JsonValue], bodies: Sequence[Body], result: SettledModel | None
 ) -> None:
-    """Write the files as drafts and move them in, result.json last: once it is there, everything is.
+    """Write the files as drafts and move them in, result.json last: once it is there, the result is complete.
 
-    Files of an earlier result are replaced or removed; whatever else lies in the folder stays.
+    Files of an earlier result are replaced or removed; other files in the folder stay.
     """
     with draft_folder(out) as draft:
         if result is not None:
@@ -225,12 +226,12 @@ def write_case(
 
 
 def history_table(history: History) -> pa.Table:
-    """A column per signal, a row per step."""
+    """A table with a column per signal and a row per step."""
     return pa.table({one.name: pa.array(getattr(history, one.name)) for one in fields(history)})
 
 
 def _files_of(out: Path) -> list[str]:
-    """PLY files that an earlier result.json in the folder speaks of."""
+    """PLY files that an earlier result.json in the folder mentions."""
     try:
         bodies = json.loads((out / "result.json").read_bytes())["bodies"]
         return [f"{name}.ply" for name in bodies if Path(name).name == name]

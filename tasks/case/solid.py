@@ -1,4 +1,4 @@
-"""The solid of one body of a case: its placed shape, its mass, and its contacts with others."""
+"""The solid of one body of a case: its placed shape, its mass, and its contacts with other bodies."""
 
 from pathlib import Path
 
@@ -26,7 +26,7 @@ OUTLINE_EDGES = 8.0  # edges in half a primitive where only its outline matters
 
 
 class CaseSolid:
-    """One body of a case between its description and the simulated body."""
+    """One body of a case, as an intermediate step between its description and the simulated body."""
 
     def __init__(self, body: CaseBody, folder: Path, bonded: frozenset[str] = frozenset()) -> None:
         self.body = body
@@ -40,7 +40,7 @@ class CaseSolid:
         self.primitive = primitive_of(body.shape)
         self.given: Mesh | None = None
         self.repairs: tuple[str, ...] = ()
-        """One sentence for each repair that made its mesh the border of a solid."""
+        """One sentence for each repair that turned its mesh into the border of a solid."""
         if self.primitive is None:
             self.given, self.repairs = given_solid(folder, body)
         if isinstance(self.primitive, Capsule):
@@ -63,7 +63,7 @@ class CaseSolid:
         return self.given
 
     def placed(self, points: Array) -> Array:
-        """Local points in the world."""
+        """Local points in world coordinates."""
         return np.asarray(points @ self.rotation.T + self.position)
 
     @property
@@ -76,7 +76,7 @@ class CaseSolid:
 
     @property
     def box(self) -> Array:
-        """Its box in the world [m], shape (2, 3)."""
+        """Its bounding box in the world [m], shape (2, 3)."""
         return np.stack([self.low, self.high])
 
     @property
@@ -91,14 +91,14 @@ class CaseSolid:
 
     @property
     def local_box(self) -> Array:
-        """Its box in its own frame [m], shape (2, 3)."""
+        """Its bounding box in its own frame [m], shape (2, 3)."""
         if self.primitive is not None:
             return np.stack([-self.primitive.half_extents, self.primitive.half_extents])
         return self._given().bounds
 
     @property
     def mass(self) -> float:
-        """[kg]."""
+        """Mass of the body [kg]."""
         if self.body.mass is not None:
             return self.body.mass
         volume = self.primitive.volume if self.primitive else mass_properties(self._given(), 1.0)[0]
@@ -111,7 +111,7 @@ class CaseSolid:
         return 0.0 if self.rigid else (1.0 - m.poisson_ratio**2) / m.youngs_modulus
 
     def inertial(self) -> InertialProperties:
-        """Of a solid of uniform density."""
+        """Mass properties of a solid of uniform density."""
         if self.primitive is not None:
             inertia = self.rotation @ np.diag(self.primitive.inertia_per_mass * self.mass) @ self.rotation.T
             return InertialProperties(self.mass, self.position, inertia)
@@ -120,9 +120,9 @@ class CaseSolid:
         return InertialProperties(self.mass, self.placed(unit.center_of_mass[None])[0], inertia)
 
     def surface(self, planes: Planes | None, cell: float) -> Mesh:
-        """Its surface, as fine as the cells [m], on a soft body twice as fine: a box has points on the planes of its
-        grid, so that a contact presses on every node under it, and between them, so that a rim counts at its true
-        position."""
+        """Its surface with faces as fine as the cells [m], on a soft body twice as fine: a box has points on the planes
+        of its grid, so that a contact presses on every node under it, and between the planes, so that a rim counts at
+        its true position."""
         if isinstance(self.primitive, Box) and planes is not None and np.allclose(self.rotation, np.eye(3)):
             halved = [np.sort(np.concatenate([p, 0.5 * (p[1:] + p[:-1])])) for p in planes]
             local = self.primitive.surface_on([p - c for p, c in zip(halved, self.position, strict=True)])
@@ -134,7 +134,7 @@ class CaseSolid:
         return Mesh.of(self.placed(local.vertices), local.faces)
 
     def distance(self, surface: Mesh) -> Distance:
-        """Signed distance in the world: exact for a primitive, else to its surface there."""
+        """Signed distance in the world: exact for a primitive, otherwise to the surface there."""
         return MeshDistance(surface) if self.primitive is None else self.exact_distance
 
     def exact_distance(self, points: Array) -> Array:
@@ -143,13 +143,13 @@ class CaseSolid:
         return self.primitive.distance((points - self.position) @ self.rotation)
 
     def curvature_radius(self) -> float:
-        """Radius that represents the body's underside [m]: its own if round, else half its footprint."""
+        """Radius that represents the body's underside [m]: its own if it is round, else half its footprint."""
         if isinstance(self.primitive, Capsule):
             return self.primitive.radius
         return 0.5 * float(self.extent[:2].min())
 
     def may_touch(self, solids: "list[CaseSolid]") -> "list[CaseSolid]":
-        """The bodies that it can press on: not itself, not both fixed, not bonded to each other."""
+        """The bodies on which it can press: not itself, not both fixed, not bonded to each other."""
         return [
             other
             for other in solids
@@ -160,7 +160,7 @@ class CaseSolid:
 def given_solid(folder: Path, body: CaseBody) -> tuple[Mesh, tuple[str, ...]]:
     """The mesh of a body as the border of one solid, in metres, and its repairs.
 
-    No axis or unit is changed. InputError names the key if the file cannot be read or is not the border of a solid.
+    Axes and units are unchanged. InputError names the key if the file cannot be read or is not the border of a solid.
     """
     try:
         mesh = read_scan(folder / str(body.shape.mesh), SourceOptions(up="z", unit="m"), Role.SCENE).mesh

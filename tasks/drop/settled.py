@@ -18,7 +18,7 @@ from dcap.scene.types.settled import PoseCheck, Settled, SettledBody
 from solver.result import RestBody, SettledModel
 
 ON_END = ("standing", "upright", "leaning")
-"""Poses of flat and long things that lie down if they are not met."""
+"""Poses that flat and long things lose by lying down."""
 NOT_KNOWN = "the direction that it should face is unknown"
 LEVEL = 0.3  # horizontal part of a unit vector below which it looks up or down [-]
 UPRIGHT = np.cos(np.pi / 4.0)  # angle to the vertical below which a direction is up or down
@@ -44,7 +44,7 @@ def settled_of(particles: Particles, result: SettledModel) -> Settled:
 
 
 def quaternion(rotation: Array) -> Array:
-    """(w, x, y, z) of a rotation matrix, w >= 0."""
+    """Quaternion (w, x, y, z) of a rotation matrix, w >= 0."""
     return np.asarray(Rotation.from_matrix(rotation).as_quat(canonical=True, scalar_first=True))
 
 
@@ -106,7 +106,7 @@ def pose_row(asked: AskedPose, before: Array, after: Array, bound: float) -> Pos
 
 
 def angle_off(looks: Array, ahead: Array) -> float:
-    """Angle between the direction it faces and a horizontal one, seen from above unless it faces up or down [rad]."""
+    """Angle between its facing and a horizontal direction, seen from above unless it faces up or down [rad]."""
     flat = looks * (1.0, 1.0, 0.0)
     length = float(np.linalg.norm(flat))
     way = flat / length if length > LEVEL else looks
@@ -119,7 +119,7 @@ def tilt(direction: Array) -> float:
 
 
 def pose_name(up: Array, front: Array) -> str:
-    """Name of the pose in which a thing's own upright axis and front have these directions in the world."""
+    """Name of the pose in which a thing's upright axis and front have these directions in the world."""
     if abs(up[2]) > UPRIGHT:
         return "upright" if up[2] > 0.0 else "upside_down"
     left = np.cross(up, front)
@@ -129,7 +129,7 @@ def pose_name(up: Array, front: Array) -> str:
 
 
 def pose_warnings(rows: tuple[PoseCheck, ...]) -> tuple[str, ...]:
-    """A line for each row that is not met or in doubt."""
+    """A line for each row that is not met or is in doubt."""
     lines = []
     for row in rows:
         what = row.asked.replace("_", " ")

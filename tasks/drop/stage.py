@@ -34,9 +34,9 @@ from tasks.drop.settled import pose_checks, pose_warnings, settled_of
 LOG = logging.getLogger(__name__)
 
 PART = "part:"
-FOOT = 0.25  # share of a leaning object's height above which contact is with the thing that it leans on [-]
+FOOT = 0.25  # share of a leaning object's height above which contacts are with the thing that it leans on [-]
 REPORTED = 10  # steps between two lines of progress
-LEAST_PARTICLES = 3.0  # through a layer or a soft object; the paper asks for three to five
+LEAST_PARTICLES = 3.0  # through a layer or a soft object; the paper requires three to five
 PER_CELL = 2.0  # particles through a cell
 
 
@@ -71,11 +71,11 @@ def drop(particles: Particles, anchor: Anchor, intent: Intent, seed: int, config
         refuse_coarse_layers(particles)
     try:
         result = proven(model, settle(model, solver, _progress))
-    except ArchError as error:  # a run from a machine with a graphics card, repeated on one without
+    except ArchError as error:  # a run from a machine with a graphics card, repeated on a machine without
         raise InputError(f"arch {error}") from error
     except UnstableStep as error:
         return Infeasible(Reason.UNSTABLE_STEP, str(error), None)
-    except ModelError as error:  # bodies that the solver cannot take, such as parts thinner than its cells
+    except ModelError as error:  # bodies that the solver cannot simulate, such as parts thinner than its cells
         raise GeometryError(str(error)) from error
     settled = settled_of(particles, result)
     settled = with_checks(replace(settled, warnings=settled.warnings + told), particles, anchor, intent, config)
@@ -88,7 +88,7 @@ def drop(particles: Particles, anchor: Anchor, intent: Intent, seed: int, config
 
 
 def able(model: Model, config: SolverConfig) -> tuple[SolverConfig, tuple[str, ...]]:
-    """The configuration, with tl if mls has no material to simulate, and a note on it."""
+    """The configuration, switched to tl if mls has no material to simulate, and a note on the switch."""
     if config.method != "mls" or model.soft_bodies:
         return config, ()
     instead = Caution(Cause.NOT_MET, "solver mls: everything is rigid, so that tl settled it")
@@ -144,9 +144,10 @@ def indentation(settled: Settled, particles: Particles, base_id: str) -> float:
 
 
 def points_on(settled: Settled, particles: Particles, soft: str) -> Array:
-    """Points (k, 3) at which the object lies on a soft body [m]; none if it lies on something else.
+    """Points (k, 3) at which the object lies on a soft body [m]; empty if it lies on something else.
 
-    For an object that hops, and touches nothing at this moment, its point nearest to the others before the drop.
+    For an object that bounces and touches nothing at the moment: its point that was nearest to the others before the
+    drop.
     """
     nothing = np.zeros((0, 3))
     if len(settled.contact_points):
@@ -160,7 +161,7 @@ def points_on(settled: Settled, particles: Particles, soft: str) -> Array:
 
 
 def lies_on(settled: Settled, soft: str) -> bool:
-    """Whether most of the force on the object is by a soft body."""
+    """Return whether a soft body exerts most of the force on the object."""
     own = settled.bodies[0].name
     rows = [row for row in settled.contacts if own in (row.a, row.b)]
     force = sum(row.normal_force_n for row in rows)
@@ -200,8 +201,9 @@ def lean_of(settled: Settled, particles: Particles, anchor: Anchor, config: Drop
 
 
 def held_share(settled: Settled, particles: Particles, anchor: Anchor) -> float:
-    """Normal force between the object and the thing that it leans on over all normal force on it [-]; for a part of the
-    base, whose contact is one with the foot's, the share of the contact's points that are not at the foot."""
+    """Normal force between the object and the thing that it leans on over the total normal force on it [-]; if that
+    thing is a part of the base, which also carries the foot, the share of the contact points that are not at the
+    foot."""
     assert anchor.lean is not None
     own, on = particles.bodies[0].name, anchor.lean.on
     if on.startswith(PART):
@@ -231,7 +233,8 @@ def judge(settled: Settled, anchor: Anchor) -> Settled | Infeasible:
 
 
 def toppling(settled: Settled, intent: Intent) -> Infeasible | None:
-    """Infeasible if the object has tilted away from a requested pose, or turned away from a requested facing."""
+    """Infeasible if the object has tilted away from a requested pose, or turned away from a requested facing; else
+    None."""
     checks = checks_of(settled)
     asked = intent.orientation.facing if intent.orientation.pose == "any" else intent.orientation.pose
     lean = None if checks.lean is None else checks.lean.change_rad
@@ -248,7 +251,7 @@ def toppling(settled: Settled, intent: Intent) -> Infeasible | None:
 
 
 def carried_share(settled: Settled, particles: Particles, base_id: str) -> float:
-    """Normal force between the object and the base's bodies over all normal force on the object [-]."""
+    """Normal force between the object and the base's bodies over the total normal force on the object [-]."""
     own = particles.bodies[0].name
     of_base = {b.name for b in particles.bodies if b.instance == base_id}
     total = on_base = 0.0
@@ -261,9 +264,9 @@ def carried_share(settled: Settled, particles: Particles, base_id: str) -> float
 
 
 def tilt_of(quaternion_wxyz: Array, world_from_object: Array) -> float:
-    """Change [rad] of the angle between the object's own upward axis and the vertical.
+    """Change [rad] of the angle between the object's upright axis and the vertical.
 
-    A turn about the vertical, or of a lying object about its own axis, is not tilting.
+    A turn about the vertical, or of a lying object about its own axis, does not count as tilting.
     """
     up = world_from_object[:3, 2] / np.linalg.norm(world_from_object[:3, 2])
     after = Rotation.from_quat(quaternion_wxyz, scalar_first=True).apply(up)
@@ -272,13 +275,13 @@ def tilt_of(quaternion_wxyz: Array, world_from_object: Array) -> float:
 
 
 def turn_of(quaternion_wxyz: Array) -> float:
-    """Angle [rad] of the turn about the vertical that is part of a rotation (its twist)."""
+    """Angle [rad] of the turn about the vertical contained in a rotation (its twist)."""
     w, _, _, z = quaternion_wxyz
     return float(2.0 * np.arctan2(abs(z), abs(w)))
 
 
 def left_by(settled: Settled, particles: Particles) -> str:
-    """The free body that touches nothing any more: the object, or an earlier placed thing."""
+    """The free body that no longer touches anything: the object, or a thing placed earlier."""
     touching = {name for row in settled.contacts for name in (row.a, row.b)}
     loose = [body.name for body in particles.bodies if not body.fixed and body.name not in touching]
     own = particles.bodies[0].name
@@ -317,8 +320,8 @@ drop_task = stage(drop, process=True, simulates=True)
 
 
 def refuse_coarse_layers(particles: Particles) -> None:
-    """GeometryError with what it would take where a soft object, or a layer under the contact, has too few particles
-    through it."""
+    """Raise GeometryError, with the remedy, if a soft object or a layer under the contact has too few particles through
+    it."""
     for body in particles.bodies:
         if not isinstance(body, SoftSimulationBody):
             continue
@@ -339,7 +342,7 @@ def refuse_coarse_layers(particles: Particles) -> None:
 
 
 def refuse_few(through: float, where: str, thickness: float, setting: str) -> None:
-    """GeometryError for too few particles through something of a thickness [m]."""
+    """Raise GeometryError if there are too few particles through a thickness [m]."""
     if through < LEAST_PARTICLES:
         raise GeometryError(
             f"solver mls: {through:.1f} particles through {where} ({1e3 * thickness:.3g} mm thick), and explicit steps "

@@ -5,10 +5,10 @@ In: the segmented scene and object, the anchor, the materials, the simulated bod
 
 The scene as exported fixed bodies: near the object its settled surface, farther away convex pieces.
 
-Near the object, in a box around it, only what the drop simulated collides: each surface as triangles and prisms under
-them, dents and all. Everything else is kept out of that box: closed things in reach are decomposed, open ones (scans)
-and walls, floor and ceiling are prisms behind their faces, because a hull would fill them; farther things are one hull
-per part.
+Near the object, in a box around it, only the simulated bodies of the drop collide: each surface as triangles and prisms
+under them, dents included. Everything else is kept out of that box: closed things in reach are decomposed, open
+surfaces (scans) and walls, floor and ceiling become prisms behind their faces, because a hull would fill them; farther
+things are one hull per part.
 
 The object as an exported rigid body: its frame, its visible mesh, its convex pieces and its inertia at rest.
 """
@@ -52,17 +52,17 @@ LEAST_DISTANCE = 1e-6  # least distance of a point from its neighbours in such w
 MARGIN, LEAST_MARGIN, MOST_MARGIN = 0.3, 0.03, 0.1
 """Margin of the box around the object on each side: over its larger side [-], and its least and largest value [m]."""
 ROOM = 0.01
-"""Distance of things that were not simulated from the object's own box [m], as they were not in the drop's way."""
+"""Distance that things outside the simulation keep from the object's box [m], as they did not obstruct the drop."""
 REACH = 0.5
 """Distance to the object within which things are decomposed [m]."""
 COARSE, COARSE_BUDGETS, COARSE_DEPTH = 0.01, (1000, 300, 100), 0.05
-"""Walls and floors: tolerance [m], faces of each, depth of their prisms [m]."""
+"""For walls and floors: tolerance [m], face budgets, depth of their prisms [m]."""
 SHELL, SHELL_BUDGETS = 0.005, (1000, 500, 250)
-"""Open surfaces in reach, most of them scanned: tolerance [m], faces of each, depth of their prisms [m]."""
+"""For open surfaces in reach, most of them scanned: tolerance [m], face budgets."""
 UNASSIGNED = "unassigned"
 TOUCHING = 0.02
-"""Distance between boxes at rest within which shapes have the friction of their pair, if the piece's is not the main
-one [m]."""
+"""Distance between boxes at rest within which shapes get the friction of their pair, if it differs from the piece's
+main friction [m]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -70,13 +70,13 @@ class BodyFrame:
     """The frame of a body in the world."""
 
     rotation: Array
-    """Shape (3, 3)."""
+    """Rotation matrix, shape (3, 3)."""
     position: Array
-    """[m], shape (3,)."""
+    """Position of the origin [m], shape (3,)."""
 
     @property
     def quaternion(self) -> Array:
-        """(w, x, y, z) with w >= 0, shape (4,)."""
+        """Quaternion (w, x, y, z) with w >= 0, shape (4,)."""
         return np.asarray(Rotation.from_matrix(self.rotation).as_quat(canonical=True, scalar_first=True))
 
     def inside(self, mesh: Mesh) -> Mesh:
@@ -88,7 +88,7 @@ def free_body(
     item: Segmentation, anchor: Anchor, materials: PartMaterials | None, body: SettledBody, start: SimulationBody,
     touched: Array,
 ) -> FreeBody:  # fmt: skip
-    """The object at rest; `start` is its body before the drop, `touched` are points that it may touch (n, 3) [m]."""
+    """The object at rest; `start`: its body before the drop, `touched`: points that it may touch (n, 3) [m]."""
     pose, parts = settled_pose(anchor, body), item.instances[0]
     thing = settled_item(item, anchor, body)
     faces_of = [np.flatnonzero(item.face_part == index) for index in range(len(parts.parts))]
@@ -124,8 +124,8 @@ def settled_pose(anchor: Anchor, body: SettledBody) -> BodyFrame:
 def settled_inertial(body: SettledBody, start: SimulationBody, pose: BodyFrame) -> InertialProperties:
     """Mass, centre of mass and inertia at rest, in the body's frame.
 
-    For a soft body those of its material points, each moved with the surface around it: their displacements beyond the
-    rigid motion, weighted by inverse squared distance.
+    For a soft body, the mass properties of its material points, each moved with the surface around it: their
+    displacements beyond the rigid motion, weighted by inverse squared distance.
     """
     turn = Rotation.from_quat(body.quaternion, scalar_first=True).as_matrix()
     own = start.inertial
@@ -148,7 +148,7 @@ def settled_inertial(body: SettledBody, start: SimulationBody, pose: BodyFrame) 
 
 
 def frictions_of(hulls: list[Mesh], surface: Mesh, start: SimulationBody) -> list[ContactFriction]:
-    """The friction of each piece: the one with the largest area on its surface."""
+    """The friction of each piece: that with the largest area on its surface."""
     if start.face_friction is None:
         return [start.friction] * len(hulls)
     middle, area = surface.triangles.mean(axis=1), surface.face_areas
@@ -161,13 +161,13 @@ def frictions_of(hulls: list[Mesh], surface: Mesh, start: SimulationBody) -> lis
 
 
 def constants(materials: PartMaterials | None, body: str) -> dict[int, Material]:
-    """The material of each part of a body that has one, by the part's index."""
+    """The material of each part of a body, by the part's index, where it has one."""
     rows = materials.rows if materials else ()
     return {row.part_index: row.material for row in rows if row.body == body}
 
 
 def unique(names: list[str]) -> list[str]:
-    """The names, with numbers after repeated ones."""
+    """The names, with numbers appended to repeated names."""
     used: dict[str, int] = {}
     result = []
     for name in names:
@@ -186,18 +186,18 @@ class NearBox:
         margin = float(np.clip(MARGIN * size, LEAST_MARGIN, MOST_MARGIN))
         self.low, self.high = self.object + np.array([[-margin], [margin]])
         others = [one.surface.bounds for one in settled.bodies[1:] if len(one.surface.faces)]
-        if others:  # no farther than the simulated surfaces go, in plan
+        if others:  # no farther than the simulated surfaces extend in plan
             low, high = np.min([one[0] for one in others], axis=0), np.max([one[1] for one in others], axis=0)
             self.low[:2] = np.minimum(np.maximum(self.low, low), self.object[0] - ROOM)[:2]
             self.high[:2] = np.maximum(np.minimum(self.high, high), self.object[1] + ROOM)[:2]
 
     def faces(self, mesh: Mesh) -> NDArray[np.int64]:
-        """Faces of a mesh that reach into it."""
+        """Faces of a mesh that reach into the box."""
         corner = mesh.triangles
         return np.flatnonzero(((corner.max(axis=1) >= self.low) & (corner.min(axis=1) <= self.high)).all(axis=1))
 
     def reaches(self, mesh: Mesh) -> bool:
-        """Whether a part of a mesh is near enough to be decomposed."""
+        """Return whether a part of a mesh is near enough to be decomposed."""
         corner = mesh.triangles
         low, high = self.object + np.array([[-REACH], [REACH]])
         return bool(((corner.max(axis=1) >= low) & (corner.min(axis=1) <= high)).all(axis=1).any())
@@ -282,8 +282,8 @@ def patches_of(
 def frictions_of_faces(
     given: Mesh, faces: NDArray[np.int64], few: Mesh, start: SimulationBody
 ) -> tuple[list[ContactFriction], NDArray[np.int64]]:
-    """The kinds of friction of a body's faces near the object, and the kind of each face of its thinned surface: that
-    of the face it is nearest to."""
+    """The kinds of friction of a body's faces near the object, and the kind of each face of its simplified surface:
+    that of the nearest original face."""
     if start.face_friction is None:
         return [start.friction], np.zeros(len(few.faces), dtype=np.int64)
     kinds, kind = np.unique(start.face_friction[faces], axis=0, return_inverse=True)
@@ -301,7 +301,7 @@ def pair_friction(a: ContactFriction, b: ContactFriction) -> ContactFriction:
 
 
 def far_pieces(scene: Segmentation, index: int, near: NearBox, *, simulated: bool) -> list[Mesh]:
-    """Convex pieces of a thing where it is not near the object."""
+    """Convex pieces of a thing outside the box around the object."""
     one, mesh = scene.instances[index], scene.instance_mesh(index)
     if one.structure:
         flat = thinned(mesh, COARSE, COARSE_BUDGETS).mesh
@@ -349,7 +349,8 @@ def export_scene(
 
 
 def resting_friction(fixed: list[FixedBody], contact: NDArray[np.float64], alone: ContactFriction) -> ContactFriction:
-    """The pair's friction on the patch nearest to most points of the contact (k, 3); `alone` without a patch."""
+    """The friction of the pair on the patch that is nearest to most contact points (k, 3); `alone` if there is no
+    patch."""
     patches = [patch for one in fixed for patch in one.patches]
     if not patches or not len(contact):
         return patches[0].friction if patches else alone

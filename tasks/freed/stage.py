@@ -1,20 +1,20 @@
-"""Stage freed: start of the next drop in a scene with earlier placed things.
+"""Stage freed: start of the next drop in a scene that contains things placed earlier.
 
 In: the scan with the record of earlier placements, the scene, the object and its anchor. Out: `FreedThings`: the
 things in reach, which take part as free bodies, lifted out of their dents; the scene with those dents undone; and the
 object's start above them. Things out of reach keep their places and their dents. `freed_scene` and
 `freed_anchor` return scene and anchor for the later stages.
 
-Finds the earlier placed things that the object may touch or move: those take part in the drop.
+Finds the things placed earlier that the object may touch or move: they take part in the drop.
 
-Those whose box comes near the object's start; those that rest on, carry or touch one of them; those that lie in the
-same dent, and where the object's support is dented within reach, those that dented it. Of these only things that
-the same instance carries count: a thing on the table next to the bed stays in place.
+These are the things whose box comes near the object's start; those that rest on, carry or touch one of them; those that
+lie in the same dent; and, if the object's support is dented within reach, those that dented it. Only things carried by
+the same instance count: a thing on the table next to the bed stays in place.
 
-The scene without the dents of some things, and those things lifted to where they would begin to sink in.
+The scene without the dents of some things, with those things lifted to where they would begin to sink in.
 
-A dent is elastic: the surface springs back once the thing in it is lifted off. So a drop in which that thing takes part
-starts from the unloaded surface with the thing just above it, in its rest orientation, and it sinks in again.
+A dent is elastic: the surface springs back once the thing in it is lifted off. So a drop that includes the thing starts
+from the unloaded surface with the thing just above it, in its rest orientation, and the thing sinks in again.
 """
 
 from collections.abc import Sequence
@@ -35,8 +35,8 @@ from dcap.scene.types.segmentation import Segmentation, SegmentedObject, Segment
 from tasks.cache import stage
 
 ASIDE, LEAST_ASIDE = 0.75, 0.15
-"""Horizontal reach of the object from its start, over its larger horizontal side, and at least [-, m]: as far as its
-support takes part in the drop."""
+"""Horizontal reach of the object from its start: over its larger horizontal side, and its least value [-, m]; its
+support takes part in the drop as far."""
 BELOW = 0.12
 """Vertical reach of the object [m]: deeper than any dent."""
 TOUCHING = 5e-3
@@ -44,11 +44,11 @@ TOUCHING = 5e-3
 FELT = 1e-4
 """Displacement beyond which a surface counts as dented [m]."""
 GAP = 1e-3
-"""Height over the surface below at which a lifted thing starts [m]: a tenth of the object's own."""
+"""Height over the surface below at which a lifted thing starts [m]: a tenth of the object's start height."""
 HIGHER = 5e-3
-"""Height above all possible obstacles from which its way down is measured [m]."""
+"""Height above all possible obstacles from which the free way down is measured [m]."""
 AROUND = 0.05
-"""Distance in plan beyond which nothing is in a thing's way [m]."""
+"""Distance in plan beyond which nothing obstructs a thing [m]."""
 DEEPEST = 0.08
 """Height above a dent from which the surface is searched [m]."""
 
@@ -56,9 +56,9 @@ DEEPEST = 0.08
 def things_in_reach(
     scene: Segmentation, mesh: Mesh, anchor: Anchor, earlier: EarlierPlacements
 ) -> tuple[list[str], list[str]]:
-    """Ids of the placed things that take part, and of nearby ones that rest on something else.
+    """Ids of the placed things that take part, and of nearby things that rest on something else.
 
-    `mesh` is the object at its start.
+    `mesh` is the object at its start pose.
     """
     box = reached_box(mesh)
     ids = [one.id for one in earlier.placed]
@@ -79,7 +79,7 @@ def things_in_reach(
 
 
 def closed(found: set[str], earlier: EarlierPlacements, boxes: dict[str, Array]) -> set[str]:
-    """The things with all that touch one of them or lie in the same dent, and so on."""
+    """The closure of a set of things: all that touch a member or lie in the same dent, and so on."""
     while True:
         more = set(found)
         for a, b in earlier.touching:
@@ -93,7 +93,7 @@ def closed(found: set[str], earlier: EarlierPlacements, boxes: dict[str, Array])
 
 
 def reached_box(mesh: Mesh) -> Array:
-    """Box that the object may reach [m], shape (2, 3)."""
+    """Bounding box of the space that the object may reach [m], shape (2, 3)."""
     low, high = mesh.bounds
     margin = max(ASIDE * float((high - low)[:2].max()), LEAST_ASIDE)
     away = np.array([margin, margin, BELOW])
@@ -101,7 +101,7 @@ def reached_box(mesh: Mesh) -> Array:
 
 
 def meet(one: Array, other: Array, margin: float) -> bool:
-    """Whether two boxes (2, 3) are at most a margin [m] apart along every axis."""
+    """Return whether two boxes (2, 3) are at most a margin [m] apart along every axis."""
     return bool(((one[0] <= other[1] + margin) & (other[0] <= one[1] + margin)).all())
 
 
@@ -118,8 +118,8 @@ def unloaded(scene: Segmentation, deformations: Sequence[Deformation]) -> Segmen
 
 
 def lifted(scene: Segmentation, things: Sequence[str], most: float) -> tuple[Segmentation, dict[str, float]]:
-    """The scene with each of the things `GAP` above everything below it, from the bottom up, and the lift of each [m];
-    `most` is the largest possible depth in a dent [m]."""
+    """The scene with each of the things `GAP` above everything below it, lifted from the bottom up, and the lift of
+    each [m]; `most` is the largest possible depth in a dent [m]."""
     for one in things:
         scene = replace(scene, mesh=with_own_vertices(scene.mesh, scene.face_instance == scene.index_of(one)))
     vertices = scene.mesh.vertices.copy()
@@ -137,7 +137,7 @@ def lifted(scene: Segmentation, things: Sequence[str], most: float) -> tuple[Seg
 
 
 def bottom_up(mesh_of: dict[str, Mesh]) -> list[str]:
-    """The things by the height of their middles: a thing on another one comes after it."""
+    """The things by the height of their middles: a thing comes after the thing that it lies on."""
     return sorted(mesh_of, key=lambda one: float(mesh_of[one].bounds[:, 2].mean()))
 
 
@@ -150,8 +150,8 @@ def faces_around(mesh: Mesh, thing: Mesh, allowed: NDArray[np.bool_]) -> Mesh:
 
 
 def height_over(thing: Mesh, around: Mesh, most: float, gap: float) -> float:
-    """Lift that brings a thing a gap [m] above everything below it, at most about `most` [m] more than that; never
-    down."""
+    """Lift that brings a thing to a gap [m] above everything below it, at most about `most` [m] more than the gap;
+    never negative."""
     if not len(around.faces):
         return 0.0
     start = most + HIGHER + gap

@@ -2,9 +2,9 @@
 
 Ambiguous choices of a sentence: a question to the user that lists the candidates, the same for all clients.
 
-In: a reply with the likelihood of each thing. Out: nothing if one thing is meant; else a LanguageError whose one line
-distinguishes the candidates so that a person can answer, or, if the user is not to be asked, a note on the chosen one.
-A thing known by its shape alone must also be likely by itself.
+In: a reply with the likelihood of each thing. Out: nothing if the sentence means one thing; else a LanguageError whose
+single line distinguishes the candidates so that a person can answer, or, if the user is not to be asked, a note on the
+chosen candidate. A thing known by its shape alone must also be likely by itself.
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,12 +28,12 @@ UNSURE = 0.9
 VIEWS = 2
 """Number of views over corners of the room, besides the plan [-]."""
 AS_LIKELY = 0.5
-"""Least share of the best one's likelihood for another to be a candidate [-]."""
+"""Least likelihood of a further candidate, over that of the likeliest [-]."""
 SURE_BY_SHAPE = 0.6
-"""Least likelihood of a thing known by its shape alone to be taken without a question: below it fewer than nine in ten
-are right (decision 052) [-]."""
+"""Least likelihood at which a thing known by its shape alone is accepted without a question: below it fewer than nine
+in ten are right (decision 052) [-]."""
 MOST = 8
-"""Most candidates that are listed [-]."""
+"""Maximum number of listed candidates [-]."""
 
 
 def intent_request(scene: Segmentation, item: Segmentation, prompt: str, given_base: str) -> IntentRequest:
@@ -65,7 +65,7 @@ def set_of_marks(scene: Segmentation, numbers: Mapping[int, int]) -> tuple[Pictu
 
 
 def settle_choice(reply: IntentReply, request: IntentRequest, *, ask: bool) -> tuple[str, ...]:
-    """Notes on choices made for the user; LanguageError if the user is to be asked."""
+    """Notes on choices made for the user; raises LanguageError if the user is to be asked."""
     notes = []
     for candidates in (reply.candidates, reply.reference_candidates):
         likely = as_likely(candidates)
@@ -82,8 +82,8 @@ def settle_choice(reply: IntentReply, request: IntentRequest, *, ask: bool) -> t
 
 
 def doubted(reply: IntentReply, request: IntentRequest) -> Candidate | None:
-    """The support, or else the reference, that is known by its shape alone and not likely enough to be meant; None
-    without one. A support that the user pointed at is certain."""
+    """The support, or else the reference, that is known by its shape alone and too unlikely to be meant; None if there
+    is none. A support that the user pointed at is certain."""
     by_shape = {one.id for one in request.instances if one.guesses}
     for candidates in (() if request.given_base else reply.candidates, reply.reference_candidates):
         best = max(candidates, key=lambda one: one.likelihood, default=None)
@@ -93,7 +93,7 @@ def doubted(reply: IntentReply, request: IntentRequest) -> Candidate | None:
 
 
 def as_likely(candidates: Sequence[Candidate]) -> list[Candidate]:
-    """The likeliest and those with at least half of its likelihood, the likeliest first."""
+    """The candidates with at least half the likelihood of the best, the likeliest first."""
     ordered = sorted(candidates, key=lambda one: -one.likelihood)
     return [one for one in ordered if one.likelihood >= AS_LIKELY * ordered[0].likelihood]
 

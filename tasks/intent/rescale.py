@@ -1,9 +1,9 @@
-"""Decides a mesh's size: unchanged, by the unit it was written in, or the usual size of its kind.
+"""Decides the size of a mesh: unchanged, corrected by its unit, or the usual size of its kind.
 
-In: the usual shapes of its kind (folded, spread out ...), their spread, and the mesh's extents. Out: one isotropic
-factor, the shape that the mesh was compared with, and a sentence with the reason. Every comparison is the median over
-the axes, sorted by length, of usual extent over the mesh's: one odd axis (a handle, a thickness that a mesh leaves out)
-decides nothing.
+In: the usual shapes of the mesh's kind (folded, spread out ...), their spread, and the mesh's extents. Out: one
+isotropic factor, the shape that the mesh was compared with, and a sentence with the reason. Every comparison is the
+median over the axes, sorted by length, of the usual extent over the mesh's extent, so that one odd axis (a handle, a
+missing thickness) decides nothing.
 
 A unit that the user gave is always used. Otherwise a mesh whose median lies within the spread of one shape is not
 changed. Otherwise the unit is wrong, and the right one is a guess that needs evidence. A file without a unit may be in
@@ -31,11 +31,11 @@ TAKEN_AS_CENTIMETRES = {
 OPTION = "--object-unit"
 OVERRIDE = f"{OPTION} m, cm, mm or in keeps another size"
 CONVINCING = 1.25
-"""Factor of the usual size within which a unit must bring a mesh to override the file's unit, or another guess."""
+"""Factor of the usual size within which a unit must bring a mesh to override the file's unit or an earlier guess."""
 SLACK = 1e-6
 """Tolerance of the spread, for rounding."""
 THINNEST = 1e-3
-"""Thickness over the longest extent below which a mesh is a plane, whose thickness is ignored."""
+"""Ratio of thickness to longest extent below which a mesh is a plane, whose thickness is ignored."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class Rescale:
 
     scale: float
     shape: Array
-    """Usual extents that the mesh was compared with, largest first [m], shape (3,)."""
+    """Usual extents with which the mesh was compared, largest first [m], shape (3,)."""
     note: str
 
 
@@ -108,7 +108,7 @@ def needed(name: str, spread: float, unit_source: str) -> float:
 
 
 def within(ratio: float, spread: float) -> bool:
-    """Whether a ratio is neither larger than the spread nor smaller than its inverse."""
+    """Return whether a ratio is neither larger than the spread nor smaller than its inverse."""
     return bool(abs(np.log(ratio)) <= np.log(spread) + SLACK)
 
 

@@ -1,9 +1,9 @@
 """Stage 3, intent: one question about the sentence; its answer fixes base, size, mass, orientation and region.
 
-In: the segmented scene and object, the prompt, and the mass if the user gives one. Out: `Intent`, or `target_not_found`
+In: the segmented scene and object, the prompt, and the mass if the user states it. Out: `Intent`, or `target_not_found`
 with a list of the scene's things; an ambiguous choice becomes a question to the user (see `which.py`). One isotropic
 factor gives the mesh the usual size of its kind (see `rescale.py`); a mesh of a plausible size is not changed. The mass
-prior follows the size: with the volume, for hollow things with the surface, for sheets with the area.
+prior scales with the size: by volume, for hollow things by surface, for sheets by area.
 """
 
 from dataclasses import dataclass
@@ -30,9 +30,9 @@ from tasks.intent.rescale import Rescale, rescale
 from tasks.requests.views import instance_of
 
 LONGEST_PROMPT = 1000
-"""Longest prompt [characters]; a longer one is not an instruction to place one object."""
+"""Maximum length of a prompt [characters]; a longer text is not an instruction to place one object."""
 SHEET = 0.05
-"""Thickness over width below which a thing is a sheet, whose mesh may have any thickness."""
+"""Ratio of thickness to width below which a thing is a sheet, whose mesh may have any thickness."""
 
 
 POINT_OR_NAME = "point at a place with --at X,Y,Z, or name things with dcap dataset label and --labels"
@@ -102,7 +102,7 @@ intent_task = stage(intent)
 
 
 def candidates_of(reply: IntentReply, request: IntentRequest) -> tuple[SupportCandidate, ...]:
-    """The supports that may be meant, the chosen one first."""
+    """The supports that the sentence may mean, the chosen one first."""
     label = {one.id: one.label for one in request.instances}
     said = [SupportCandidate(one.id, label[one.id], one.likelihood) for one in reply.candidates]
     said.sort(key=lambda one: (one.id != reply.base_id, -one.score, one.id))
@@ -127,7 +127,7 @@ def not_found(reply: IntentReply, request: IntentRequest) -> Infeasible:
 
 
 def not_sure(likeliest: Candidate, reply: IntentReply, request: IntentRequest) -> Infeasible:
-    """The refusal of an uncertain guess, which asks the user: a wrong guess would only show in the result."""
+    """The refusal of an uncertain guess, which asks the user: a wrong guess would only be noticed in the result."""
     label = {one.id: one.label for one in request.instances}[likeliest.id]
     says = likeliest.id if label == NAMELESS else f"the {label} with id {likeliest.id}"
     present = tuple(sorted({one.label for one in request.instances if not one.structure}))
@@ -153,8 +153,8 @@ def named_by_shape(reply: IntentReply, request: IntentRequest) -> str:
 def scale_of(
     reply: IntentReply, extents: NDArray[np.float64], config: IntentConfig, unit_source: str = "estimate"
 ) -> Rescale:
-    """Isotropic factor for a mesh of these extents [m], the shape it was compared with, and the reason. `unit_source`
-    is the source of the file's unit."""
+    """Isotropic factor for a mesh of these extents [m], the shape used for comparison, and the reason. `unit_source` is
+    the source of the file's unit."""
     shapes = np.array([reply.size, *reply.alternative_sizes])
     return rescale(shapes, extents, reply.spread, (config.smallest_scale, config.largest_scale), unit_source)
 
@@ -166,7 +166,7 @@ def mass_of(
     mass: float | None,
     config: IntentConfig,
 ) -> tuple[float, str]:
-    """Mass [kg] for the scaled extents given the usual ones, `shape` [m], both largest first, and the reason."""
+    """Mass [kg] of the scaled extents, given the usual extents `shape` [m], both largest first, and the reason."""
     if mass is not None:
         return float(mass), f"mass {mass:.3g} kg was given"
     ratio = size / shape
@@ -185,16 +185,17 @@ def mass_of(
 
 @dataclass(frozen=True, eq=False, slots=True)
 class WantedPlace:
-    """The region, or a point."""
+    """The requested region or point."""
 
     region: RegionRequest
     at: NDArray[np.float64] | None
-    """[m], shape (3,)."""
+    """The requested point [m], shape (3,)."""
     notes: tuple[str, ...]
 
 
 def place_of(reply: IntentReply, pointed: Pointed | None) -> WantedPlace:
-    """The sentence's region; a given point overrides it, with a note if the sentence has one."""
+    """The region of the sentence; a point given separately overrides it, with a note if the sentence also names a
+    region."""
     limits = region_constraints(reply.constraints)
     said = RegionRequest(reply.part, reply.regions, reply.references, reply.region_words, reply.which, limits)
     if pointed is None or not len(pointed.point):

@@ -1,13 +1,13 @@
 """Stage 6, materials: one row of the library for each part, rigid above 1 GPa, everything else soft.
 
-In: scene, object, intent, anchor and prompt. Out: `PartMaterials`: the object's parts, the base's, then the neighbours'
-within reach (those only as obstacles). Rows are picked, never mixed. The density of a hollow thing is fitted to the
-mass prior when its particles are filled; the reason says so.
+In: scene, object, intent, anchor and prompt. Out: `PartMaterials`: the object's parts, the base's, then those of the
+neighbours within reach (only as obstacles). Rows are selected, never mixed. The density of a hollow thing is fitted to
+the mass prior when its particles are filled; the reason says so.
 
 `dcap place --load-aware`: parts with an invisible deflection under the object's weight become rigid.
 
-In: the chosen materials of the object's, the base's and the neighbours' parts. Out: the same with `rigid` if the
-predicted deflection of a part of object or base is below a bound, with the reason, and a note for each.
+In: the chosen materials of the object's, the base's and the neighbours' parts. Out: the same materials, but `rigid` for
+parts of object or base with a predicted deflection below a bound, with the reason and a note for each.
 """
 
 from collections.abc import Iterable, Sequence
@@ -42,19 +42,20 @@ from tasks.requests.views import part_views, sums_of
 
 OBJECT = "object"
 MOST_ROWS = 20
-"""Number of offered rows of the library, more only for questions with more parts [-]."""
+"""Number of rows of the library that are offered; more only for questions with more parts [-]."""
 PICTURE, DISTANCE = 512, 1.3
-"""Width and height of the picture [pixels], and distance of its camera over the visible extent [-]."""
+"""Side length of the picture [pixels], and distance of its camera over the visible extent [-]."""
 LIMITED = "materials are clamped to the paper's limits (E 5e4 to 5e9 Pa, density 30 to 8000 kg/m3, friction 0.05 to 1)"
 
 
 def stiffened(
     rows: list[PartMaterial], scene: Segmentation, item: Segmentation, intent: Intent, anchor: Anchor, invisible: float
 ) -> tuple[list[PartMaterial], tuple[str, ...]]:
-    """Make parts rigid that give less than `invisible` [m] under the object's weight.
+    """Make parts rigid that deflect less than `invisible` [m] under the object's weight.
 
-    Hertz's indentation with the curvature of the object's underside, all of it in that one part; bending of a part of
-    the object as a bar clamped at one end, of a part of the base as one as high as it is, since its bottom is held.
+    The deflection is Hertz's indentation with the curvature of the object's underside, as if the part were alone, plus
+    bending: of a part of the object as a bar clamped at one end, of a part of the base as a bar of its own height,
+    since its bottom is held.
     """
     weight = intent.mass * GRAVITY
     base = scene.index_of(anchor.base_id)
@@ -119,7 +120,7 @@ def materials(
     before = [known[one.body, one.part.index] for one in around if (one.body, one.part.index) in known]
     asked = [one for one in around if (one.body, one.part.index) not in known]
     questions = [*object_questions(item, intent), *asked]
-    rows_alone = tuple(replace(row, source="") for row in library.values())  # their source does not help the choice
+    rows_alone = tuple(replace(row, source="") for row in library.values())  # the source does not help to choose
     seen = Picture("the object over its support", partial(over_its_base, scene, item, anchor))
     whole = MaterialsRequest(prompt, tuple(questions), rows_alone, anchor.base_id, (seen,))
     request = replace(whole, library=shortlist(whole, MOST_ROWS))
@@ -138,7 +139,7 @@ materials_task = stage(materials)
 
 
 def over_its_base(scene: Segmentation, item: Segmentation, anchor: Anchor) -> NDArray[np.uint8]:
-    """The object at its drop's start and its base, from the side of its viewer, RGB, shape (h, w, 3)."""
+    """The object at the start of its drop and its base, from the side of the base's viewer, RGB, shape (h, w, 3)."""
     index = scene.index_of(anchor.base_id)
     base = scene.instance_mesh(index)
     frame = part_frame(scene, scene.instances[index], scene.instances[index].box)
@@ -151,14 +152,15 @@ def over_its_base(scene: Segmentation, item: Segmentation, anchor: Anchor) -> ND
 
 
 def object_questions(item: Segmentation, intent: Intent) -> list[MaterialQuestion]:
-    """The object's parts."""
+    """Questions about the object's parts."""
     return [MaterialQuestion(OBJECT, intent.object_name, part) for part in part_views(item, 0)]
 
 
 def base_and_neighbours(
     scene: Segmentation, item: Segmentation, anchor: Anchor, config: MaterialsConfig, taking_part: Sequence[str] = ()
 ) -> list[MaterialQuestion]:
-    """Parts of the base, then of things within reach of the object's start or taking part for another reason."""
+    """Questions about parts of the base, then of things within reach of the object's start or taking part for another
+    reason."""
     start = item.mesh.transformed(anchor.world_from_object).bounds
     near = [i for i in scene.instances if i.id == anchor.base_id]
     for instance in scene.instances:
@@ -182,7 +184,7 @@ def part_material(
     intent: Intent,
     config: MaterialsConfig,
 ) -> PartMaterial:
-    """The simulated row, and the reason."""
+    """The simulated row of a part, and the reason."""
     material = library[choice.material]
     reason = choice.reason
     if config.blended:
@@ -200,7 +202,7 @@ def part_material(
 
 
 def blended(material: Material, rows: Sequence[Material]) -> Material:
-    """Half of the chosen row and half of the mean over rows, of moduli on a logarithmic scale; no layers."""
+    """The mean of the chosen row and the mean over all rows, of moduli on a logarithmic scale; without layers."""
 
     def mixed(own: float, others: Iterable[float]) -> float:
         return 0.5 * own + 0.5 * float(np.mean(list(others)))
@@ -218,7 +220,8 @@ def blended(material: Material, rows: Sequence[Material]) -> Material:
 
 
 def limited(material: Material) -> tuple[Material, str]:
-    """The paper's clamps: E in 5e4 to 5e9 Pa, nu below 0.49, rho in 30 to 8000 kg/m3, friction 0.05 to 1; no layers."""
+    """The material within the paper's limits: E 5e4 to 5e9 Pa, nu below 0.49, rho 30 to 8000 kg/m3, friction 0.05 to 1;
+    no layers."""
     static = float(np.clip(material.static_friction, 0.05, 1.0))
     changed = replace(
         material,

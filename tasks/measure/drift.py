@@ -2,14 +2,14 @@
 
 In: the bodies of the simulation and the final state. Out: `Drift`.
 
-Compares the object's depth in a soft support with the depth to which its weight should press it.
+Compares the object's depth in a soft support with the depth expected from its weight.
 
 In: scene and object, masses and materials, the simulated bodies (for the layers beneath) and the final state. Out:
 `Indentation`, without numbers for a rigid support or an object as soft as the support.
 
-The reference is no drop: the contact of elastic layered half-spaces under the true gap of both surfaces, frictionless
-and quasi-static (docs/metrics.md states its error). The object is lifted over the undeformed support, so the reference
-does not depend on the method's depth.
+The reference is not a drop but the contact of elastic layered half-spaces across the true gap between both surfaces,
+frictionless and quasi-static (docs/metrics.md states its error). The object is lifted over the undeformed support, so
+the reference does not depend on the method's depth.
 """
 
 import numpy as np
@@ -37,7 +37,7 @@ LIFTED = 0.01
 """Height to which the object is lifted over the support before it is pressed onto it [m]; results do not depend on
 it."""
 STIFF = 0.1
-"""Largest compliance of an object over the support's for it to sink in undeformed [-]."""
+"""Largest compliance of the object over that of the support for which the object stays undeformed [-]."""
 
 
 class DriftConfig(BaseModel, frozen=True, extra="forbid"):
@@ -57,7 +57,7 @@ class DriftConfig(BaseModel, frozen=True, extra="forbid"):
 
 
 def drift(particles: Particles, settled: Settled, config: DriftConfig) -> Drift:
-    """Continue the simulation of a final state, with the material, friction and neighbours of the drop."""
+    """Continue the simulation of a final state with the materials, friction and neighbours of the drop."""
     from solver.onward import PlacedBodies, onward  # loads Taichi, which costs seconds
 
     if not settled.nodes and (shapes := [one.name for one in settled.bodies if gave_way(one)]):
@@ -84,7 +84,7 @@ def unknown(why: str, *, broken: bool = False) -> Drift:
 
 
 def gave_way(body: SettledBody) -> bool:
-    """Whether a body has deformed since the start."""
+    """Return whether a body has deformed since the start."""
     pose, start = body.world_from_start, body.surface.vertices - body.displacement
     moved = start @ pose[:3, :3].T + pose[:3, 3]
     return bool(np.abs(moved - body.surface.vertices).max(initial=0.0) > DEFORMED)
@@ -102,7 +102,7 @@ def indentation(
     particles: Particles,
     settled: Settled,
 ) -> Indentation:
-    """Compare depths on the base whose layers are known; the object has its undeformed shape, moved rigidly."""
+    """Compare depths on the base, whose layers are known; the object keeps its undeformed shape, moved rigidly."""
     index = scene.index_of(anchor.base_id)
     rows = materials.of_parts(anchor.base_id, len(scene.instances[index].parts))
     layers = layers_of(particles.column, rows)

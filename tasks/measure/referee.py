@@ -1,7 +1,7 @@
-"""The independent referee's verdict on a final state of any method: MuJoCo and Open3D on the final meshes.
+"""The independent referee's verdict on a final state of any method, by MuJoCo and Open3D on the final meshes.
 
-In: scene and object as segmented, the pose before any drop, materials, the simulated bodies (for mass and friction
-alone) and the final state. Out: `RefereeMeasures`.
+In: scene and object as segmented, the pose before any drop, materials, the simulated bodies (only for mass and
+friction) and the final state. Out: `RefereeMeasures`.
 """
 
 import numpy as np
@@ -19,8 +19,8 @@ from tasks.cache import stage
 from tasks.render.settled_meshes import settled_item, settled_scene
 
 STILL = 0.1
-"""Least share of the weight on the thing over which the object was placed, for it still to carry the object [-]: it
-carries nothing of an object that fell off, while one that also leans on other things stays on it."""
+"""Least share of the weight on the intended support for it to count as carrying the object [-]: it carries nothing of
+an object that fell off, while an object that also leans on other things stays on it."""
 
 
 def referee(
@@ -32,7 +32,7 @@ def referee(
     settled: Settled,
     measures: Measures,
 ) -> RefereeMeasures:
-    """Judge a final state, with everything rigid."""
+    """Judge a final state with all bodies rigid."""
     after = settled_scene(scene, settled, anchor.base_id).scene
     owner = np.where(after.face_instance < 0, len(after.instances), after.face_instance).astype(np.int64)
     friction = frictions(after, materials, particles)
@@ -66,8 +66,8 @@ def inertial_at_rest(start: InertialProperties, body: SettledBody) -> InertialPr
 
 
 def frictions(scene: Segmentation, materials: PartMaterials, particles: Particles) -> NDArray[np.float64]:
-    """Static friction [-] and rolling resistance [m] of the object on each thing, and on faces of none, shape (k + 1,
-    2): those of the drop, for things it left out by their materials, else as on the base."""
+    """Static friction [-] and rolling resistance [m] of the object on each thing, and on faces of no thing, shape (k +
+    1, 2): those of the drop; for things left out of the drop by their materials, else as on the base."""
     own = particles.bodies[0]
     others = {body.instance: body for body in reversed(particles.bodies[1:])}
     given = {frozenset(row[:2]): row[2] for row in particles.friction_pairs}

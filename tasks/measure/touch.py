@@ -17,7 +17,7 @@ from tasks.cache import stage
 from tasks.render.settled_meshes import settled_item, settled_scene
 
 NEAR = 2e-3
-"""Extra distance from the support, over the nearest line's, within which lines determine the carrying part [m]."""
+"""Extra distance from the support, beyond the shortest line's, within which lines determine the carrying part [m]."""
 
 
 def measure(scene: SegmentedScene, item: SegmentedObject, anchor: Anchor, settled: Settled) -> Measures:
@@ -48,7 +48,7 @@ def turned_by(anchor: Anchor) -> NDArray[np.float64]:
 
 
 def carrier(scene: Segmentation, found: Touching) -> tuple[str, str, str]:
-    """Id and label of the nearest instance beneath, and its part that most near lines hit."""
+    """Id and label of the nearest instance beneath, and its part that most of the short lines hit."""
     lines = found.columns
     if lines.nearest < 0:
         return "", "", ""

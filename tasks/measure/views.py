@@ -1,8 +1,8 @@
-"""Pictures of a final state for judges and raters, taken when somebody judges or a study is served.
+"""Pictures of a final state for judges and raters, taken when a judge runs or a study is served.
 
 In: scene and object as segmented, the request, the pose before any drop, the final state and the textures of both
-sources. Out: `Sights`, from which the cameras of a sample are chosen, and from these cameras `JudgedViews` of each
-placement and `SceneBefore` of the sample. dcap/evaluation/judging/cameras.py chooses the cameras.
+sources. Out: `Sights`, from which dcap/evaluation/judging/cameras.py chooses the cameras of a sample; from these
+cameras, `JudgedViews` of each placement and `SceneBefore` of the sample.
 """
 
 import numpy as np

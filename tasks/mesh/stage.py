@@ -1,6 +1,6 @@
-"""Stage mesh: a foreign file or folder in, one clean coloured mesh in metres and z up out.
+"""Stage mesh: from a foreign file or folder to one clean coloured mesh in metres and z up.
 
-A folder or file that only has Gaussian splats or points gets a surface from them, in a process of its own (Taichi).
+A folder or file with only Gaussian splats or points gets a surface from them, in a process of its own (Taichi).
 Cleaning is light, to preserve a scan's surface: faces without area and repeated faces are removed, equal vertices of
 equal colour are merged. The notes list the changes.
 
@@ -58,7 +58,7 @@ def mesh_scene(
     scale: FileScale | None = None,
 ) -> Scan:
     """The scene's source as a clean mesh; `labels` name the things of its vertices, `scale` is its unit. The name of a
-    file is its label only where it is a word for a thing."""
+    file becomes its label only if it is a word for a thing."""
     given = options if scale is None else replace(options, unit=repr(scale.metres))
     scan = mesh(source, given, Role.SCENE, config, labels)
     label = scan.label if options.label or names_thing(scan.label) else ""
@@ -86,7 +86,7 @@ def mesh(
 
 
 def surface(bare: Gaussians | PointCloud, role: Role, config: MeshConfig) -> tuple[Mesh, tuple[str, ...]]:
-    """The surface of Gaussians or points in metres, and the assumptions; starts Taichi."""
+    """The surface of Gaussians or points in metres, and the assumptions made; starts Taichi."""
     from dcap.geometry.splatting.cloud import mesh_of_points  # loads Taichi and Open3D, which a mesh does not need
     from dcap.geometry.splatting.surface import mesh_of_splats
     from solver.runtime import available_cores, start
@@ -103,7 +103,7 @@ def surface(bare: Gaussians | PointCloud, role: Role, config: MeshConfig) -> tup
 
 
 def needs_process(source: Source, **_: object) -> bool:
-    """Whether a source is splats or points: Taichi runs once per process."""
+    """Return whether a source is splats or points: Taichi runs once per process."""
     return has_no_faces(source.path)
 
 
@@ -112,7 +112,7 @@ mesh_object_task = stage(mesh_object, process=needs_process)
 
 
 def cleaned(scan: Scan, config: MeshConfig) -> Scan:
-    """Weld equal vertices, drop faces without area and faces that repeat another one."""
+    """Weld equal vertices; drop faces without area and faces that repeat another face."""
     before = scan.mesh
     place = _place_index(before, config.weld_fraction)
     faces = place[before.faces]
@@ -135,7 +135,7 @@ def _place_index(mesh: Mesh, fraction: float) -> NDArray[np.int64]:
 
 
 def _has_area(mesh: Mesh, faces: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Whether faces have three different corners and an area above rounding, shape (m,)."""
+    """Mask of the faces that have three different corners and an area above rounding, shape (m,)."""
     a, b, c = faces.T
     extent = float(np.ptp(mesh.bounds, axis=0).max())
     # float64 products of coordinates of size `extent` round at 1e-16 extent^2; 1e-14 is safely above.
@@ -143,9 +143,9 @@ def _has_area(mesh: Mesh, faces: NDArray[np.int64]) -> NDArray[np.bool_]:
 
 
 def _first_of_its_kind(faces: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """False for a face with the same three corners in the same sense as an earlier one, shape (m,).
+    """Mask without faces that have the same three corners in the same sense as an earlier face, shape (m,).
 
-    A face turned the other way stays: it may belong to another solid that touches the first.
+    A face with the opposite orientation stays: it may belong to another solid that touches the first.
     """
     start = np.argmin(faces, axis=1)[:, None]
     turned = np.take_along_axis(faces, (start + np.arange(3)) % 3, axis=1)
@@ -156,7 +156,7 @@ def _first_of_its_kind(faces: NDArray[np.int64]) -> NDArray[np.bool_]:
 
 
 def _welded(mesh: Mesh, place: NDArray[np.int64], kept: NDArray[np.int64], levels: int) -> Mesh:
-    """The kept faces over one vertex per place and colour level; its colour is the mean."""
+    """The kept faces with one vertex per place and colour level; the colour is the mean."""
     level = mesh.colors.astype(np.int64) * levels // 256
     key = ((place * levels + level[:, 0]) * levels + level[:, 1]) * levels + level[:, 2]
     used = np.unique(mesh.faces[kept])
@@ -181,7 +181,7 @@ def surface_object(source: Source, scan: Scan) -> SourceSurface:
 def surface_start(surface: SourceSurface, given: SegmentedScene, start: SegmentedScene) -> SourceSurface:
     """The textured surface of an input scene at the start of the drop: dents undone, things lifted out of them.
 
-    `given` and `start` have the same faces in the same order. What moved takes its part of the surface along.
+    `given` and `start` have the same faces in the same order. Moved things take their part of the surface along.
     """
     corners, moved = given.mesh.triangles, start.mesh.triangles - given.mesh.triangles
     changed = np.unique(given.face_instance[np.abs(moved).max(axis=(1, 2)) > 0.0])

@@ -10,13 +10,13 @@ from dcap.scene.types.gaussians import Gaussians
 from dcap.scene.types.pictures import ColmapModel, Pinhole, posed
 
 MOST_POINTS = 100_000
-"""Number of Gaussian centres from which the model's points are taken [-]."""
+"""Maximum number of Gaussian centres used as points of the model [-]."""
 OPAQUE = 0.5
 """Least opacity of a point on a surface [-]."""
 
 
 def pictures(splats: Gaussians, cameras: Sequence[Camera], threads: int) -> Iterator[NDArray[np.uint8]]:
-    """sRGB bytes (rows, columns, 3) over black, one after the other; starts Taichi in this process."""
+    """sRGB pictures over black as bytes (rows, columns, 3), one after the other; starts Taichi in this process."""
     from dcap.geometry.splatting.render import Splatter  # loads Taichi
     from solver.runtime import start
 
@@ -32,7 +32,7 @@ def names(count: int) -> list[str]:
 
 
 def colmap_model(splats: Gaussians, cameras: Sequence[Camera], seed: int = 0) -> ColmapModel:
-    """The cameras, which must be of one kind, and some of the Gaussians' centres with their colours."""
+    """The cameras, which must share one model, and some of the Gaussians' centres with their colours."""
     first = cameras[0]
     kind = Pinhole(1, first.width, first.height, (first.focal,) * 2, (0.5 * first.width, 0.5 * first.height))
     images = tuple(

@@ -1,4 +1,4 @@
-"""The base of the drop within the crop: its soft parts one bonded body, clamped where it is cut and carried."""
+"""The base of the drop within the crop: its soft parts as one bonded body, clamped where it is cut and carried."""
 
 from dataclasses import dataclass, replace
 
@@ -47,8 +47,8 @@ from tasks.particles.obstacles import NEARBY, SoundSupport, governing_part, rigi
 
 SOFT_REACH = 0.05  # soft parts of the base farther than this [m] from the object's box are not dented
 MARGIN = 0.01  # a signed distance reaches this far beyond the soft solid [m]
-CELLS_THROUGH = 4.0  # least cells through the box of what is soft along each axis
-SAMPLES_PER_CELL = 3.0  # of the signed distance that contact reads
+CELLS_THROUGH = 4.0  # least cells through the box of the soft parts along each axis
+SAMPLES_PER_CELL = 3.0  # samples of the signed distance that contact reads
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -58,15 +58,15 @@ class BaseBodies:
     soft: SoftSimulationBody | None
     rigid: RigidSimulationBody | None
     cell: float
-    """Cell size under the contact, 0 without a soft part [m]."""
+    """Cell size under the contact [m]; 0 without a soft part."""
     footprint: Footprint
-    """The object's predicted contact with it."""
+    """The object's predicted contact with the base."""
     column: tuple[ColumnLayer, ...]
     """Layers under the predicted contact, from the top down; empty without a soft part."""
 
     @property
     def bodies(self) -> list[SimulationBody]:
-        """The soft and the rigid body, as far as there are any."""
+        """The soft and the rigid body, if they exist."""
         return [b for b in (self.soft, self.rigid) if b is not None]
 
 
@@ -107,7 +107,7 @@ def rigid_solid(setup: DropSetup, faces: NDArray[np.int64], part: NDArray[np.int
 def soft_in_reach(
     setup: DropSetup, rows: list[PartMaterial], faces: NDArray[np.int64], part: NDArray[np.int32]
 ) -> NDArray[np.bool_]:
-    """Whether the soft parts, taken together, come so near to the object that they may be dented, shape (m,)."""
+    """Mask of shape (m,), all true if the soft parts together are so near to the object that they may be dented."""
     soft = np.array([r.model is BodyModel.MPM for r in rows])[part]
     low, high = setup.mesh.bounds + np.array([[-SOFT_REACH], [SOFT_REACH]])
     low[2] = setup.mesh.bounds[0, 2] - setup.descent.gap - REACH_BELOW
@@ -127,7 +127,7 @@ def soft_base(
     part: NDArray[np.int32],
     rigid: MeshDistance | None,
 ) -> BaseBodies:
-    """All soft parts of the base within the crop as one fixed body, and what the object will touch of it."""
+    """All soft parts of the base within the crop as one fixed body, and the object's predicted contact with it."""
     base_id, config, mesh = setup.anchor.base_id, setup.config, setup.scene.mesh.submesh(faces)
     layers = base_layers(setup, rows, mesh, part)
     bottom = soft_bottoms(setup, layers)
@@ -165,8 +165,8 @@ def soft_base(
 
 
 def base_layers(setup: DropSetup, rows: list[PartMaterial], mesh: Mesh, part: NDArray[np.int32]) -> BaseLayers:
-    """The soft parts of the base with their covers, which are looked for all over it: what carries a blanket may be
-    seen far from the object only. Each is noted with how thick it is taken to be."""
+    """The soft parts of the base with their covers, which are searched all over it: the part that carries a blanket may
+    only be visible far from the object. The assumed thickness of each cover is noted."""
     soft = [r.part_index for r in rows if r.model is BodyModel.MPM]
     faces = np.flatnonzero(setup.scene.face_instance == setup.base_index)
     whole, parts = setup.scene.mesh.submesh(faces), np.clip(setup.scene.face_part[faces], 0, None)
@@ -179,13 +179,14 @@ def base_layers(setup: DropSetup, rows: list[PartMaterial], mesh: Mesh, part: ND
 
 
 def constants_in(rows: list[PartMaterial], layers: BaseLayers, position: Array) -> MaterialConstants:
-    """Material at points (n, 3) of the soft base."""
+    """Material constants at points (n, 3) of the soft base."""
     owner, layered = layers.owners(position), [r.part_index for r in rows if r.material.layers is not None]
     return constants_of_parts(rows, owner, lambda: layers.normals(position, owner, layered))
 
 
 def loaded_region(setup: DropSetup) -> Array:
-    """Where the object's weight may bend something [m], shape (2, 3): around it by half its larger horizontal side."""
+    """Box in which the object's weight may bend something [m], shape (2, 3): around the object by half its larger
+    horizontal side."""
     low, high = setup.mesh.bounds
     margin = 0.5 * float((high - low)[:2].max())
     box = setup.contact_region
@@ -194,7 +195,7 @@ def loaded_region(setup: DropSetup) -> Array:
 
 
 def note_cells(setup: DropSetup, for_contact: Cells, cells: Cells) -> None:
-    """Say where thin parts took more cells than the contact, beyond the budget."""
+    """Note where thin parts took more cells than the contact, beyond the budget."""
     budget = setup.config.base_cells
     if cells.count > max(budget, for_contact.count):
         setup.notes.append(
@@ -204,7 +205,7 @@ def note_cells(setup: DropSetup, for_contact: Cells, cells: Cells) -> None:
 
 
 def note_thin(setup: DropSetup, layers: BaseLayers, thin: list[UnderResolved]) -> None:
-    """Name every part that has too few cells through it, with its worst place and what keeps it from more."""
+    """Note every part with too few cells through it, its worst place and the reason."""
     if not thin:
         return
     worst: dict[int, UnderResolved] = {}
@@ -235,14 +236,15 @@ def column_under(
 
 
 def contact_distance(setup: DropSetup, solid: MeshDistance, box: Array, cell: float) -> DistanceGrid:
-    """Signed distance as contact reads it: finer than the cells [m], where the object may touch."""
+    """Signed distance for contact, finer than the cells [m], where the object may touch."""
     region = setup.contact_region
     reached = np.stack([np.maximum(box[0], region[0]), np.minimum(box[1], region[1])])
     return distance_samples(solid, reached, cell / SAMPLES_PER_CELL, margin=MARGIN, most=setup.config.distance_samples)
 
 
 def soft_box(setup: DropSetup, solid: MeshDistance) -> tuple[Array, NDArray[np.bool_]]:
-    """The solid's box within the crop [m], shape (2, 3), and which of its sides (2, 2) = (low/high, x/y) are cuts."""
+    """The solid's box within the crop [m], shape (2, 3), and the mask of its sides (2, 2) = (low/high, x/y) that are
+    cuts."""
     corner = solid.mesh.triangles
     inside = (corner.max(axis=1) >= setup.crop[0]) & (corner.min(axis=1) <= setup.crop[1])
     used = corner[inside[:, :2].all(axis=1)]
@@ -278,7 +280,7 @@ def base_cells(setup: DropSetup, foot: Footprint, distance: Distance, box: Array
 
 
 def even_cells(config: ParticlesConfig, distance: Distance, box: Array) -> Cells:
-    """A grid of one cell size over the soft box, as fine as the budget allows."""
+    """A grid of uniform cells over the soft box, as fine as the budget allows."""
     budget = int(config.base_cells / config.coarser**2)
     size = float(np.cbrt(np.prod(np.ptp(box, axis=0)) / budget))
 
@@ -306,7 +308,7 @@ def held_nodes(
     part: NDArray[np.int32],
     rigid: MeshDistance | None,
 ) -> NDArray[np.bool_]:
-    """Nodes that stand still: at the cut, at or in rigid parts, and at the bottom of the soft parts."""
+    """Nodes that are held: at the cut, at or in rigid parts, and at the bottom of the soft parts."""
     bottoms = [
         (float(height), [setup.base.parts[i].box for i in sorted(set(part[bottom == height].tolist()))])
         for height in np.unique(bottom)
@@ -318,7 +320,7 @@ def held_nodes(
 
 
 def base_surface(setup: DropSetup, foot: Footprint, mesh: Mesh, box: Array, cell: float) -> Mesh:
-    """Visible soft faces within the grid; edges that the budget keeps longer than half a cell [m] are noted."""
+    """Visible soft faces within the grid; a note if the budget leaves edges longer than half a cell [m]."""
     most = setup.config.base_faces
     surface, edge = soft_support_surface(mesh, foot, setup.crop, box, cell, most)
     if edge > 1.001 * cell / PER_CELL:

@@ -1,6 +1,6 @@
 """Layers at the predicted contact: those of the object above it and those of the base below it.
 
-How deep a soft base reaches under what is seen of it: down to what carries each part, or as thick as it is.
+Depth of a soft base below its visible surface: down to the support of each part, or by its thickness.
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,7 +21,7 @@ from tasks.particles.layers import COLUMN_STEPS, BaseLayers, Cover, column_of, l
 from tasks.particles.object_body import part_at
 
 RIGID: Layer = (np.inf, 0.0)
-"""Support of the base."""
+"""Layer of the base's support."""
 
 
 def footprint_on(setup: DropSetup, base: list[Layer]) -> Footprint:
@@ -56,12 +56,12 @@ def layers_of(column: tuple[ColumnLayer, ...], rows: list[PartMaterial]) -> list
 
 
 def names_of(rows: list[PartMaterial]) -> list[tuple[str, str]]:
-    """Part and material."""
+    """Name and material of each part."""
     return [(row.part, row.material.id) for row in rows]
 
 
 def compliance_of(row: PartMaterial) -> float:
-    """(1 - nu^2) / E [1/Pa]; 0 if rigid."""
+    """Compliance (1 - nu^2) / E [1/Pa]; 0 if rigid."""
     if row.model is BodyModel.RIGID:
         return 0.0
     return (1.0 - row.material.poisson_ratio**2) / row.material.youngs_modulus
@@ -75,7 +75,7 @@ def soft_bottoms(setup: DropSetup, layers: BaseLayers) -> Array:
     for index in layers.carrying:
         if index in seen:
             bottom[index] = thick_enough(setup, layers, index, bottom[index])
-    # what carries a cover is no cover, so that covers can be seen to in any order
+    # the part that carries a cover is not a cover, so covers can be handled in any order
     carrying = {index: bottom[index] for index in layers.carrying}
     for index in seen & set(layers.covers):
         bottom[index] = cover_bottom(setup, layers, layers.covers[index], bottom[index], carrying)
@@ -83,7 +83,7 @@ def soft_bottoms(setup: DropSetup, layers: BaseLayers) -> Array:
 
 
 def thick_enough(setup: DropSetup, layers: BaseLayers, index: int, bottom: float) -> float:
-    """Bottom of a part that is no cover [m]; one that is seen as a sheet only gets a thickness."""
+    """Bottom of a part that is not a cover [m]; only a part that is visible as a sheet gets a thickness."""
     least = setup.config.least_thickness
     top = float(np.median(layers.mesh.triangles[layers.part == index][:, :, 2]))
     if top - bottom >= least:
@@ -99,8 +99,8 @@ def thick_enough(setup: DropSetup, layers: BaseLayers, index: int, bottom: float
 def cover_bottom(
     setup: DropSetup, layers: BaseLayers, cover: Cover, own: float, carrying: Mapping[int, float]
 ) -> float:
-    """Bottom under a cover [m]: over something soft where that or the cover itself ends, else as deep as the cover and
-    those beneath it are thick, where the object may touch it below its lowest place."""
+    """Bottom under a cover [m]: over a soft part the lower of its bottom and the cover's own; elsewhere the thickness
+    of the cover and those beneath it, below the cover's lowest place where the object may touch it."""
     under = [bottom for index, bottom in carrying.items() if lies_under(layers.base, index, cover)]
     if under:
         return min([own, *under])
@@ -109,8 +109,8 @@ def cover_bottom(
 
 
 def lowest_top(mesh: Mesh, own: NDArray[np.bool_], setup: DropSetup) -> float:
-    """Lowest place of a cover's faces (m,) that look up where the object may touch it [m]: there a wavy cloth lies on
-    what carries it. Of all that look up if none is there, of all if none looks up."""
+    """Lowest place of a cover's upward faces (m,) in the region that the object may touch [m]: there a wavy cloth lies
+    on its support. Without such faces in the region, of all upward faces; without upward faces, of all faces."""
     upward = own & looks_up(mesh)
     choices: Sequence[NDArray[np.bool_]] = (upward & setup.in_contact_region(mesh.triangles), upward, own)
     chosen = next(faces for faces in choices if faces.any())

@@ -28,19 +28,19 @@ from tasks.particles.config import ParticlesConfig
 OBJECT = "object"
 """The body to place."""
 
-# over the softest of a body: what is soft itself, which takes three times the iterations at the bound, and what is
-# rigid, whose nodes move as one and whose stiffness counts only in cells that it shares with the rest
+# largest ratio to the softest part of a body: for soft parts, which take three times the iterations at the bound, and
+# for rigid parts, whose nodes move as one and whose stiffness counts only in cells shared with other parts
 MOST_CONTRAST, RIGID_CONTRAST = 1e4, 100.0
 REACH_BELOW = 0.12  # how far below the predicted contact fields are sampled [m]: deeper than any dent
 REACH_ABOVE = 0.03  # above the object's top [m]
-UNDER = 0.25  # of its larger horizontal side around the object is under it [-]: it may move that far
+UNDER = 0.25  # of its larger horizontal side: a hole this near counts as under the object, which may move [-]
 OUT_OF_DENT = 2e-3  # height of an object over a dent that it is lifted out of [m]
 SPHERICAL = 0.1  # relative spread of a ball's radius; a cube has 0.14
 
 
 @dataclass(eq=False, slots=True)
 class DropSetup:
-    """The inputs together, with what several bodies need, and what is said of them as they are built."""
+    """The inputs of the stage, data that several bodies need, and the notes collected while the bodies are built."""
 
     scene: Segmentation
     item: Segmentation
@@ -54,19 +54,20 @@ class DropSetup:
     crop: Array
     """Region of the base that takes part [m], shape (2, 3)."""
     descent: Descent
-    """The object over what lies beneath it."""
+    """The object over the surface beneath it."""
     returned: Descent | None
-    """The same where it was at the end of an earlier drop that had not foreseen it there."""
+    """The object at the end of an earlier drop that came to rest outside the predicted contact."""
     body: str = OBJECT
-    """The body that `item` is simulated as, to which its materials belong."""
+    """The body as which `item` is simulated, and to which its materials belong."""
     free: frozenset[str] = frozenset()
-    """Instances that take part as free bodies: they are no obstacles."""
+    """Instances that take part as free bodies, and thus are not obstacles."""
     beside: "tuple[DropSetup, ...]" = ()
-    """Of further things that lie on the base: their contact counts too, where its cells are chosen."""
+    """Setups of further things on the base: their contacts also decide where its cells are fine."""
     borne: float = 0.0
     """Mass that lies on the object [kg]."""
     reach: Array | None = None
-    """Where any of several free bodies may touch anything [m], shape (2, 3); None: where the object may."""
+    """Box in which any of several free bodies may touch anything [m], shape (2, 3); None: the object's contact
+    region."""
     torn: bool = False
     """Whether the scan of the base has a hole under the object, which `scene` has closed."""
     notes: list[str] = field(default_factory=list)
@@ -79,7 +80,8 @@ class DropSetup:
 
     @property
     def contact_region(self) -> Array:
-        """Where the object may touch anything [m], shape (2, 3): the crop, cut in height to the object's own way."""
+        """Box in which the object may touch anything [m], shape (2, 3): the crop, limited in height to the object's
+        path."""
         if self.reach is not None:
             return self.reach.copy()
         top, lowest = float(self.mesh.bounds[1, 2]), float(self.mesh.bounds[0, 2])
@@ -88,7 +90,7 @@ class DropSetup:
         return box
 
     def in_contact_region(self, triangles: Array) -> NDArray[np.bool_]:
-        """Which triangles (n, 3, 3) reach into the box where the object may touch."""
+        """Mask of the triangles (n, 3, 3) that reach into the contact region."""
         low, high = self.contact_region
         inside = (triangles.max(axis=1) >= low) & (triangles.min(axis=1) <= high)
         return np.asarray(inside.all(axis=1))
@@ -101,7 +103,7 @@ class DropSetup:
         return np.asarray(faces[((corner.max(axis=1) >= low) & (corner.min(axis=1) <= high)).all(axis=1)])
 
     def beside_base(self, margin: float) -> list[Mesh]:
-        """Things other than the base that are at most `margin` [m] from its box in plan: the floor around a
+        """Things other than the base that are at most `margin` [m] from its box in plan: for example the floor around a
         rug."""
         faces = np.flatnonzero(self.scene.face_instance != self.base_index)
         corner, box = self.scene.mesh.corners(faces)[:, :, :2], self.base.box.corners[:, :2]
@@ -111,7 +113,7 @@ class DropSetup:
         return [self.scene.mesh.submesh(faces[owner == one]) for one in np.unique(owner)]
 
     def note_geometry(self, body: str, parts: list[str], report: RepairReport) -> None:
-        """Keep how a body's solid was made, and say where it is in doubt."""
+        """Record the construction of a body's solid, and note where it is uncertain."""
         part = ", ".join(dict.fromkeys(parts))
         self.geometry.append(BodyGeometry(body, part, report))
         if report.problem:
@@ -119,7 +121,7 @@ class DropSetup:
             self.notes.append(Caution(Cause.ASSUMED, unsound))
 
     def note_stiffness(self, body: str, rows: list[PartMaterial]) -> None:
-        """Name the soft parts that are taken as softer than their material."""
+        """Note the soft parts that are simulated softer than their material."""
         for row, taken in zip(rows, stiffness_of(rows), strict=True):
             if row.model is BodyModel.MPM and taken < row.material.youngs_modulus:
                 self.notes.append(
@@ -137,7 +139,7 @@ def drop_setup(
     config: ParticlesConfig,
     ended: EndPose | None = None,
 ) -> DropSetup:
-    """Put the object at its pre-drop pose, cut the region of the base out and look at what is beneath it."""
+    """Put the object at its pre-drop pose, crop the base, and determine the surface beneath the object."""
     mesh = item.mesh.transformed(anchor.world_from_object)
     low, high = mesh.bounds
     margin = max(config.crop_margin * float((high - low)[:2].max()), config.least_crop_margin)
@@ -145,7 +147,7 @@ def drop_setup(
         margin *= config.rolling_margin
     crop = np.stack([low - margin, high + margin])
     base_index = scene.index_of(anchor.base_id)
-    widest = max(WIDTHS)  # a hole that reaches into the crop is seen with all of its rim
+    widest = max(WIDTHS)  # includes the whole rim of a hole that reaches into the crop
     whole, surface = with_mended(scene, base_index, crop[:, :2] + np.array([[-widest], [widest]]))
     found = mended_here(surface, mesh)
     if found:
@@ -164,7 +166,7 @@ def drop_setup(
 
 
 def lifted_out(mesh: Mesh, ended: EndPose, beneath: Raycaster) -> Mesh:
-    """The object where a drop ended, lifted out of its dent: until no point of it is below a surface that looks up."""
+    """The object at the end of a drop, lifted out of its dent until no point of it is below an upward surface."""
     moved = np.eye(4)
     moved[:3, :3] = Rotation.from_quat(ended.quaternion, scalar_first=True).as_matrix()
     moved[:3, 3] = ended.position
@@ -176,7 +178,7 @@ def lifted_out(mesh: Mesh, ended: EndPose, beneath: Raycaster) -> Mesh:
 
 
 def mended_here(surface: MendedSurface, mesh: Mesh) -> list[str]:
-    """Repairs of the base where they matter to the object `mesh`, in words; empty: none there."""
+    """Descriptions of repairs of the base that matter to the object `mesh`; empty if there are none."""
     notes: list[str] = []
     if holes := holes_under(surface, mesh):
         size = f"{1e2 * holes[0].sides[0]:.2g} x {1e2 * holes[0].sides[1]:.2g} cm under the object"
@@ -196,7 +198,7 @@ def mended_here(surface: MendedSurface, mesh: Mesh) -> list[str]:
 
 
 def holes_under(surface: MendedSurface, mesh: Mesh) -> list[TornHole]:
-    """Closed holes, no mere cracks, that reach under the object or near it, in plan, the largest first."""
+    """Closed holes, not mere cracks, under or near the object in plan, the largest first."""
     low, high = mesh.bounds[:, :2]
     margin = UNDER * float((high - low).max())
     large = [one for one in surface.holes if one.sides[0] > CRACK]
@@ -205,7 +207,7 @@ def holes_under(surface: MendedSurface, mesh: Mesh) -> list[TornHole]:
 
 
 def is_spherical(mesh: Mesh) -> bool:
-    """Whether all of the surface is about as far from its centroid."""
+    """Return whether all points of the surface have nearly the same distance from its centroid."""
     away = np.linalg.norm(mesh.triangles.mean(axis=1) - mesh.vertices.mean(axis=0), axis=1)
     return float(away.std() / away.mean()) < SPHERICAL
 
@@ -213,7 +215,8 @@ def is_spherical(mesh: Mesh) -> bool:
 def constants_of_parts(
     rows: list[PartMaterial], part: NDArray[np.integer], normals: Callable[[], Array]
 ) -> MaterialConstants:
-    """Material of points that belong to the given parts (n,); `normals` are those of layers there, shape (n, 3)."""
+    """Material of points that belong to the given parts (n,); `normals` returns the layer normals there, shape (n,
+    3)."""
     table = np.array(
         [(r.material.density, e, r.material.poisson_ratio) for r, e in zip(rows, stiffness_of(rows), strict=True)]
     )
@@ -230,8 +233,8 @@ def stiffness_of(rows: list[PartMaterial]) -> list[float]:
 
 
 def friction_of_surface(rows: list[PartMaterial], surface: Mesh, mesh: Mesh, part: NDArray[np.integer]) -> Array | None:
-    """The friction of each face of a surface (m,) that was made from a mesh, whose faces belong to the given parts
-    (k,), as `friction_of_faces` has it."""
+    """The friction of each face of a surface (m,) derived from a mesh whose faces belong to the given parts (k,), as in
+    `friction_of_faces`."""
     if friction_of_faces(rows, part) is None:
         return None
     return friction_of_faces(rows, part_of_faces(surface, mesh, part))
@@ -239,22 +242,23 @@ def friction_of_surface(rows: list[PartMaterial], surface: Mesh, mesh: Mesh, par
 
 def friction_of_faces(rows: list[PartMaterial], part: NDArray[np.integer]) -> Array | None:
     """Static and dynamic friction [-] and rolling resistance [m] of faces that belong to the given parts (m,), shape
-    (m, 3); None where all parts have the same."""
+    (m, 3); None if all parts have the same friction."""
     table = np.array([(f.static, f.dynamic, f.rolling_resistance) for f in (r.material.friction for r in rows)])
     alike = (table[np.unique(part)] == table[part[:1]]).all()
     return None if alike else table[part]
 
 
 def part_of_faces(surface: Mesh, mesh: Mesh, part: NDArray[np.integer]) -> NDArray[np.int64]:
-    """Part of each face of a surface (m,) that was made from a mesh, whose faces belong to the given parts (k,): that
-    of the face under its middle; its corners may lie on several."""
+    """Part of each face of a surface (m,) derived from a mesh whose faces belong to the given parts (k,): the part of
+    the mesh's face under its middle, since its corners may lie on several parts."""
     return part[MeshDistance(mesh).nearest_face(surface.triangles.mean(axis=1))].astype(np.int64)
 
 
 def with_layers(
     constants: MaterialConstants, rows: list[PartMaterial], part: NDArray[np.integer], normal: Array
 ) -> MaterialConstants:
-    """The same with the layers of those parts (n,) that have some; what is taken as softer is so in all directions."""
+    """The constants with the layers of those parts (n,) that are layered; a part that is simulated softer is softer in
+    all directions."""
     along, in_plane = constants.youngs_modulus.copy(), constants.poisson_ratio.copy()
     shear = along / (2.0 * (1.0 + in_plane))
     for row, taken in zip(rows, stiffness_of(rows), strict=True):

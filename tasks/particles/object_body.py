@@ -1,6 +1,6 @@
 """The object of the drop as a simulated body: rigid, soft, or soft with a rigid core.
 
-Which part of the object is where.
+The part of the object at each point.
 """
 
 from dataclasses import dataclass
@@ -40,20 +40,21 @@ from tasks.bodies.solver_model import grid_of
 from tasks.particles.drop_setup import OBJECT, RIGID_CONTRAST, DropSetup, constants_of_parts, friction_of_surface
 
 SAMPLES = 220.0  # of the distance along the object's diagonal, if ParticlesConfig.object_distance_samples allow
-SAMPLES_PER_CELL = 3.0  # of the distance in a cell under the contact, at least
+SAMPLES_PER_CELL = 3.0  # least samples of the distance in a cell under the contact
 MARGIN = 0.01  # the distance reaches this far beyond the object [m]
 FILL_CELLS = 36  # cells along each side that fill a rigid object of several materials, for its mass
-TOLD = 0.05  # a mass farther from the usual one than this share of it is told [-]
+TOLD = 0.05  # relative deviation of a mass from the usual mass above which it is noted [-]
 POINTS_ACROSS = 10.0  # edges across the footprint of a rigid object on a rigid base
 
 
 def nearest_part(mesh: Mesh, part_of_face: NDArray[np.int32], points: Array) -> NDArray[np.int64]:
-    """Part whose surface is nearest to each point (n, 3), shape (n,)."""
+    """Part with the nearest surface for each point (n, 3), shape (n,)."""
     return part_of_face[MeshDistance(mesh).nearest_face(points)].astype(np.int64)
 
 
 def part_at(mesh: Mesh, part_of_face: NDArray[np.int32], points: Array) -> NDArray[np.int64]:
-    """Part of an object that each point belongs to, shape (n,): the smallest closed one around it, else the nearest."""
+    """Part of an object that each point belongs to, shape (n,): the smallest closed part around it, else the nearest
+    part."""
     owner = nearest_part(mesh, part_of_face, points)
     parts = [(one, mesh.submesh(np.flatnonzero(part_of_face == one))) for one in np.unique(part_of_face).tolist()]
     closed = [(mesh_volume(piece), one, MeshDistance(piece)) for one, piece in parts if is_closed(piece)]
@@ -65,16 +66,16 @@ def part_at(mesh: Mesh, part_of_face: NDArray[np.int32], points: Array) -> NDArr
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ObjectBody:
-    """The thing to place."""
+    """The object to place."""
 
     body: SimulationBody
     cell: float
-    """Its cell size [m]; of a rigid one the size that its contact points resolve."""
+    """Its cell size [m]; for a rigid object the size that its contact points resolve."""
 
 
 def object_body(setup: DropSetup, shape: ObjectShape, foot: Footprint, base_cell: float | None) -> ObjectBody:
-    """The thing to place, whose `shape` the set-up has, with points of contact for its predicted contact and for cells
-    of `base_cell` [m] in the base; None where that is rigid."""
+    """The object to place, of the given `shape`, with contact points for its predicted contact and for cells of
+    `base_cell` [m] in the base; None if the base is rigid."""
     instance = setup.item.instances[0]
     rows = setup.materials.of_parts(setup.body, len(instance.parts))
     part_of_face = np.clip(setup.item.face_part, 0, None)
@@ -99,7 +100,7 @@ def object_body(setup: DropSetup, shape: ObjectShape, foot: Footprint, base_cell
 
 
 def simplified_item(setup: DropSetup) -> Mesh:
-    """The object's surface with as many vertices as contact needs."""
+    """The object's surface with no more vertices than contact needs."""
     mesh = simplified(setup.mesh, setup.config.contact_vertices)
     if mesh is not setup.mesh:
         setup.notes.append(
@@ -136,8 +137,8 @@ def filled(grid: DistanceGrid) -> tuple[Array, Array]:
 
 
 def object_mass(setup: DropSetup, natural: float) -> float:
-    """The object's mass [kg]: what was given or is usual for hollow things, else density times volume (`natural`) if
-    that is plausible.
+    """The object's mass [kg]: the given mass, or the usual mass of hollow things, else density times volume (`natural`)
+    if that is plausible.
     """
     intent, trust = setup.intent, setup.config.mass_trust
     ratio = natural / intent.mass
@@ -148,7 +149,7 @@ def object_mass(setup: DropSetup, natural: float) -> float:
                 f"which is usual for its size; within a factor of {trust:g} the material counts (--mass overrides both)"
             )
         return natural
-    if setup.body == OBJECT and abs(ratio - 1.0) > TOLD:  # what was placed before has the mass that it had
+    if setup.body == OBJECT and abs(ratio - 1.0) > TOLD:  # a thing placed earlier keeps its mass
         setup.notes.append(
             f"object: density scaled by {1.0 / ratio:.3g} so that it weighs {intent.mass:.3g} kg, not {natural:.3g} kg"
         )
@@ -186,7 +187,7 @@ def soft_object(
 
 
 def object_cells(setup: DropSetup, foot: Footprint, grid: DistanceGrid, inside: Distance) -> Cells:
-    """A uniform grid around a soft object; fewer cells through thin parts than bending needs are noted."""
+    """A uniform grid around a soft object; a note if there are fewer cells through thin parts than bending needs."""
     config, thin = setup.config, thickness(grid)
     contact = config.coarser * (config.cell or max(foot.half_width / config.least_cells_across, config.finest_cell))
     if config.uniform:

@@ -1,10 +1,10 @@
 """Obstacles around the soft part of the base: its rigid parts and other things in reach, as fixed rigid bodies.
 
-The solid of what carries or stands around: from the faces as they are while those make one, else from what is seen.
+The solid of a support or an obstacle: from its faces if they bound a solid, else from their visible side.
 
 In: the faces of a fixed body near the object and a bottom height for each. Out: its signed distance, the faces that
-contact and pictures of dents use, and a report. Scans that make no sound solid (holes, second layers, sheets inside,
-missing sides) get the solid under what the object sees of them.
+contact and pictures of dents use, and a report. For scans that make no sound solid (holes, second layers, sheets
+inside, missing sides) it is the solid under the faces that the object sees.
 """
 
 from dataclasses import dataclass, replace
@@ -28,13 +28,13 @@ from tasks.bodies.footprint import Footprint, obstacle_surface
 from tasks.particles.drop_setup import DropSetup, friction_of_surface
 
 TOLERANCE = RepairLimits().tolerance
-BEYOND = 0.03  # the solid under what is seen reaches this far beyond the crop [m]: what goes on there is cut
+BEYOND = 0.03  # the solid under visible faces reaches this far beyond the crop [m] and is cut there
 SAMPLES = 80.0  # of an obstacle's signed distance along the object's diagonal
-THROUGH = 4.0  # samples through what carries, at least: interpolation reads three
+THROUGH = 4.0  # least samples through a support: interpolation reads three
 MARGIN = 0.02  # a signed distance reaches this far beyond the faces in reach [m]
-TOWARDS = 0.75  # share of a wall's area in reach that lies behind its face: of two skins the nearer one [-]
-SLAB = 0.3  # thickness of the block that a wall is taken as [m]
-NEARBY = 0.1  # faces this far around the crop decide what an obstacle's solid is [m]
+TOWARDS = 0.75  # share of a wall's area in reach that lies behind its face: selects the nearer of two skins [-]
+SLAB = 0.3  # thickness of the block that represents a wall [m]
+NEARBY = 0.1  # faces this far around the crop determine the solid of an obstacle [m]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -45,18 +45,19 @@ class SoundSupport:
     mesh: Mesh
     """Its faces."""
     part: NDArray[np.int32]
-    """The part that each belongs to, shape (m,)."""
+    """Part of each face, shape (m,)."""
     bottom: Array
-    """Height down to which each is solid [m], shape (m,)."""
+    """Height down to which the body is solid under each face [m], shape (m,)."""
 
 
 def sound_support(
     setup: DropSetup, body: str, names: list[str], mesh: Mesh, part: NDArray[np.int32], bottom: Array, *, torn: bool
 ) -> SoundSupport:
-    """The solid under faces, each of a `part` and down to its own `bottom` [m]; `names` are those of its parts.
+    """The solid under faces, each of a `part` and solid down to its own `bottom` [m]; `names` are the names of its
+    parts.
 
-    `torn`: a hole was closed where the object goes, so that faces lie over one another there. Then, and where no two
-    faces hang together, what is seen is asked first.
+    `torn`: a hole under the object was closed, so that faces lie over one another there. In this case, and where no two
+    faces are connected, the visible faces are tried first.
     """
     if torn or is_soup(mesh):
         seen = under_what_is_seen(setup, mesh, bottom)
@@ -74,7 +75,7 @@ def sound_support(
 def kept_seen(
     setup: DropSetup, body: str, names: list[str], seen: ColumnSolid, part: NDArray[np.int32], bottom: Array
 ) -> SoundSupport:
-    """The solid under what is seen, with what is seen as its faces."""
+    """The solid under the visible faces, with these as its faces."""
     setup.note_geometry(body, names, seen.report)
     top = np.flatnonzero(seen.top)
     source = seen.source[top]
@@ -82,7 +83,7 @@ def kept_seen(
 
 
 def under_what_is_seen(setup: DropSetup, mesh: Mesh, bottom: Array) -> ColumnSolid | None:
-    """The solid under what the object sees of the faces; None if it sees none."""
+    """The solid under the faces that the object sees; None if it sees none."""
     region = setup.contact_region
     region[0, :2] -= BEYOND
     region[1, :2] += BEYOND
@@ -104,7 +105,8 @@ def rigid_base(
 
 
 def neighbours(setup: DropSetup, foot: Footprint) -> list[RigidSimulationBody]:
-    """Other things in reach as fixed rigid bodies; walls, floor and ceiling are left out, but for what is leaned on."""
+    """Other things in reach as fixed rigid bodies, without walls, floor and ceiling, unless the object leans on
+    them."""
     bodies = []
     held = setup.anchor.lean.on if setup.anchor.lean is not None else ""
     for index, instance in enumerate(setup.scene.instances):
@@ -130,9 +132,10 @@ def wall_support(setup: DropSetup, wall: Instance, faces: NDArray[np.int64]) -> 
 
 
 def wall_slab(setup: DropSetup, wall: Instance, faces: NDArray[np.int64]) -> Mesh:
-    """A wall as a closed block: a scan shows its skin only, so it goes on behind the face that the object is at.
+    """A wall as a closed block: a scan shows only its skin, so the block extends behind the face nearest to the object.
 
-    That face is where most of the wall's area (k faces in reach) towards the object lies: rims and sockets stand out.
+    That face is at the depth of most of the wall's area (k faces in reach) towards the object: rims and sockets stand
+    out.
     """
     box, thin = wall.box, int(np.argmin(wall.box.half_extents[:2]))
     axis = box.axes[:, thin]
@@ -143,14 +146,14 @@ def wall_slab(setup: DropSetup, wall: Instance, faces: NDArray[np.int64]) -> Mes
     face = side * float(out[order][np.searchsorted(area, TOWARDS * area[-1])])
     half = box.half_extents.copy()
     half[thin] = 0.5 * SLAB
-    import trimesh  # a quarter of a second, for which nobody waits whose results are cached
+    import trimesh  # takes a quarter of a second, which cached results need not wait for
 
     solid = trimesh.creation.box(2.0 * half)
     return Mesh.of(solid.vertices @ box.axes.T + box.center + (face - side * half[thin]) * axis, solid.faces)
 
 
 def in_plan(triangles: NDArray[np.float64], crop: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Which triangles (n, 3, 3) reach into a crop (2, 3) as seen from above, shape (n,)."""
+    """Mask of the triangles (n, 3, 3) that reach into a crop (2, 3) as seen from above, shape (n,)."""
     corner = triangles[:, :, :2]
     return np.asarray(((corner.max(axis=1) >= crop[0, :2]) & (corner.min(axis=1) <= crop[1, :2])).all(axis=1))
 
@@ -167,7 +170,8 @@ def neighbour_solid(setup: DropSetup, index: int) -> SoundSupport:
 
 
 def rows_of(setup: DropSetup, instance: Instance) -> list[PartMaterial]:
-    """The material of each part of another thing; that under the anchor for one that nobody was asked about."""
+    """The material of each part of another thing; if its materials were not asked for, the material under the
+    anchor."""
     if any(row.body == instance.id for row in setup.materials.rows):
         return setup.materials.of_parts(instance.id, len(instance.parts))
     return [setup.materials.of(setup.anchor.base_id, setup.anchor.part_index)] * len(instance.parts)
@@ -182,8 +186,8 @@ def obstacle(
     rows: list[PartMaterial],
     main: PartMaterial,
 ) -> RigidSimulationBody:
-    """A fixed rigid body, its own `name` and its instance's: those of its faces (m,) that are in reach, each with the
-    friction of its part, and its distance where the object may come. `rows` are those of all parts, `main` the one for
+    """A fixed rigid body, given its own `name` and its instance's: its faces (m,) in reach, each with the friction of
+    its part, and its distance where the object may come. `rows` are the materials of all parts, `main` the material of
     the whole."""
     mesh, part = sound.mesh.submesh(np.flatnonzero(kept)), sound.part[kept]
     box, surface = setup.contact_region, obstacle_surface(mesh, foot)
@@ -197,7 +201,7 @@ def obstacle(
 
 
 def obstacle_distance(setup: DropSetup, solid: MeshDistance, box: NDArray[np.float64]) -> DistanceGrid:
-    """Samples of a fixed solid's distance over a box (2, 3) [m], at least THROUGH of them in what carries."""
+    """Samples of a fixed solid's distance over a box (2, 3) [m], at least THROUGH of them through a support."""
     wanted = float(np.linalg.norm(np.ptp(setup.mesh.vertices, axis=0))) / SAMPLES
     margin = max(MARGIN, THROUGH * wanted)
     spacing = affordable_spacing(box, wanted, margin, setup.config.distance_samples)
@@ -209,8 +213,8 @@ def obstacle_distance(setup: DropSetup, solid: MeshDistance, box: NDArray[np.flo
 
 
 def governing_part(setup: DropSetup, rows: list[PartMaterial], part: NDArray[np.integer]) -> PartMaterial:
-    """The part of the base whose friction is that of the body, where its faces have none of their own: the one under
-    the anchor if it is there, else the one with most faces (n,)."""
+    """The part of the base whose friction represents the body, if its faces have none of their own: the part under the
+    anchor if it is present, else the part with most faces (n,)."""
     for row in rows:
         if row.part_index == setup.anchor.part_index:
             return row
@@ -218,5 +222,5 @@ def governing_part(setup: DropSetup, rows: list[PartMaterial], part: NDArray[np.
 
 
 def most_seen(rows: list[PartMaterial], part: NDArray[np.integer]) -> PartMaterial:
-    """The part that most of the faces (n,) belong to, the first of several."""
+    """The part to which most of the faces (n,) belong, the first of several."""
     return max(rows, key=lambda r: (int((part == r.part_index).sum()), -r.part_index))

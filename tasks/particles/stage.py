@@ -1,14 +1,14 @@
-"""Stage 7, particles: from meshes, a pose and materials to everything the drop simulates.
+"""Stage 7, particles: from meshes, a pose and materials to all bodies of the drop.
 
 In: the segmented scene and object, the intent (mass), the pre-drop pose and the material of every part. Out:
-`Particles`: the object, the base within a crop around it (its soft parts one bonded body, its rigid parts another)
-and the neighbours in reach as obstacles. Every crop, cap and treatment is named in the notes.
+`Particles`: the object, the base within a crop around it (its soft parts as one bonded body, its rigid parts as
+another) and the neighbours in reach as obstacles. The notes name every crop, cap and treatment.
 
-A drop with several free bodies: the object, and things that were placed before and are in its reach.
+A drop with several free bodies: the object, and things within its reach that were placed earlier.
 
-In: the object's own set-up and the freed things. Out: a set-up for each thing over what carries it, and one for the
-ground, the instance that carries them all in the end: its crop and its contact region hold all of them, and its cells
-are fine under each that lies on it.
+In: the object's own setup and the freed things. Out: a setup for each thing over its support, and one for the ground,
+the instance that finally carries them all: its crop and its contact region contain all of them, and its cells are fine
+under each thing on it.
 """
 
 from dataclasses import dataclass, replace
@@ -39,12 +39,12 @@ from tasks.particles.object_body import object_body
 from tasks.particles.obstacles import neighbours
 
 MOST_BUDGETS = 3
-"""Things on the ground whose cells count in its budget at most."""
+"""Maximum number of things on the ground whose cells count in its budget."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class FreeThing:
-    """A thing that was placed before, as a body of the drop."""
+    """A thing placed earlier, as a body of the drop."""
 
     thing: PlacedThing
     setup: DropSetup
@@ -52,7 +52,7 @@ class FreeThing:
 
     @property
     def carrier(self) -> str:
-        """Id of the instance that it lies on."""
+        """Id of the instance on which it lies."""
         return self.setup.anchor.base_id
 
 
@@ -64,7 +64,7 @@ def free_things(
     config: ParticlesConfig,
     freed: FreedThings,
 ) -> list[FreeThing] | Infeasible:
-    """Each thing at its start over what carries it."""
+    """Each thing at its start over its support."""
     found = []
     for thing in freed.things:
         index = scene.index_of(thing.id)
@@ -89,13 +89,13 @@ def free_things(
 
 
 def borne_by(instance: str, freed: FreedThings) -> float:
-    """Mass of the things that lie on one, on top of one another [kg]."""
+    """Mass of the things that lie on an instance, directly or on top of one another [kg]."""
     on_it = [one for one in freed.things if one.carried_by[:1] == (instance,)]
     return sum(one.mass + borne_by(one.id, freed) for one in on_it)
 
 
 def ground_setup(own: DropSetup, things: list[FreeThing], freed: FreedThings) -> DropSetup:
-    """The set-up that the ground and what stands around are built by; its lists of notes are those of `own`."""
+    """The setup for building the ground and its surroundings; it shares the lists of notes with `own`."""
     on_it = [one.setup for one in things if one.carrier == freed.ground]
     if own.anchor.base_id == freed.ground:
         lead, beside = own, on_it
@@ -124,8 +124,8 @@ def ground_setup(own: DropSetup, things: list[FreeThing], freed: FreedThings) ->
 
 
 def on_ground(lead: DropSetup, ground: str) -> Anchor:
-    """The anchor of what lies on the ground, with the part beneath it."""
-    if lead.body == OBJECT:  # as it was chosen
+    """The anchor of a body on the ground, with the part beneath it."""
+    if lead.body == OBJECT:  # its anchor was chosen
         return lead.anchor
     faces = np.flatnonzero(lead.scene.face_instance == lead.scene.index_of(ground))
     place = lead.descent.first[None] + [0.0, 0.0, REACH_ABOVE]
@@ -136,7 +136,7 @@ def on_ground(lead: DropSetup, ground: str) -> Anchor:
 
 
 def layers_below(carrier: str, base: BaseBodies, things: list[FreeThing], ground: DropSetup) -> list[Layer]:
-    """The layers of what carries something, from the top down; none of what is rigid."""
+    """The layers of a support, from the top down; none if it is rigid."""
     for one in things:
         if one.thing.id == carrier:
             return object_layers(one.setup)
@@ -146,7 +146,7 @@ def layers_below(carrier: str, base: BaseBodies, things: list[FreeThing], ground
 
 
 def own_footprint(setup: DropSetup, base: BaseBodies, things: list[FreeThing], ground: DropSetup) -> Footprint:
-    """The predicted contact of one body with what carries it."""
+    """The predicted contact of one body with its support."""
     return footprint_on(setup, layers_below(setup.anchor.base_id, base, things, ground))
 
 
@@ -171,8 +171,8 @@ def particles(
     ended: EndPose | None = None,
     freed: FreedThings | None = None,
 ) -> Particles | Infeasible:
-    """Build every body of the drop; where an earlier drop `ended` cells are fine, too, and `freed` things are
-    free bodies like the object."""
+    """Build every body of the drop; cells are also fine where an earlier drop `ended`, and `freed` things are free
+    bodies like the object."""
     shape = object_shape(item, intent, anchor)
     if isinstance(shape, OpenShape):
         return refused(shape, intent.object_name)
@@ -215,15 +215,15 @@ def particles(
 
 
 def foreseen_on(base: BaseBodies, foot: Footprint) -> NDArray[np.float64] | None:
-    """Where the object was foreseen on a soft base, boxes in plan (k, 2, 2) [m]: its patches, and where it may touch as
-    it levels out, that is, has neither rolled nor slid away."""
+    """Boxes in plan of the predicted contact on a soft base (k, 2, 2) [m]: its patches, and the region that the object
+    may touch while it levels out, that is, without rolling or sliding away."""
     if base.soft is None or not foot.contacts:
         return None
     return np.concatenate([*(one.boxes for one in foot.contacts), foot.on_base[1:, :, :2]])
 
 
 def note_overlaps(setup: DropSetup, bodies: list[SimulationBody]) -> None:
-    """Say where the object starts inside something."""
+    """Note where the object starts inside something."""
     for body in bodies[1:]:
         depth = -float(sampler(body.distance)(bodies[0].surface.vertices).min())
         if depth > 1e-3:
@@ -239,8 +239,8 @@ def proposal_particles(
     materials: PartMaterials,
     config: ParticlesConfig,
 ) -> Particles | Infeasible:
-    """The same for a pose that nobody has set down on anything: where no bodies can be made there, over nothing or over
-    an edge without a solid, the pose stands all the same, and is measured without a simulation."""
+    """The same for a proposed pose that is not supported by anything: if no bodies can be made there, over nothing or
+    over an edge without a solid, the pose is kept nevertheless and measured without a simulation."""
     try:
         return particles(scene, item, intent, anchor, materials, config)
     except GeometryError as error:

@@ -4,7 +4,7 @@ In: the scan (for the file's frame), the scene, the sentence and the point or bo
 which the indicated thing is a separate instance, if it was not one before: the faces in the box, or the surface around
 the point with the faces below it. The sentence names it if the scene's label is uncertain; a mismatch is reported.
 
-Name of the indicated thing: the scene's label if it is certain, else the sentence's noun.
+Name of the indicated thing: the scene's label if it is certain, else the noun of the sentence.
 
 The upward surface at a point of a scene, or one line with the reason why there is none.
 """
@@ -33,33 +33,33 @@ from tasks.cache import stage
 SURE = 0.9
 """Confidence below which a label is a guess that the sentence overrides [-]."""
 PLAIN_PART = "top"
-"""The part of an unknown thing."""
+"""Part name for an unknown thing."""
 LEVEL = 0.5
 """Least cosine to the vertical of a carrying face: within 60 degrees [-]."""
 SUNK = 0.05
-"""Largest depth of a point below the intended surface: scans and fingers are uncertain [m]."""
+"""Largest depth of a point below the intended surface [m]: scans and fingers are imprecise."""
 STEP = 1e-4
 """Distance behind an ignored face at which the search continues [m]."""
 MOST_FACES = 200
-"""Most faces above each other that are examined [-]."""
+"""Maximum number of faces above each other that are examined [-]."""
 ABOVE = 0.1
-"""Height of a point over the surface below above which it is reported [m]."""
+"""Height of a point over the surface below it, above which the height is reported [m]."""
 DOWN = np.array([0.0, 0.0, -1.0])
 
 WHOLE = 0.9
-"""Share of a thing's surface in a box, or in a surface, from which the whole thing is meant [-]."""
+"""Share of a thing's surface in a box, or of its upward surface, from which the whole thing is meant [-]."""
 MOSTLY = 0.8
 """Least share of the upward surface in the box that belongs to that thing [-]."""
 FUSED = 3.0
-"""Area in plan over that of the indicated surface above which a thing is more than the support [-]."""
+"""Area of a thing in plan over that of the indicated surface, above which the thing is more than the support [-]."""
 TALL = 1.3
-"""Height over the indicated surface above which a thing contains a wall [m]."""
+"""Height of a thing over the indicated surface above which it contains a wall [m]."""
 BAND = 0.15
-"""Largest height difference of the indicated surface from the point [m]: cushions, dents, noise."""
+"""Largest height difference between the indicated surface and the point [m]: cushions, dents, noise."""
 RIM = 0.06
-"""Distance beyond the surface's outline within which faces below belong to it [m]: fronts, edges."""
+"""Distance outside the surface's outline within which faces below belong to it [m]: fronts, edges."""
 LEAST_AREA = 1e-4
-"""Least upward surface that carries anything [m^2]."""
+"""Least upward surface that can carry anything [m^2]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +82,7 @@ def asked_thing(prompt: str) -> Noun | None:
 
 
 def name_of(owner: Instance, asked: Noun | None, option: str) -> Name:
-    """Name of an instance that a sentence and a person have pointed at."""
+    """Name of an instance that a sentence and a person have both indicated."""
     if asked is None or fits(asked, owner.label):
         return Name(owner.label, renamed=False)
     if owner.structure or owner.confidence >= SURE:
@@ -95,7 +95,7 @@ def name_of(owner: Instance, asked: Noun | None, option: str) -> Name:
 
 
 def fits(noun: Noun, label: str) -> bool:
-    """Whether a label matches a noun, is a kind of it, or the noun is a kind of the label."""
+    """Return whether a label matches a noun, is a kind of it, or the noun is a kind of the label."""
     if tuple(label_words(noun.name)) == tuple(label_words(label)):
         return True
     thing = thing_of(label)
@@ -114,7 +114,7 @@ class Meeting:
 
     face: int
     position: Array
-    """[m], shape (3,)."""
+    """Point of intersection [m], shape (3,)."""
 
 
 def file_bounds(scan: Scan) -> Array:
@@ -139,14 +139,15 @@ def in_words(scan: Scan) -> str:
 
 
 def level_axes(scan: Scan) -> tuple[int, int]:
-    """The file's two level axes in their order: x and z of a file with y up."""
+    """The file's two horizontal axes in their order: x and z for a file with y up."""
     upright = "xyz".index(scan.up.removeprefix("-"))
     first, second = (axis for axis in range(3) if axis != upright)
     return first, second
 
 
 def meeting(scan: Scan, scene: Segmentation, at: tuple[float, ...]) -> Meeting:
-    """The intended surface: nearest below the point, or the highest there; InputError if there is none."""
+    """The intended surface: the nearest below the point, or the highest on the vertical; raises InputError if there is
+    none."""
     text = f"--at {','.join(f'{one:g}' for one in at)}"
     own = np.zeros(3)
     own[list(level_axes(scan)) if len(at) == 2 else [0, 1, 2]] = at
@@ -200,19 +201,19 @@ def highest(scan: Scan, scene: Segmentation, caster: Raycaster, point: Array, te
 
 
 def carries(scene: Segmentation, face: int) -> bool:
-    """Whether a face belongs to a thing or the floor."""
+    """Return whether a face belongs to a thing or the floor."""
     owner = int(scene.face_instance[face])
     return owner >= 0 and (not scene.instances[owner].structure or scene.instances[owner].label == "floor")
 
 
 def owner_name(scene: Segmentation, face: int) -> str:
-    """Owner of a face, in words."""
+    """Name of the owner of a face, for messages."""
     owner = int(scene.face_instance[face])
     return scene.instances[owner].id if owner >= 0 else "the scene"
 
 
 def point(scan: Scan, scene: SegmentedScene, place: GivenPlace, prompt: str) -> Pointed:
-    """The indicated thing; InputError with the value and the scene's bounds if nothing carries there."""
+    """The indicated thing; raises InputError with the value and the scene's bounds if nothing carries there."""
     return at_point(scan, scene, place.at, prompt) if place.at else in_box(scan, scene, place.support, prompt)
 
 
@@ -276,7 +277,7 @@ def patch_at(scene: Segmentation, face: int, position: Array) -> IntArray:
 
 
 def under(scene: Segmentation, patch: IntArray, mine: Mask) -> IntArray:
-    """A surface with the faces of its thing below it: fronts and sides that hold it up."""
+    """A surface together with the faces of its thing below it: fronts and sides that hold it up."""
     center = scene.mesh.triangles.mean(axis=1)
     top = float(scene.mesh.corners(patch)[..., 2].max())
     faces = np.flatnonzero(mine & (center[:, 2] < top + 1e-3))
@@ -331,7 +332,7 @@ def in_box(scan: Scan, scene: Segmentation, support: tuple[float, ...], prompt: 
 def cut_out(
     scene: Segmentation, faces: IntArray, name: Name, owner: Instance | None, position: Array, notes: list[str]
 ) -> Pointed:
-    """A new thing of some faces."""
+    """A new thing made of some faces."""
     taken = {one.id for one in scene.instances}
     plain = f"{name.label.replace(' ', '_')}_pointed_at"
     unique = next(one for one in (plain, *(f"{plain}_{k}" for k in range(1, len(taken) + 2))) if one not in taken)
@@ -385,5 +386,5 @@ def faces_of(runs: IntArray) -> IntArray:
 
 
 def none() -> IntArray:
-    """No faces."""
+    """An empty list of faces."""
     return np.zeros((0, 2), dtype=np.int64)

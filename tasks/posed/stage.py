@@ -15,7 +15,7 @@ OBJECT = "object"
 
 
 def posed(item: SegmentedObject, anchor: Anchor) -> Settled:
-    """Use a pose unchanged."""
+    """Return the proposed pose unchanged as the final state."""
     surface = item.mesh.transformed(anchor.world_from_object)
     still = SettledBody(
         OBJECT, surface, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.zeros_like(surface.vertices)

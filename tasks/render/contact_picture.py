@@ -1,4 +1,4 @@
-"""The contact from nearby, with the object lifted out of the way: dent and patch, and a legend that explains them.
+"""The contact in close-up, with the object lifted out of the way: dent and patch, and a legend.
 
 In: the scene at rest with its displacement, the contact and a camera. Out: a picture with a legend below it.
 
@@ -6,9 +6,9 @@ The contact patch in pictures: the points of the scene that belong to it.
 
 A cut through the contact: the support before and after, and the object in it.
 
-In: scene before and after, the object at rest, a point and a direction. Out: a drawing of the vertical plane there.
+In: the scene before and after, the object at rest, a point and a direction. Out: a drawing of the vertical plane there.
 
-Drawings by Matplotlib as pictures.
+Conversion of Matplotlib drawings to pictures.
 """
 
 from collections.abc import Mapping, Sequence
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 SHALLOWEST = 2e-4
 """Depth below which a dent is not coloured [m]."""
 FADING = 0.2
-"""Share of the deepest dent below which the colours fade out: the wide, shallow rim hides nothing [-]."""
+"""Share of the deepest dent below which the colours fade out, so that the wide, shallow rim hides nothing [-]."""
 COLORS = "viridis_r"
 PATCH, OUTLINE = np.array([255.0, 122.0, 26.0]), np.array([30.0, 30.0, 30.0])
 """Colours of the contact patch and of the outline of the object above it."""
@@ -49,15 +49,15 @@ LEAST_GREY = 120.0
 """Least median grey of the scene [0..255]."""
 DPI = 100
 REACH = 0.8
-"""Half of the width of the cut over the object's diagonal [-]."""
+"""Half width of the cut over the object's diagonal [-]."""
 OVER = 1.08
-"""Height of the picture over that of the object's top [-]."""
+"""Height of the picture over the height of the object's top [-]."""
 PROFILE_WIDTH, PROFILE_HEIGHT, PROFILE_DPI = 1024, 640, 100
 BEFORE, AFTER, THING = "#8a8a8a", "#1f77b4", "#e6550d"
 
 
 def patch_radius(contact: Array) -> float:
-    """Radius [m] of the disc that one contact point represents, so that neighbouring discs overlap."""
+    """Radius [m] of the disc that one contact point represents, chosen so that neighbouring discs overlap."""
     if len(contact) < 2:
         return 4.0 * LEAST_PATCH
     spacing = np.median(cKDTree(contact).query(contact, k=2)[0][:, 1])
@@ -66,7 +66,7 @@ def patch_radius(contact: Array) -> float:
 
 
 def near_patch(points: Array, contact: Array, camera: Camera) -> NDArray[np.bool_]:
-    """Whether points (n, 3) lie in the contact patch, or less than a pixel next to it, shape (n,)."""
+    """Mask of the points (n, 3) that lie in the contact patch, or less than a pixel next to it, shape (n,)."""
     result = np.zeros(len(points), dtype=bool)
     if not len(contact):
         return result
@@ -79,7 +79,7 @@ def near_patch(points: Array, contact: Array, camera: Camera) -> NDArray[np.bool
 
 
 def drawing(canvas: "FigureCanvasAgg") -> NDArray[np.uint8]:
-    """Content of a canvas as a picture, shape (h, w, 3)."""
+    """The content of a canvas as a picture, shape (h, w, 3)."""
     canvas.draw()  # type: ignore[no-untyped-call]
     return np.asarray(canvas.buffer_rgba())[..., :3].copy()  # type: ignore[no-untyped-call]
 
@@ -128,8 +128,8 @@ def contact_picture(
 
 
 def lightened(rgb: Array, scene: Mask) -> Array:
-    """A picture (h, w, 3) whose median grey over the scene's pixels (h, w) is LEAST_GREY or lighter: on a black sofa
-    neither the map's colours nor the outline would be visible."""
+    """A picture (h, w, 3) lightened so that its median grey over the scene's pixels (h, w) is at least LEAST_GREY: on a
+    black sofa neither the map's colours nor the outline would be visible."""
     level = float(np.median(rgb[scene].mean(axis=1))) if scene.any() else 255.0
     if level >= LEAST_GREY:
         return rgb
@@ -153,7 +153,7 @@ def dents(shift: Array, exposure: Exposure) -> NDArray[np.float32]:
 
 
 def joined(mask: Mask, steps: int) -> Mask:
-    """A mask with gaps of a few pixels between its points closed."""
+    """A mask in which gaps of a few pixels between its points are closed."""
     if not mask.any():
         return mask
     rim = 3 * steps
@@ -168,7 +168,7 @@ def drawn(rgb: Array, mask: Mask, width: int) -> None:
 
 
 def legend(rows: Sequence[ContactRow], own: str, labels: Mapping[str, str], deepest: float, width: int) -> ByteArray:
-    """Meaning of the colours, and forces on the object, as a strip of a picture (h, width, 3)."""
+    """Legend of the colours, and forces on the object, as a strip of a picture (h, width, 3)."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -177,7 +177,7 @@ def legend(rows: Sequence[ContactRow], own: str, labels: Mapping[str, str], deep
     if len(touching) > 3:
         lines.append(f"and {len(touching) - 3} more contacts")
     scale = width / 1024
-    first = 4 if deepest > SHALLOWEST else 2  # below the colours, as the support may have a long name
+    first = 4 if deepest > SHALLOWEST else 2  # below the colours, because the support may have a long name
     height = (0.95 + 0.24 * (max(len(lines), 1) + first - 2)) * scale
     figure = Figure(figsize=(width / DPI, height * 100 / DPI), dpi=DPI, facecolor="white")
     canvas = FigureCanvasAgg(figure)
@@ -256,9 +256,9 @@ def profile_picture(before: Mesh, after: Mesh, thing: Mesh, middle: Array, along
 
 
 def section(mesh: Mesh, middle: Array, level: Array, normal: Array, reach: float) -> Array:
-    """Cut of a vertical plane through a mesh near a point: lines (k, 2, 2), along the plane and upwards from there
-    [m]."""
-    # one bit per vertex for each side of the box that it is beyond: a face whose corners share one is outside
+    """Cut of a vertical plane through a mesh near a point: line segments (k, 2, 2), along the plane and upwards from
+    the point [m]."""
+    # one bit per vertex for each side of the box beyond which it lies: a face whose corners share a bit is outside
     beyond = np.concatenate([mesh.vertices < middle - 2.0 * reach, mesh.vertices > middle + 2.0 * reach], axis=1)
     sides = beyond @ (1 << np.arange(6)).astype(np.uint8)
     near = np.flatnonzero(np.bitwise_and.reduce(sides[mesh.faces], axis=1) == 0)

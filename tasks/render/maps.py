@@ -1,9 +1,9 @@
 """Conditioning maps of a placement: all passes of one view, for inserting the object into photographs.
 
-In: the settled scene and object, with their parts and materials, and a camera. Out: `ConditioningMaps`.
-Every pass is made from the same rays, so that pixels agree; masks and the object's own colours are antialiased at its
-rim, numbers and ids are those of the pixel's middle. Nothing is added to the scene: a scene without a floor gets none,
-unlike in pictures for people.
+In: the settled scene and object, with their parts and materials, and a camera. Out: `ConditioningMaps`. Every pass is
+made from the same rays, so that pixels agree; masks and the object's own colours are antialiased at its rim, while
+numbers and ids are those of the pixel's middle. Nothing is added to the scene: unlike in pictures for people, a scene
+without a floor gets none.
 """
 
 from dataclasses import dataclass
@@ -39,7 +39,7 @@ from tasks.render.settled_meshes import (
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)
 """Luminance weights of linear sRGB [Rec. ITU-R BT.709]."""
 DARK = 1e-3
-"""Light below which a place is dark even without the object [-]: in a seam there is nothing to shadow."""
+"""Light below which a place is dark even without the object [-]: a seam cannot show a shadow."""
 AXES = np.concatenate([np.eye(3), -np.eye(3)])
 OBJECT = "object"
 
@@ -51,19 +51,19 @@ class SettledView:
     around: SettledScene
     item: Segmentation
     thing: PaintedMesh
-    """The object at rest in its textures, faces as in `item`."""
+    """The object at rest with its textures, faces as in `item`."""
     contact: Array
     """Points of the contact patch [m], shape (k, 3)."""
     materials: PartMaterials | None
     look: PaintedMesh
-    """The scene at rest in its textures, faces as in `around`."""
+    """The scene at rest with its textures, faces as in `around`."""
 
 
 def placed(
     scene: Segmentation, item: Segmentation, anchor: Anchor, materials: PartMaterials | None, settled: Settled,
     scene_surface: SourceSurface | None = None, object_surface: SourceSurface | None = None,
 ) -> SettledView:  # fmt: skip
-    """View of the settled placement."""
+    """The view of a settled placement."""
     thing = painted_item(item, anchor, settled.bodies[0], object_surface)
     around = settled_scene(scene, settled, anchor.base_id)
     return SettledView(around, item, thing, settled.contact_points, materials, painted_scene(around, scene_surface))
@@ -78,7 +78,7 @@ def conditioning_maps(what: SettledView, camera: Camera, config: RenderConfig, *
         config: how many rays a pixel has at edges.
         cutaway: leave out walls and ceiling between the camera and its target, as in pictures of rooms.
 
-    Raises InputError where the camera is inside the object.
+    Raises InputError if the camera is inside the object.
     """
     check_outside(what.thing.mesh, camera)
     scene = what.around.scene
@@ -111,7 +111,7 @@ def conditioning_maps(what: SettledView, camera: Camera, config: RenderConfig, *
 
 
 def check_outside(thing: Mesh, camera: Camera) -> None:
-    """Raise InputError if the camera is inside the object: rays along most axes leave it through a back face."""
+    """Raise InputError if the camera is inside the object: rays along most axes then leave it through a back face."""
     hits = Raycaster(thing).cast(np.broadcast_to(camera.position, AXES.shape), AXES)
     backs = (np.einsum("ij,ij->i", hits.normal, AXES) > 0.0) & (hits.face >= 0)
     if backs.sum() >= len(AXES) - 1:
@@ -120,8 +120,8 @@ def check_outside(thing: Mesh, camera: Camera) -> None:
 
 
 def shadow_of(exposure: Exposure, bare: Raycaster, thing: int) -> Float32Array:
-    """Light on the scene with the object over that without it, as luminance, shape (h, w); on the object that of the
-    nearest pixel outside it, as pixels at its rim show both."""
+    """Light on the scene with the object over light without it, as luminance, shape (h, w); on the object the value of
+    the nearest pixel outside it, as pixels at its rim show both."""
     surface, scene = exposure.surface, exposure.scene
     before = gathered_light(bare, surface, scene.light, scene.reach, exposure.shape)
     lit, unlit = (LUMINANCE @ shade(surface, light, scene.light) for light in (exposure.light, before))

@@ -29,7 +29,7 @@ from tasks.render.settled_meshes import settled_scene, shown
 from tasks.render.stage import photograph
 
 MOST_PICTURES = 60
-"""Number of pictures of a drop [-]: three seconds of film, including the held last picture."""
+"""Maximum number of pictures of a drop [-]: three seconds of film, including the repeated last picture."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -45,12 +45,12 @@ class DropMotion:
 
     @property
     def time(self) -> Array:
-        """Of the frames [s], shape (f,)."""
+        """Times of the frames [s], shape (f,)."""
         frames = self.settled.frames
         return np.array([0.0, self.settled.simulated_seconds]) if frames is None else frames.time
 
     def chosen(self, most: int) -> NDArray[np.int64]:
-        """Numbers of at most `most` frames (at least 2), evenly spread; the last one is the rest state."""
+        """Indices of at most `most` frames (at least 2), evenly spaced; the last frame is the rest state."""
         count = len(self.time)
         return np.unique(np.round(np.linspace(0, count - 1, min(count, max(most, 2)))).astype(np.int64))
 
@@ -67,7 +67,7 @@ class DropMotion:
         return last if frame else np.zeros_like(last)
 
     def largest(self, body: int) -> Array:
-        """The largest displacement of each point of a body's surface over the frames [m], shape (n, 3)."""
+        """The largest displacement of each point of a body's surface in any frame [m], shape (n, 3)."""
         result = self.settled.bodies[body].displacement.copy()
         length = np.linalg.norm(result, axis=1)
         for frame in range(len(self.time)):
@@ -77,7 +77,7 @@ class DropMotion:
         return result
 
     def pose(self, body: int, frame: int) -> Array:
-        """World-from-start map of a body as a whole, shape (4, 4)."""
+        """World-from-start transform of a body as a whole, shape (4, 4)."""
         if self.settled.frames is None:
             return self.settled.bodies[body].world_from_start if frame else np.eye(4)
         path, matrix = self.settled.frames.bodies[body], np.eye(4)
@@ -85,7 +85,7 @@ class DropMotion:
         return matrix
 
     def deforms(self, body: int) -> bool:
-        """Whether the body's shape changes by more than is visible in a picture."""
+        """Return whether the shape of a body changes visibly in a picture."""
         start = self.start(body)
         return any(
             np.abs(start.vertices + self.displacement(body, frame) - start.transformed(self.pose(body, frame)).vertices)
@@ -96,16 +96,16 @@ class DropMotion:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class MovingPoints:
-    """Points that move with a body: rigidly, or with the nearest points of its surface."""
+    """Points that move with a body, either rigidly or with the nearest points of its surface."""
 
     motion: DropMotion
     body: int
     start: Array
-    """Before the drop [m], shape (k, 3)."""
+    """Positions before the drop [m], shape (k, 3)."""
     corner: NDArray[np.int64] | None = None
-    """Three points of the body's surface that each point follows, shape (k, 3); None: they move rigidly."""
+    """Three points of the body's surface that each point follows, shape (k, 3); None: the points move rigidly."""
     weight: Array | None = None
-    """Weights of the three, shape (k, 3)."""
+    """Weights of these three points, shape (k, 3)."""
 
     @classmethod
     def of_body(cls, motion: DropMotion, body: int, points: Array) -> "MovingPoints":
@@ -114,7 +114,7 @@ class MovingPoints:
 
     @classmethod
     def of_field(cls, motion: DropMotion, body: int, points: Array, close: float = CLOSE) -> "MovingPoints":
-        """Points that follow the body's surface if they are close to it [m], and less the farther they are."""
+        """Points that follow the body's surface if they are close to it [m], and less the farther away they are."""
         start = motion.start(body)
         field = DisplacementField(start, np.zeros_like(start.vertices), close)
         corner, weight, fade = field.carriers(points)
@@ -122,7 +122,7 @@ class MovingPoints:
 
     @property
     def bends(self) -> bool:
-        """Whether they move other than rigidly."""
+        """Whether the points move non-rigidly."""
         return self.corner is not None
 
     def at(self, frame: int) -> Array:
@@ -133,11 +133,11 @@ class MovingPoints:
         return np.asarray(self.start @ pose[:3, :3].T + pose[:3, 3])
 
     def poses(self) -> Array:
-        """World-from-start maps of the body at all frames, shape (f, 4, 4)."""
+        """World-from-start transforms of the body at all frames, shape (f, 4, 4)."""
         return np.stack([self.motion.pose(self.body, frame) for frame in range(len(self.motion.time))])
 
     def carried(self, displacement: Array) -> Array:
-        """Their displacement for a displacement of the surface (n, 3) [m], shape (k, 3)."""
+        """Displacement of the points for a displacement of the surface (n, 3) [m], shape (k, 3)."""
         assert self.corner is not None
         assert self.weight is not None
         return np.asarray(np.einsum("nk,nki->ni", self.weight, displacement[self.corner]))
@@ -148,9 +148,9 @@ class MovingThing:
     """One thing of the scene that moves."""
 
     instance: int
-    """Its index."""
+    """Index of the instance."""
     placed: bool
-    """Whether it is an earlier placed thing that moves by itself; otherwise it stays, and is dented."""
+    """Whether it is a thing placed earlier that moves as a whole; otherwise it stays and is dented."""
     index: NDArray[np.int64]
     """Vertices of the scene that move with it, shape (k,)."""
     points: MovingPoints
@@ -167,7 +167,7 @@ class MovingScene:
         )
         around = settled_scene(scene, replace(motion.settled, bodies=bodies), base_id)
         self.scene = replace(around.scene, mesh=around.start)
-        """The scene before the drop, cut as finely as necessary."""
+        """The scene before the drop, subdivided as finely as necessary."""
         self.origin = around.origin
         """The face of the scene as segmented that each face came from, shape (m,)."""
         self.things = [
@@ -177,7 +177,7 @@ class MovingScene:
         ]
 
     def _thing(self, motion: DropMotion, number: int, body: SettledBody, *, placed: bool) -> MovingThing:
-        """A thing that moves by itself, or the part of a support around its dent."""
+        """A thing that moves as a whole, or the part of a support around its dent."""
         instance, mesh = self.scene.index_of(body.name), self.scene.mesh
         mine = np.unique(mesh.faces[self.scene.face_instance == instance]).astype(np.int64)
         if placed:
@@ -199,7 +199,7 @@ class MovingScene:
         return replace(self.scene.mesh, vertices=vertices)
 
     def unbent(self, frame: int) -> Array:
-        """The vertices at a frame without any change of shape since the start [m], shape (n, 3)."""
+        """The vertices at a frame if no shape had changed since the start [m], shape (n, 3)."""
         vertices = self.scene.mesh.vertices.copy()
         for one in self.things:
             if one.placed:
@@ -208,7 +208,7 @@ class MovingScene:
         return vertices
 
     def bending(self) -> NDArray[np.bool_]:
-        """Faces that change their shape, shape (m,)."""
+        """Mask of the faces that change their shape, shape (m,)."""
         far = np.zeros(len(self.scene.mesh.vertices), dtype=bool)
         for one in self.things:
             if one.points.bends:
@@ -218,7 +218,7 @@ class MovingScene:
 
 
 def moved_by(body: SettledBody, displacement: Array) -> SettledBody:
-    """A body whose surface has the displacement (n, 3) [m] instead."""
+    """A copy of a body whose surface has the displacement (n, 3) [m]."""
     start = body.surface.vertices - body.displacement
     return replace(body, surface=replace(body.surface, vertices=start + displacement), displacement=displacement)
 

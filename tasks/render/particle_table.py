@@ -1,6 +1,6 @@
-"""The material of soft bodies at rest as a table and as an iso-surface, and their agreement with the settled surfaces.
+"""The material of soft bodies at rest as a table and an iso-surface, and their agreement with the settled surfaces.
 
-In: the settled state and its particles. Out: columns of a table, meshes, and figures.
+In: the settled state and its particles. Out: columns of a table, meshes, and measures.
 """
 
 from collections.abc import Mapping
@@ -18,19 +18,19 @@ from dcap.scene.types.settled import Settled, SettledMaterial
 from solver.motion import MaterialState
 
 MOST_CELLS = 1_500_000
-"""Number of cells in the grid of an iso-surface [-]."""
+"""Maximum number of cells in the grid of an iso-surface [-]."""
 NEIGHBOURS = 4
 """Number of material points for tracing a position back [-]."""
 COMPONENTS = ("xx", "yy", "zz", "yz", "xz", "xy")
 
 
 def soft_bodies(settled: Settled) -> list[tuple[int, MaterialState]]:
-    """Numbers of the soft bodies and their material."""
+    """Indices and materials of the soft bodies."""
     return [(number, one) for number, one in enumerate(settled.material) if one is not None]
 
 
 def settled_materials(settled: Settled) -> list[SettledMaterial]:
-    """Numbers on the soft bodies at rest."""
+    """Measures of the soft bodies at rest."""
     rows = []
     for number, one in soft_bodies(settled):
         body = settled.bodies[number]
@@ -51,7 +51,7 @@ def settled_materials(settled: Settled) -> list[SettledMaterial]:
 
 
 def von_mises(stress: Array) -> Array:
-    """Von Mises stress [Pa] of xx, yy, zz, yz, xz, xy (p, 6), shape (p,)."""
+    """Von Mises stress [Pa] of the components xx, yy, zz, yz, xz, xy (p, 6), shape (p,)."""
     xx, yy, zz, yz, xz, xy = stress.T
     square = 0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * (yz**2 + xz**2 + xy**2)
     return np.asarray(np.sqrt(square))
@@ -82,8 +82,8 @@ def iso_surface(one: MaterialState, start: Distance) -> Mesh:
     """The surface around the material of a body at rest: the zero level of the distance from the material's surface.
 
     A position at rest is traced back to the start by the displacements of the nearest material points, and `start`, the
-    signed distance of the body's surface before the drop, is evaluated there. So the surface does not depend on the
-    spacing of the points. If a body was cut off, the surface ends with its points.
+    signed distance of the body's surface before the drop, is evaluated there. The surface therefore does not depend on
+    the spacing of the points. If a body was cut off, the surface ends with its points.
     """
     place = one.start + one.displacement
     size = np.cbrt(one.volume)

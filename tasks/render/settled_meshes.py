@@ -2,15 +2,15 @@
 
 In: scene and object as segmented, and the settled state. Out: meshes.
 
-Contact patches as surfaces with their loads, one for each pair that touches.
+Contact patches as surfaces with their loads, one for each touching pair.
 
 In: the settled state. Out: nodes of a file: the parts of the object's finely cut surface nearest to the contact points,
-as large as the area in the drop, with that area, force and mean pressure.
+with the same area as in the drop, and with that area, force and mean pressure.
 
 Object and scene for files of the rest state, with the faces and textures of their sources.
 
-In: results of the stages. Out: painted meshes. For a source without textures it is the stages' mesh. Faces of a support
-are only cut where it bends.
+In: results of the stages. Out: painted meshes. Without textures in the source it is the mesh of the stages. Faces of a
+support are only cut where it bends.
 """
 
 from collections.abc import Sequence
@@ -38,14 +38,14 @@ from tasks.render.contact_picture import patch_radius
 RIGID_TOLERANCE = 1e-6
 """Largest distance of a surface from a rigidly moved copy of its start at which it counts as undeformed [m]."""
 HANGING = 0.15
-"""Largest thickness, and largest distance of a point from the wall, of a flat thing that hangs on a wall [m]."""
+"""Largest thickness, and largest distance of a point from the wall, for a flat thing that hangs on a wall [m]."""
 STUDIO_COLOR = (214, 212, 209)
-"""A floor for scenes that have none; close to the backdrop."""
+"""Colour of the floor for scenes without a floor, close to the backdrop."""
 COLOR = (255, 122, 26)
 REACH = 4.0
 """Reach of a patch from its contact point, over the radius of the disc that the point represents [-]."""
 SAME = 1e-6
-"""Distance within which a contact point is a corner of the surface [m]."""
+"""Distance within which a contact point counts as a corner of the surface [m]."""
 
 
 def settled_item(item: Segmentation, anchor: Anchor, body: SettledBody) -> Mesh:
@@ -72,7 +72,7 @@ class SettledScene:
     """The scene at rest."""
 
     scene: Segmentation
-    """The scene with the drop's dents in the base, and earlier placed things at their new places."""
+    """The scene with the drop's dents in the base, and with things placed earlier at their new places."""
     shift: Array
     """Displacement of each vertex from its unloaded position [m], shape (n, 3)."""
     start: Mesh
@@ -82,7 +82,7 @@ class SettledScene:
 
 
 def settled_scene(scene: Segmentation, settled: Settled, base_id: str) -> SettledScene:
-    """The scene with the drop's dents in the base and its supports, and with earlier placed things at their rest
+    """The scene with the drop's dents in the base and its supports, and with things placed earlier at their rest
     positions."""
     mesh = scene.mesh
     after = SettledScene(scene, np.zeros_like(mesh.vertices), mesh, np.arange(len(mesh.faces)))
@@ -95,7 +95,7 @@ def settled_scene(scene: Segmentation, settled: Settled, base_id: str) -> Settle
 
 
 def is_as_given(around: SettledScene, scene: Segmentation) -> bool:
-    """Whether nothing of a scene has moved or bends."""
+    """Return whether nothing in a scene has moved or deformed."""
     after, given = around.scene.mesh, scene.mesh
     return np.array_equal(after.faces, given.faces) and np.array_equal(after.vertices, given.vertices)
 
@@ -105,7 +105,7 @@ def with_dent(around: SettledScene, body: SettledBody) -> SettledScene:
     scene = around.scene
     mine = scene.face_instance == scene.index_of(body.name)
     found = displaced(scene.mesh, mine, body.surface, body.displacement)
-    more = len(found.shift) - len(around.shift)  # new vertices come last, and lie on the dented instance alone
+    more = len(found.shift) - len(around.shift)  # new vertices come last, and lie only on the dented instance
     shift = found.shift + np.concatenate([around.shift, np.zeros((more, 3))])
     undented = found.mesh.vertices - found.shift
     undented[: len(around.shift)] = around.start.vertices
@@ -117,7 +117,7 @@ def with_dent(around: SettledScene, body: SettledBody) -> SettledScene:
 
 
 def with_thing_moved(around: SettledScene, body: SettledBody) -> SettledScene:
-    """The scene with an earlier placed thing at its new place; a rigidly moved thing is not dented."""
+    """The scene with a thing placed earlier at its new place; a rigidly moved thing is not dented."""
     scene = around.scene
     mine = scene.face_instance == scene.index_of(body.name)
     mesh, start = with_own_vertices(scene.mesh, mine), with_own_vertices(around.start, mine)
@@ -133,7 +133,7 @@ def with_thing_moved(around: SettledScene, body: SettledBody) -> SettledScene:
 
 
 def is_rigid(body: SettledBody) -> bool:
-    """Whether its surface did not deform."""
+    """Return whether the surface of a body did not deform."""
     start = body.surface.vertices - body.displacement
     pose = body.world_from_start
     moved = start @ pose[:3, :3].T + pose[:3, 3]
@@ -141,24 +141,24 @@ def is_rigid(body: SettledBody) -> bool:
 
 
 def structure_faces(scene: Segmentation) -> NDArray[np.bool_]:
-    """Whether faces belong to walls, ceiling, floor, or nothing, shape (m,)."""
+    """Mask of the faces that belong to walls, ceiling, floor, or nothing, shape (m,)."""
     flag = np.array([one.structure for one in scene.instances] + [True])
     return np.asarray(flag[scene.face_instance])
 
 
 def painted_item(item: Segmentation, anchor: Anchor, body: SettledBody, surface: SourceSurface | None) -> PaintedMesh:
-    """The object at rest in its own textures."""
+    """The object at rest with its own textures."""
     return painted(item.mesh, surface).moved(settled_item(item, anchor, body))
 
 
 def painted_scene(around: SettledScene, surface: SourceSurface | None) -> PaintedMesh:
-    """The scene at rest in its own textures."""
+    """The scene at rest with its own textures."""
     return painted(around.start, surface).moved(around.scene.mesh)
 
 
 def shown(scene: Segmentation, camera: Camera, look: PaintedMesh | None = None) -> list[PaintedMesh]:
-    """The scene for a camera, with the look of its mesh if it has textures: without cut-away faces, on a studio floor
-    if it has none."""
+    """The meshes of the scene for a camera, with textures if it has them: without cut-away faces, and on a studio floor
+    if it has no floor."""
     return shown_meshes(scene, shown_faces(scene, camera), look)
 
 
@@ -169,7 +169,7 @@ def shown_meshes(scene: Segmentation, faces: NDArray[np.integer], look: PaintedM
 
 
 def floor_of(scene: Segmentation) -> list[PaintedMesh]:
-    """The studio floor of a scene that has none."""
+    """The studio floor for a scene without a floor; else empty."""
     return [] if any(one.structure for one in scene.instances) else [PaintedMesh(studio_floor(scene.mesh))]
 
 
@@ -190,13 +190,13 @@ class Cutaway:
         ]  # fmt: skip
 
     def faces(self, camera: Camera) -> NDArray[np.bool_]:
-        """Whether faces are cut away in front of a camera, shape (m,)."""
+        """Mask of the faces that are cut away in front of a camera, shape (m,)."""
         cut = self._planes.between(camera.position, camera.target)
         return cut | self._hanging(cut, camera.target)
 
     def _hanging(self, cut: NDArray[np.bool_], target: Array) -> NDArray[np.bool_]:
-        """Faces of flat things that hang on cut-away walls, (m,), unless the camera looks at them: they would float in
-        front of the room, seen from behind."""
+        """Mask of flat things on cut-away walls, (m,), unless the camera looks at them: they would float in front of
+        the room, seen from behind."""
         result, mesh = np.zeros(len(cut), dtype=bool), self._scene.mesh
         if not cut.any():
             return result
@@ -243,7 +243,7 @@ def contact_nodes(settled: Settled) -> list[Node]:
 
 
 def nearest_body(settled: Settled, names: Sequence[str], surface: Mesh) -> NDArray[np.int64]:
-    """Return the number of the named body that each face (m,) of a surface is nearest to."""
+    """Return the index of the named body that is nearest to each face (m,) of a surface."""
     known = {body.name: body.surface for body in settled.bodies}
     middle = surface.triangles.mean(axis=1)
     distances = np.stack([Raycaster(known[name]).distance_to(middle) for name in names])
@@ -251,8 +251,8 @@ def nearest_body(settled: Settled, names: Sequence[str], surface: Mesh) -> NDArr
 
 
 def near_points(surface: Mesh, points: Array) -> tuple[Mesh, Array]:
-    """A surface cut finely near contact points (k, 3), and the distance of each of its faces from one [m], shape (m,);
-    not cut if every contact point is a corner."""
+    """A surface cut finely near contact points (k, 3), and the distance of each face from the nearest of them [m],
+    shape (m,); not cut if every contact point is a corner."""
     tree, radius = cKDTree(points), patch_radius(points)
     box = np.stack([points.min(axis=0) - REACH * radius, points.max(axis=0) + REACH * radius])
     carried = (tree.query(surface.vertices, distance_upper_bound=SAME)[0] <= SAME)[surface.faces].all(axis=1)
@@ -263,8 +263,8 @@ def near_points(surface: Mesh, points: Array) -> tuple[Mesh, Array]:
 
 
 def patch_faces(surface: Mesh, away: Array, area: float) -> NDArray[np.int64]:
-    """The faces nearest to contact points, away (m,) [m] (inf: too far), that make up the area that the drop found
-    [m^2]; at least one."""
+    """The faces nearest to contact points, at distances (m,) [m] (inf: too far), that make up the area found in the
+    drop [m^2]; at least one face."""
     order = np.argsort(away, kind="stable")
     order = order[np.isfinite(away[order])]
     total = np.cumsum(surface.face_areas[order])
@@ -292,7 +292,7 @@ def object_at_rest(item: Segmentation, surface: SourceSurface, anchor: Anchor, b
 def scene_at_rest(
     scene: Segmentation, surface: SourceSurface, settled: Settled | None, base_id: str
 ) -> tuple[SettledScene, PaintedMesh]:
-    """The scene with its dents, and its look; unchanged if nothing has settled in it."""
+    """The scene with its dents, and its painted mesh; unchanged if nothing has settled in it."""
     own = of_source(scene, surface)
     around = untouched(own) if settled is None else settled_scene(own, settled, base_id)
     paint = paint_from(surface, around.start, around.origin) if surface.kept else None
@@ -305,7 +305,7 @@ def untouched(scene: Segmentation) -> SettledScene:
 
 
 def of_source(scene: Segmentation, surface: SourceSurface) -> Segmentation:
-    """The scene's things and parts on the faces of its textured source."""
+    """The scene's things and parts, on the faces of its textured source."""
     if not surface.kept:
         return scene
     owner = nearest_faces(scene.mesh, surface.mesh)

@@ -26,7 +26,7 @@ from tasks.render.settled_meshes import settled_item, settled_scene
 ASKED, OPAQUE = 5000, 0.5
 """Number of Gaussians, and their least opacity, for checking that they lie on the scene's mesh."""
 OFF = 0.02
-"""Largest median distance of the Gaussians from the mesh, over its diagonal; beyond it they have another frame [-]."""
+"""Largest median distance of the Gaussians from the mesh, over its diagonal; above it they have another frame [-]."""
 AT_ONCE = 100_000
 """Gaussians per batch [-]."""
 DEVIATIONS = 2.0
@@ -40,9 +40,9 @@ class SettledSplats:
     given: Gaussians
     """The input scene."""
     carried: CarriedSplats
-    """Its Gaussians that follow the dent."""
+    """The scene's Gaussians, moved with the dent."""
     floating: NDArray[np.bool_]
-    """Whether its Gaussians float where the object is now, and are dropped, shape (n,)."""
+    """Whether Gaussians of the scene float at the object's new place and are dropped, shape (n,)."""
     item: Gaussians
     """The object's Gaussians."""
 
@@ -50,7 +50,7 @@ class SettledSplats:
         return len(self.given) - int(self.floating.sum()) + len(self.carried.more) + len(self.item)
 
     def parts(self, at_once: int = AT_ONCE) -> Iterator[Gaussians]:
-        """The scene's Gaussians in their order, then further pieces of those that were split, then the object's."""
+        """The scene's Gaussians in their order, then the additional pieces of split ones, then the object's."""
         for first in range(0, len(self.given), at_once):
             index = np.arange(first, min(first + at_once, len(self.given)))
             part = self.carried.into(self.given.subset(index), first)
@@ -60,7 +60,7 @@ class SettledSplats:
 
     @property
     def comments(self) -> tuple[str, ...]:
-        """Comments in the file's header."""
+        """Comments for the file's header."""
         dropped, moved = int(self.floating.sum()), int((~self.floating[self.carried.index]).sum())
         return (
             "frame and unit of the scene file",
@@ -80,9 +80,10 @@ def settled_splats(
     *,
     colors: FaceColors | None = None,
 ) -> SettledSplats:
-    """The Gaussians of a file with the settled placement in them. InputError if they do not lie on the scene's mesh.
+    """The Gaussians of a file with the settled placement in them; raises InputError if they do not lie on the scene's
+    mesh.
 
-    `colors` are those of the settled object's mesh, by default its vertices'.
+    `colors` are those of the settled object's mesh, by default the colours of its vertices.
     """
     check_on_mesh(splats, world_from_file, scene.mesh)
     after = settled_scene(scene, settled, anchor.base_id)
@@ -96,7 +97,7 @@ def settled_splats(
 
 
 def check_on_mesh(splats: Gaussians, world_from_file: Array, mesh: Mesh) -> None:
-    """Refuse Gaussians away from the scene's mesh: two files of a folder may have two frames."""
+    """Raise InputError for Gaussians away from the scene's mesh: two files of a folder may have different frames."""
     opaque = np.flatnonzero(splats.opacity > OPAQUE)
     some = opaque[:: -(-len(opaque) // ASKED)] if len(opaque) else opaque
     size = float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
@@ -113,8 +114,8 @@ def check_on_mesh(splats: Gaussians, world_from_file: Array, mesh: Mesh) -> None
 
 
 def floating_in(splats: Gaussians, world_from_file: Array, thing: Mesh, surface: Mesh) -> NDArray[np.bool_]:
-    """Whether Gaussians lie inside the object by more than their own size, and near no surface of the scene, shape
-    (n,)."""
+    """Mask of the Gaussians that lie inside the object by more than their own size, and near no surface of the scene,
+    shape (n,)."""
     out = np.zeros(len(splats), dtype=bool)
     unit, (low, high) = float(np.cbrt(np.linalg.det(world_from_file[:3, :3]))), thing.bounds
     inside, on_surface = MeshDistance(thing), Raycaster(surface)

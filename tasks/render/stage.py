@@ -1,9 +1,9 @@
-"""Stage 9, render: the scene before, the object at rest in it, and its contact from nearby.
+"""Stage 9, render: the scene before, the object at rest in it, and a close-up of its contact.
 
 In: scene, object, anchor, the settled state and the textures of both sources. Out: pictures, and the visible share of
 the object; or `buried` if the scene hides it. The camera looks at the contact from the front of the base and above, at
-1.5 times the base part's box diagonal (the paper's section 4.3), from where it sees most of the object; walls and
-ceiling in its way are cut away.
+1.5 times the diagonal of the base part's box (the paper's section 4.3), from the place with the best view of the
+object; walls and ceiling in its way are cut away.
 """
 
 import numpy as np
@@ -92,18 +92,18 @@ def render(
 
 
 def touched(settled: Settled, middle: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The contact point nearest to a contact's middle [m], shape (3,): a cut between legs would show nothing of it."""
+    """The contact point nearest to a contact's middle [m], shape (3,): a cut between legs would show no contact."""
     points = settled.contact_points
     return points[int(np.argmin(np.linalg.norm(points - middle, axis=1)))] if len(points) else middle
 
 
 def photograph(meshes: PreparedMeshes, camera: Camera, config: RenderConfig, *, low_light: bool = False) -> Picture:
-    """Camera view."""
+    """The picture of a camera."""
     return picture(meshes, camera, samples=config.samples, low_light=low_light)
 
 
 def nearby(things: Raycaster, thing: Mesh, first: Camera, config: RenderConfig) -> Camera:
-    """The camera of the close-up: on the side of the first camera, with the contact a little below the middle."""
+    """The camera of the close-up: on the side of the first camera, with the contact slightly below the middle."""
     size = np.ptp(thing.vertices, axis=0)
     target = first.target + np.array([0.0, 0.0, 0.22 * size[2]])
     way = first.position - first.target
@@ -114,7 +114,7 @@ def nearby(things: Raycaster, thing: Mesh, first: Camera, config: RenderConfig) 
 
 
 def side_by_side(left: NDArray[np.uint8], right: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Two pictures of one size with a white line between them."""
+    """Two pictures of the same size with a white line between them."""
     gap = np.full((len(left), max(2, left.shape[1] // 128), 3), 255, dtype=np.uint8)
     return np.concatenate([left, gap, right], axis=1)
 

@@ -1,4 +1,4 @@
-"""Views of a settled placement: which camera shows it, and how much of the object each of them sees.
+"""Views of a settled placement: the cameras, and the share of the object that each of them sees.
 
 Visibility of the object at rest from a fixed set of views around it, and from standing height in the room.
 
@@ -9,7 +9,7 @@ thing is recognised by its outline [B87], so recognisability is the uncovered sh
 
 A scene and the things in it, in front of several cameras.
 
-In: the scene, its look and other meshes. Out: the meshes visible to each camera, prepared once for all.
+In: the scene, its painted mesh and other meshes. Out: the meshes visible to each camera, prepared once for all cameras.
 """
 
 from collections.abc import Sequence
@@ -34,15 +34,16 @@ from dcap.scene.types.settled import Settled
 from tasks.render.config import RenderConfig
 from tasks.render.settled_meshes import Cutaway, floor_of
 
-SEEN_POINTS = 400  # number of surface points of the object whose visibility ranks the views
-POORLY_SEEN = 0.2  # visible share below which an object is looked at from above, too
+SEEN_POINTS = 400  # number of points on the object whose visibility ranks the views
+POORLY_SEEN = 0.2  # visible share below which an object is also viewed from above
 FRONT_BONUS = 0.25  # preference for the front over the side, in units of visible share
 AZIMUTHS = np.arange(0.0, 360.0, 45.0)
 ELEVATIONS = (15.0, 45.0)
 TOP = 89.0
-"""Views around the object: angles off the base's front and over the horizon [degrees], and one from above."""
+"""Views around the object: angles off the base's front and over the horizon [degrees], and one view from above."""
 EYE_HEIGHT, RINGS, ON_A_RING = 1.6, (1.5, 2.5), 12
-"""Standing people: height of their eyes over the lowest point of the scene, distances from the object [m]."""
+"""Viewpoints of standing people: height of their eyes over the lowest point of the scene, distances from the object
+[m]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -69,7 +70,7 @@ def view_distance(scene: Segmentation, anchor: Anchor, thing: Mesh, config: Rend
 
 
 def front(scene: Segmentation, anchor: Anchor) -> Array:
-    """Horizontal unit vector towards the viewer: the base's front, else towards the middle of the room."""
+    """Horizontal unit vector towards the viewer: along the base's front, else towards the middle of the room."""
     own = scene.instances[scene.index_of(anchor.base_id)]
     if own.front is not None:
         return np.asarray(own.front)
@@ -83,9 +84,9 @@ def front(scene: Segmentation, anchor: Anchor) -> Array:
 def best_view(
     things: Raycaster, thing: Mesh, target: Array, distance: float, toward: Array, config: RenderConfig
 ) -> ChosenView:
-    """The candidate that sees most of the object, preferring the front and the first elevation.
+    """The candidate with the best view of the object, preferring the front and the first elevation.
 
-    An object that all of these show poorly, as in a deep vessel, is seen from above if that shows more.
+    An object that is poorly visible in all of them, as in a deep vessel, is viewed from above if that shows more.
     """
     chosen = best_of(things, thing, target, distance, toward, config.elevations_deg, config)
     if chosen.visible >= POORLY_SEEN:
@@ -119,14 +120,14 @@ def best_of(
 
 
 def direction(toward: Array, azimuth_deg: float, elevation_deg: float) -> Array:
-    """Unit vector at an azimuth off a horizontal one and an elevation over the horizon."""
+    """Unit vector at an azimuth off a horizontal direction and an elevation over the horizon."""
     a, e = np.radians(azimuth_deg), np.radians(elevation_deg)
     side = np.array([-toward[1], toward[0], 0.0])
     return np.asarray(np.cos(e) * (np.cos(a) * toward + np.sin(a) * side) + np.sin(e) * np.array([0.0, 0.0, 1.0]))
 
 
 def visible_share(caster: Raycaster, points: Array, normals: Array, camera: Array) -> float:
-    """Share of the points facing a camera that nothing hides."""
+    """Share of the points facing a camera that are not hidden."""
     way = camera - points
     facing = np.einsum("ij,ij->i", way, normals) > 0.0
     length = np.linalg.norm(way[facing], axis=1)
@@ -135,7 +136,7 @@ def visible_share(caster: Raycaster, points: Array, normals: Array, camera: Arra
 
 
 def visible_fraction(seen: NDArray[np.bool_], thing: PaintedMesh, camera: Camera) -> float:
-    """Visible pixels of the object in the scene, a mask, over its pixels alone."""
+    """Visible pixels of the object in the scene, given by a mask, over its pixels without the scene."""
     around = camera.project(thing.mesh.vertices)[:, :2]
     rays = rays_between(camera, around.min(axis=0) - 1.0, around.max(axis=0) + 1.0)[1]
     alone = int((caster_of([thing]).first_hits(rays).face >= 0).sum())
@@ -154,7 +155,7 @@ def rays_between(camera: Camera, low: Array, high: Array) -> tuple[tuple[slice, 
 
 
 def canonical_views(scene: Mesh, thing: Mesh, target: Array, toward: Array, config: RenderConfig) -> Visibility:
-    """The visible shares of the object (a mesh at rest) among the scene without it.
+    """The visible shares of the object (a mesh at rest) within the scene without it.
 
     Args:
         scene: everything else at rest.
@@ -191,8 +192,8 @@ def share_of(seen: NDArray[np.bool_], asked: NDArray[np.bool_]) -> float:
 
 
 def from_the_room(scene: Mesh, around: Raycaster, thing: Mesh, target: Array) -> float:
-    """Mean visible share of the object from standing height around it, inside the scene's bounds; 0 without a place to
-    stand."""
+    """Mean visible share of the object from standing height around it, inside the scene's bounds; 0 if there is nowhere
+    to stand."""
     points, normals = spread_points(thing, SEEN_POINTS)
     low, high = scene.bounds
     shares = []
@@ -210,14 +211,14 @@ class SceneViews:
     def __init__(
         self, scene: Segmentation, look: PaintedMesh | None = None, things: Sequence[PaintedMesh] = ()
     ) -> None:
-        """A scene, its look if it has textures, and meshes that are never cut away."""
+        """`look`: the scene's painted mesh, if it has textures; `things`: meshes that are never cut away."""
         self._cutaway = Cutaway(scene)
         around = [look or PaintedMesh(scene.mesh), *floor_of(scene)]
         self._meshes = PreparedMeshes([*around, *things])
         self._things = self._meshes.mesh_of_face >= len(around)
 
     def seen_by(self, camera: Camera) -> PreparedMeshes:
-        """Meshes visible to a camera: first the scene without cut-away faces, then the others."""
+        """Meshes visible to a camera: first the scene without cut-away faces, then the other meshes."""
         cut = self._cutaway.faces(camera)
         shown = np.ones(len(self._things), dtype=bool)
         shown[: len(cut)] = ~cut

@@ -2,9 +2,9 @@
 
 In: a picture and the thing in each pixel. Out: the picture with things tinted, outlined and numbered.
 
-Rulers next to a plan: coordinates of its points in the file's own frame, for typing them elsewhere.
+Rulers next to a plan: coordinates of its points in the file's own frame, so that they can be typed elsewhere.
 
-In: a picture straight down, its camera and its extent. Out: the picture with a ruler below and one at its left.
+In: a picture looking straight down, its camera and its extent. Out: the picture with rulers below and on the left.
 """
 
 import colorsys
@@ -21,24 +21,24 @@ from dcap.geometry.camera import Camera
 Place = tuple[float, float]
 
 HUE_STEP = 0.381966
-"""Turn of the colour wheel from number to number [-]: by the golden section, similar hues are far apart."""
+"""Step around the colour wheel between numbers [-]: with the golden section, similar hues have distant numbers."""
 TINT, LINE = 0.22, 0.85
-"""Opacity of a thing's paint on it and on its outline [-]."""
+"""Opacity of a thing's colour on its surface and on its outline [-]."""
 LETTERS = 0.026
 """Height of the numbers over the picture's width [-]: 20 pixels at 768."""
 LEAST_LETTERS = 13
-"""[pixels]."""
+"""Least height of the numbers [pixels]."""
 LEAST_SEEN = 12
-"""Least number of pixels of a numbered thing: a smaller one could not be identified."""
+"""Least number of pixels of a numbered thing: a smaller thing could not be identified."""
 STEPS, TURNS = 14, 16
-"""Distances and directions that are tried for a badge next to its thing."""
+"""Number of distances and of directions that are tried for a badge next to its thing."""
 INK, PAPER = (255, 255, 255), (20, 20, 24)
 MARGIN = 46
 """Width of a ruler [pixels]."""
 RULER_LETTERS = 15
-"""[pixels]."""
+"""Height of the numbers on a ruler [pixels]."""
 MOST_TICKS = 10
-"""Most numbers on a ruler; their distance is 1, 2 or 5 times a power of ten [-]."""
+"""Maximum number of numbers on a ruler; their spacing is 1, 2 or 5 times a power of ten [-]."""
 RULER_INK, RULER_PAPER = (40, 40, 44), (244, 244, 242)
 
 
@@ -50,7 +50,7 @@ def paint(number: int) -> NDArray[np.float64]:
 def numbered(rgb: NDArray[np.uint8], seen: NDArray[np.integer], numbers: Mapping[int, int]) -> NDArray[np.uint8]:
     """The picture (h, w, 3) with badges; `seen` (h, w) names the thing of each pixel, `numbers` gives its number.
 
-    Things that are not in `numbers`, or hardly visible, get none.
+    Things that are not in `numbers`, or hardly visible, get no badge.
     """
     shown = rgb.astype(np.float64)
     image_width = rgb.shape[1]
@@ -66,7 +66,7 @@ def numbered(rgb: NDArray[np.uint8], seen: NDArray[np.integer], numbers: Mapping
         row, column = np.unravel_index(int(np.argmax(depth)), depth.shape)
         aims.append((float(depth.max()), number, (float(column), float(row))))
     image = Image.fromarray(np.rint(shown).astype(np.uint8))
-    # the thing with the least room chooses first: a large one has other places
+    # the thing with the least room chooses first: a large thing has other places
     draw_badges(image, [(number, place) for _, number, place in sorted(aims)])
     return np.asarray(image, dtype=np.uint8).copy()
 
@@ -107,7 +107,7 @@ def badge_size(
 def free_box(
     aim: Place, size: tuple[float, float], limits: tuple[int, int], taken: Sequence[tuple[float, float, float, float]]
 ) -> tuple[float, float, float, float]:
-    """The free rectangle of a badge nearest to its place; inside the picture."""
+    """The free rectangle for a badge nearest to its place, inside the picture."""
     boxes = [box_at(aim, size, limits)]
     for ring in range(1, STEPS + 1):
         for angle in np.linspace(0.0, 2.0 * np.pi, TURNS, endpoint=False):
@@ -120,7 +120,7 @@ def free_box(
 def box_at(
     middle: Place, size: tuple[float, float], limits: tuple[int, int]
 ) -> tuple[float, float, float, float]:  # fmt: skip
-    """A rectangle about a point, pushed into the picture."""
+    """A rectangle about a point, shifted into the picture."""
     left, top = (
         float(np.clip(c - 0.5 * s, 1.0, limit - s - 2.0)) for c, s, limit in zip(middle, size, limits, strict=True)
     )
@@ -128,7 +128,7 @@ def box_at(
 
 
 def meet(a: tuple[float, float, float, float], b: tuple[float, float, float, float]) -> bool:
-    """Whether two rectangles overlap, or nearly touch."""
+    """Return whether two rectangles overlap or nearly touch."""
     return a[0] < b[2] + 1 and b[0] < a[2] + 1 and a[1] < b[3] + 1 and b[1] < a[3] + 1
 
 
@@ -162,7 +162,7 @@ def with_rulers(
 
 
 def file_axis(axis: int, low: Array, high: Array, file_from_world: Array) -> tuple[str, tuple[float, float]]:
-    """The file's axis along a level world axis, and its values at the two ends of the picture."""
+    """The file's axis along a horizontal world axis, and its values at the two ends of the picture."""
     column = file_from_world[:3, axis]
     own = int(np.argmax(np.abs(column)))
     first, last = (file_from_world[own, :3] @ end + file_from_world[own, 3] for end in (low, high))
@@ -170,7 +170,7 @@ def file_axis(axis: int, low: Array, high: Array, file_from_world: Array) -> tup
 
 
 def ticks(first: float, last: float) -> list[float]:
-    """Round numbers between two, in either order."""
+    """Round numbers between two numbers, in either order."""
     low, high = min(first, last), max(first, last)
     step = 10.0 ** np.floor(np.log10(max(high - low, 1e-9) / MOST_TICKS))
     step *= next(factor for factor in (1, 2, 5, 10) if (high - low) / (factor * step) <= MOST_TICKS)

@@ -1,7 +1,7 @@
 """Numbered pictures of things in a scene ("set of marks"): over its corners, as a plan, and each thing alone.
 
 In: a scene and its things. Out: sRGB pictures in which each thing has its number. Obstacles (ceiling, walls in front of
-the camera) are left out. The page that people correct, the picture of a refusal and the questions to a model show the
+the camera) are left out. The correction page for people, the picture of a refusal and the questions to a model show the
 same numbers.
 
 One picture of all possible supports of the object: numbered on a plan and a view, with a list.
@@ -36,21 +36,21 @@ ELEVATION_DEG = 42.0
 PLAN_FOV_DEG = 12.0
 """Narrow field of view, so that high things hardly lean outward [degrees]."""
 HEAD = 1.9
-"""Height above the floor from which level faces of the building are its ceiling, whatever their label [m]."""
+"""Height above the floor from which horizontal faces of the building are its ceiling, whatever their label [m]."""
 WIDE = 0.5
-"""Share of the plan from which a thing is part of the room rather than furniture: its ceiling is left out too [-]."""
+"""Share of the plan from which a thing is part of the room, not furniture: its ceiling is left out too [-]."""
 LEVEL = 0.7
-"""Least cosine to the vertical of a level face [-]."""
+"""Least cosine to the vertical of a horizontal face [-]."""
 ON_THE_FLOOR = 0.15
 """Height up to which faces decide whether floors face up [m]."""
 ONE_SIDED = 0.9
-"""Least share of these that face up for the sides of all faces to be reliable [-]."""
+"""Least share of these faces that face up for the orientation of all faces to be reliable [-]."""
 RIM = 1.04
 """Share of the picture that the room fills [-]."""
 CENTERED, HALVINGS = 3, 30
-"""Number of times that the box is centred, and the interval of distances halved [-]."""
+"""Number of times that the box is centred and that the interval of distances is halved [-]."""
 THUMBNAIL = 224
-"""Width and height of the picture of one thing [pixels]."""
+"""Side length of the picture of one thing [pixels]."""
 THING_DISTANCE = 1.35
 """Distance of its camera over the diagonal of its box [-]."""
 NEAREST = 0.4
@@ -95,7 +95,7 @@ class MarkedScene:
 
 def numbers_of(scene: Segmentation) -> Mapping[int, int]:
     """The numbers of a scene's things, 1 and up in their order, by their place among the instances; walls and ceilings
-    have none, floors do: things are put on them."""
+    get no number, floors do, because things are placed on them."""
     shown = [i for i, one in enumerate(scene.instances) if not one.structure or one.label == "floor"]
     return {index: number for number, index in enumerate(shown, start=1)}
 
@@ -128,7 +128,7 @@ def plan_picture(
 ) -> NDArray[np.uint8]:  # fmt: skip
     """The room from above without its ceiling, world x to the right and y up, the longer side `size` pixels.
 
-    With `file_from_world` (4, 4) there are rulers at the left and below, in the file's own coordinates.
+    With `file_from_world` (4, 4), rulers on the left and below show the file's own coordinates.
     """
     camera = plan_camera(scene, size)
     shot = photograph(scene, camera)
@@ -136,11 +136,11 @@ def plan_picture(
 
 
 def plan_camera(scene: MarkedScene, size: int) -> Camera:
-    """Camera straight down on all of the room, from a distance at which high things hardly lean outward."""
+    """Camera looking straight down on the whole room, from a distance at which high things hardly lean outward."""
     low, high = framed(scene)
     extent = np.maximum(high[:2] - low[:2], 1e-6)
     width, height = (max(64, round(size * float(side / extent.max()))) for side in extent)
-    # the picture is as wide as the room at the height of its top: everything lower is in it as well
+    # the picture is as wide as the room at the height of its top, so everything lower fits into it
     distance = 0.5 * RIM * float(extent.max()) / np.tan(np.radians(0.5 * PLAN_FOV_DEG))
     fov = 2.0 * np.degrees(np.arctan(0.5 * RIM * float(extent[0]) / distance))
     middle = 0.5 * (low + high)
@@ -149,7 +149,7 @@ def plan_camera(scene: MarkedScene, size: int) -> Camera:
 
 
 def thumbnail(scene: MarkedScene, mark: Mark, size: int = THUMBNAIL) -> NDArray[np.uint8]:
-    """One thing in its surroundings, from where most of it is visible, shape (size, size, 3)."""
+    """One thing in its surroundings, from the place where most of it is visible, shape (size, size, 3)."""
     others = np.ones(len(scene.mesh.faces), dtype=bool)
     others[mark.faces] = False
     thing = scene.mesh.submesh(mark.faces)
@@ -181,8 +181,9 @@ def photograph(scene: MarkedScene, camera: Camera) -> NDArray[np.uint8]:
 
 
 def hidden(scene: MarkedScene, camera: Camera) -> Mask:
-    """Faces that are left out: walls in front of the camera, ceilings, level faces of the room overhead, and, if the
-    sides of the mesh are reliable, all faces seen from behind: a scan has its walls from the room's side only."""
+    """Mask of the faces that are left out: walls in front of the camera, ceilings, horizontal faces of the room
+    overhead, and, if the orientation of the faces is reliable, all faces seen from behind: a scan shows its walls from
+    the room's side only."""
     cut = cut_faces(scene.mesh, scene.structure, camera.position, camera.target)
     normal, floor = scene.mesh.face_normals, framed(scene)[0][2]
     height, length = scene.mesh.triangles[:, :, 2], np.linalg.norm(normal, axis=1)
@@ -197,7 +198,7 @@ def hidden(scene: MarkedScene, camera: Camera) -> Mask:
 
 
 def of_the_room(scene: MarkedScene) -> Mask:
-    """Whether faces belong to the building, or to things too wide for furniture, shape (m,)."""
+    """Mask of the faces that belong to the building, or to things too wide for furniture, shape (m,)."""
     plan = float(np.prod(np.ptp(scene.mesh.bounds[:, :2], axis=0)))
     rooms = scene.structure.copy()
     for mark in scene.marks:
@@ -207,21 +208,22 @@ def of_the_room(scene: MarkedScene) -> Mask:
 
 
 def framed(scene: MarkedScene) -> tuple[Array, Array]:
-    """Lowest and highest corner of the pictured box [m], each of shape (3,): almost all of the surface."""
+    """Lowest and highest corner of the pictured box [m], each of shape (3,): it contains almost all of the surface."""
     center, area = scene.mesh.triangles.mean(axis=1), scene.mesh.face_areas
     low, high = (np.array([share_of(center[:, axis], area, share) for axis in range(3)]) for share in (0.002, 0.998))
     return low, high
 
 
 def share_of(values: Array, weight: Array, share: float) -> float:
-    """The value below which a share of the weight lies; the extreme if weight is concentrated there."""
+    """The value below which a share of the weight lies; the extreme value if the weight is concentrated there."""
     order = np.argsort(values)
     total = np.cumsum(weight[order])
     return float(values[order[min(int(np.searchsorted(total, share * total[-1])), len(values) - 1)]])
 
 
 def corner_camera(middle: Array, half: Array, corner: Sequence[float], size: int) -> Camera:
-    """The nearest camera beyond a corner of a box that sees all of it, the box in the middle of the picture."""
+    """The nearest camera beyond a corner of a box that sees the whole box, with the box in the middle of the
+    picture."""
     lift = np.radians(ELEVATION_DEG)
     flat = np.array(corner) / np.linalg.norm(corner)
     way = np.array([*(np.cos(lift) * flat), np.sin(lift)])
@@ -240,7 +242,7 @@ def corner_camera(middle: Array, half: Array, corner: Sequence[float], size: int
 
 
 def fitting(points: Array, target: Array, way: Array, half: Array, size: int) -> Camera:
-    """The nearest camera along a way from a target that sees all points (n, 3)."""
+    """The nearest camera along a direction from a target that sees all points (n, 3)."""
     frame = np.array([size, round(VIEW_SHAPE * size)])
     unit = max(float(np.linalg.norm(half)), 1e-6)
     near, far = 0.5, 40.0

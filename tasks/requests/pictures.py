@@ -1,4 +1,4 @@
-"""Pictures of an unlabelled thing: in its room in a bright colour, and from near; made on demand."""
+"""Pictures of an unlabelled thing: in its room in a bright colour, and in close-up; made on demand."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from dcap.scene.types.boxes import OrientedBox
 from dcap.scene.types.mesh import Mesh
 
 SIZE = 512
-"""Width and height [pixels]."""
+"""Side length of the pictures [pixels]."""
 LOUD = np.array([255.0, 0.0, 200.0])
 """A colour that hardly anything in a room has [sRGB]."""
 TINT = 0.75
@@ -23,16 +23,16 @@ ROOM_DISTANCE = 3.5
 ROOM_AROUND = 2.6
 """Distance of that camera over the diagonal of the thing's box [-]."""
 THING_DISTANCE = 1.2
-"""Distance of the camera at which a thing fills the picture, over the diagonal of its box [-]: it takes at most
-arcsin(0.5 / 1.2) = 25 degrees to each side, which fit into a field of view of 55 degrees."""
+"""Distance of the camera at which a thing fills the picture, over the diagonal of its box [-]: the thing takes at most
+arcsin(0.5 / 1.2) = 25 degrees to each side, which fits into a field of view of 55 degrees."""
 NEAREST = 0.5
 """Least distance of the camera [m]."""
 ELEVATIONS = (25.0, 50.0)
-"""Elevations from which a thing is seen [degrees]; things on the ceiling from below."""
+"""Elevations from which a thing is seen [degrees]; things on the ceiling are seen from below."""
 DIRECTIONS = 12
-"""Number of directions around that are tried."""
+"""Number of directions around a thing that are tried."""
 OUTSIDE = 0.1
-"""Largest hidden share of the thing before the camera moves around it, up to a quarter turn [-]."""
+"""Largest hidden share of the thing; above it the camera moves around the thing, up to a quarter turn [-]."""
 SEEN_POINTS = 200
 """Number of points of the thing whose visibility is tested."""
 
@@ -46,27 +46,27 @@ def in_the_room(mesh: Mesh, room: DecomposedRoom, box: OrientedBox, faces: IntAr
 
 
 def close_up(mesh: Mesh, room: DecomposedRoom, box: OrientedBox, faces: IntArray) -> NDArray[np.uint8]:
-    """A thing in its own colours from near, shape (SIZE, SIZE, 3)."""
+    """A thing in its own colours in close-up, shape (SIZE, SIZE, 3)."""
     rest, thing = _apart(mesh, faces)
     return _seen(rest, thing, _others(room, faces), box, max(NEAREST, THING_DISTANCE * box.diagonal))
 
 
 def _apart(mesh: Mesh, faces: IntArray) -> tuple[Mesh, Mesh]:
-    """Everything else, and the thing."""
+    """The rest of the scene, and the thing."""
     other = np.ones(len(mesh.faces), dtype=bool)
     other[faces] = False
     return mesh.submesh(np.flatnonzero(other)), mesh.submesh(faces)
 
 
 def _others(room: DecomposedRoom, faces: IntArray) -> NDArray[np.bool_]:
-    """Whether the faces other than the thing's belong to the shell."""
+    """Mask of the faces other than the thing's that belong to the shell."""
     return np.delete(room.shell.any, faces)
 
 
 def _seen(
     rest: Mesh, thing: Mesh, structure: NDArray[np.bool_], box: OrientedBox, distance: float
 ) -> NDArray[np.uint8]:  # fmt: skip
-    """The picture from the side that shows most of the thing, with walls in front of it cut away."""
+    """The picture from the side that shows most of the thing, with the walls in front of it cut away."""
     loose = rest.submesh(np.flatnonzero(~structure))
     position = best_place(loose, thing, box, distance, *from_inside(rest.bounds, box))
     shown = rest.submesh(np.flatnonzero(~cut_faces(rest, structure, position, box.center)))
@@ -74,7 +74,7 @@ def _seen(
 
 
 def from_inside(bounds: Array, box: OrientedBox) -> tuple[Array, bool]:
-    """Direction from a thing to the middle of bounds (2, 3), and whether it hangs so high that it is seen from
+    """Direction from a thing to the middle of bounds (2, 3), and whether the thing hangs so high that it is seen from
     below."""
     middle = bounds.mean(axis=0) - box.center
     return middle, bool(middle[2] < -0.3 * float(np.ptp(bounds[:, 2])))
@@ -83,7 +83,7 @@ def from_inside(bounds: Array, box: OrientedBox) -> tuple[Array, bool]:
 def best_place(
     others: Mesh, thing: Mesh, box: OrientedBox, distance: float, way: Array, from_below: bool
 ) -> Array:  # fmt: skip
-    """Position from which a camera sees most of a thing between others, shape (3,); of equal ones the nearest to
+    """Position from which a camera sees most of a thing among others, shape (3,); of equal positions the nearest to
     `way`."""
     solid = Raycaster(Mesh.concatenate([others, thing]))
     seen = [
@@ -94,7 +94,7 @@ def best_place(
 
 
 def _places(box: OrientedBox, distance: float, way: Array, *, from_below: bool) -> list[tuple[Array, float]]:
-    """Positions of the camera around a thing, and the penalty of each: best is along `way`."""
+    """Positions of the camera around a thing, and the penalty of each; the position along `way` has none."""
     start = float(np.arctan2(way[1], way[0]))
     sign = -1.0 if from_below else 1.0
     found = []
@@ -107,7 +107,7 @@ def _places(box: OrientedBox, distance: float, way: Array, *, from_below: bool) 
 
 
 def _visible_share(loose: Raycaster, thing: Mesh, camera: Array) -> float:
-    """Share of points on the thing that face the camera and that nothing hides."""
+    """Share of points on the thing that face the camera and are not hidden."""
     face = np.linspace(0, len(thing.faces) - 1, min(SEEN_POINTS, len(thing.faces))).astype(np.int64)
     points, normal = thing.corners(face).mean(axis=1), thing.face_normals[face]
     way = camera - points

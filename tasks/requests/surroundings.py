@@ -20,9 +20,9 @@ UP = np.array([0.0, 0.0, 1.0])
 WIDE = 1.2
 """Length above which a thing is faced at its nearest point rather than its middle [m]: walls, sofas."""
 FLAT = 0.05
-"""Largest height of a thing that people walk on: things on it count as on the floor [m]."""
+"""Largest height of a thing that people walk on: things on it count as standing on the floor [m]."""
 LARGE = 0.2
-"""Share of the largest piece's faces from which a piece of a part counts as a thing of its own [-]: a sofa's arms."""
+"""Share of the largest piece's faces from which a piece of a part counts as a separate thing [-]: a sofa's arms."""
 
 
 def part_frame(scene: Segmentation, base: Instance, box: OrientedBox) -> ViewerFrame:
@@ -41,7 +41,7 @@ def boxes_of(scene: Segmentation, base: Instance, reference: str) -> list[Orient
 
 
 def parts_meant(scene: Segmentation, base: Instance, reference: str) -> list[int]:
-    """Indices of the base's parts of a reference `part:NAME` or `part:NAME/SIDE`."""
+    """Indices of the base's parts for a reference `part:NAME` or `part:NAME/SIDE`."""
     name, _, side = reference.removeprefix(PART).partition("/")
     named = [number for number, part in enumerate(base.parts) if part.name == name]
     if not side or not named:
@@ -52,7 +52,7 @@ def parts_meant(scene: Segmentation, base: Instance, reference: str) -> list[int
 
 
 def outermost_box(boxes: list[OrientedBox], side: str, frame: ViewerFrame) -> list[OrientedBox]:
-    """The left one, the front one, the upper one, as the viewer of the frame sees them."""
+    """The box on one side: the leftmost, the frontmost or the uppermost, as the viewer of the frame sees them."""
     right, front = np.append(frame.right, 0.0), np.append(frame.front, 0.0)
     ways = {"left": -right, "right": right, "front": front, "back": -front, "top": UP, "bottom": -UP}
     return [max(boxes, key=lambda box: float(box.center @ ways[side]))] if boxes else []
@@ -71,7 +71,7 @@ def piece_boxes(scene: Segmentation, base: Instance, index: int) -> list[Oriente
 
 
 def box_about(like: OrientedBox, points: Array) -> OrientedBox:
-    """The box around points (n, 3) that is turned like another one."""
+    """The box around points (n, 3) with the same rotation as another box."""
     local = like.to_local(points)
     low, high = local.min(axis=0), local.max(axis=0)
     return OrientedBox(like.to_world(0.5 * (low + high)[None])[0], like.axes, 0.5 * (high - low))
@@ -80,9 +80,10 @@ def box_about(like: OrientedBox, points: Array) -> OrientedBox:
 def reference_frame(
     scene: Segmentation, base: Instance, names: tuple[str, ...], regions: Sequence[str] = ()
 ) -> ViewerFrame | None:
-    """Frame of left and front: on the floor that of a single thing; else None, the part's.
+    """Frame that defines left and front: on the floor the frame of a single referenced thing; otherwise None, for the
+    part's frame.
 
-    Doors and walls are seen from the room, as are things without a front. On a table "in front of the chair" that
+    Doors and walls are seen from the room, as are things without a front. On a table, "in front of the chair" that
     stands next to it is the table's side at the chair: there the chair's front is towards the table.
     """
     if len(names) != 1 or names[0].startswith(PART):
@@ -97,7 +98,7 @@ def reference_frame(
 
 
 def is_floor(base: Instance) -> bool:
-    """Whether people walk on it: a floor or a rug."""
+    """Return whether people walk on the base: a floor or a rug."""
     return base.structure or 2.0 * float(base.box.half_extents[2]) < FLAT
 
 
@@ -110,7 +111,7 @@ def horizontal_gap(a: OrientedBox, b: OrientedBox) -> float:
 
 
 def reference_boxes(scene: Segmentation, base: Instance, names: tuple[str, ...], near: Array) -> list[OrientedBox]:
-    """Boxes of all references, those of one name nearest to a point first."""
+    """Boxes of all references; those of the same name in order of distance to a point, nearest first."""
     found: list[OrientedBox] = []
     for name in names:
         boxes = sorted(boxes_of(scene, base, name), key=lambda b: float(np.linalg.norm(b.center[:2] - near[:2])))
@@ -119,8 +120,8 @@ def reference_boxes(scene: Segmentation, base: Instance, names: tuple[str, ...],
 
 
 def wished_place(scene: Segmentation, base: Instance, intent: Intent, radius: float) -> Array:
-    """Approximate place of the object: the aim of the requested region on the requested or widest part [m], shape
-    (3,)."""
+    """Approximate place of the object [m], shape (3,): the aim of the requested region on the requested or the widest
+    part."""
     views = part_views(scene, scene.index_of(base.id))
     widest = max(views, key=lambda view: (view.support_area, -view.index)).index
     box = next((part.box for part in base.parts if part.name == intent.region.part), base.parts[widest].box)
@@ -132,7 +133,7 @@ def wished_place(scene: Segmentation, base: Instance, intent: Intent, radius: fl
 
 
 def direction_to(scene: Segmentation, base: Instance, place: Array, facing: str) -> Array | None:
-    """Horizontal unit vector from the place to the faced thing; None if that does not exist, shape (3,)."""
+    """Horizontal unit vector from the place to the faced thing, shape (3,); None if the thing does not exist."""
     if facing.startswith("away:"):
         opposite = direction_to(scene, base, place, facing.removeprefix("away:"))
         return None if opposite is None else -opposite
@@ -157,7 +158,7 @@ def direction_to(scene: Segmentation, base: Instance, place: Array, facing: str)
     points = [faced_point(box, place) for box in named]
     if not points:
         return None
-    if facing.startswith(PART):  # two pillows are faced together
+    if facing.startswith(PART):  # two pillows count as one target
         return horizontal(np.mean(points, axis=0) - place)
     return horizontal(min(points, key=lambda p: float(np.linalg.norm(p[:2] - place[:2]))) - place)
 
@@ -171,7 +172,7 @@ def faced_point(box: OrientedBox, place: Array) -> Array:
 
 
 def horizontal(vector: Array) -> Array | None:
-    """Its horizontal direction as a unit vector; None if it is vertical, shape (3,)."""
+    """Horizontal direction of a vector as a unit vector, shape (3,); None if it is vertical."""
     flat = np.array([vector[0], vector[1], 0.0])
     length = float(np.linalg.norm(flat))
     return None if length < 1e-6 else flat / length

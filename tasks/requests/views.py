@@ -1,6 +1,6 @@
-"""A segmentation for the clients of `language`: names, boxes, sizes, colours.
+"""A segmentation as input of the clients of `language`: names, boxes, sizes, colours.
 
-In: a scene or object. Out: plain views of its instances and parts; nothing is chosen here.
+In: a scene or object. Out: plain views of its instances and parts, without any choice.
 """
 
 from dataclasses import dataclass
@@ -12,25 +12,25 @@ from dcap.language.protocol.requests import InstanceView, ObjectView, PartView, 
 from dcap.scene.types.segmentation import Instance, Segmentation
 
 LEVEL = 0.5
-"""Vertical part of a unit normal above which a face faces up: within 60 degrees, as sloped shades count."""
+"""Vertical part of a unit normal above which a face faces up: within 60 degrees, so that sloped shades count."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Sums:
-    """Sums over the faces of every part, counted through all instances."""
+    """Sums over the faces of every part; parts are counted through all instances."""
 
     first: NDArray[np.int64]
-    """Number of each instance's first part, shape (instances + 1,)."""
+    """Index of each instance's first part, shape (instances + 1,)."""
     area: NDArray[np.float64]
-    """[m^2], shape (parts,)."""
+    """Area of each part [m^2], shape (parts,)."""
     support: NDArray[np.float64]
-    """Upward area [m^2], shape (parts,)."""
+    """Upward area of each part [m^2], shape (parts,)."""
     color: NDArray[np.float64]
     """Area times sRGB colour 0..1, shape (parts, 3)."""
 
 
 def sums_of(scene: Segmentation) -> Sums:
-    """One pass over all faces."""
+    """Sums from one pass over all faces."""
     first = np.cumsum([0, *(len(instance.parts) for instance in scene.instances)])
     known = (scene.face_instance >= 0) & (scene.face_part >= 0)
     number = first[scene.face_instance[known]] + scene.face_part[known]
@@ -48,7 +48,7 @@ def sums_of(scene: Segmentation) -> Sums:
 
 
 def mean_color(color: NDArray[np.float64], area: float) -> Vector:
-    """Mean sRGB colour of an area, 0..1; grey without area."""
+    """Mean sRGB colour of an area, 0..1; grey if the area is zero."""
     return vector(color / area) if area > 0 else (0.5, 0.5, 0.5)
 
 
@@ -99,13 +99,13 @@ def instance_views(scene: Segmentation) -> tuple[InstanceView, ...]:
 
 
 def object_view(item: Segmentation) -> ObjectView:
-    """The object as read."""
+    """The object as read from its file."""
     extents = np.sort(np.ptp(item.mesh.bounds, axis=0))[::-1]
     return ObjectView(item.instances[0].label, vector(extents), part_views(item, 0))
 
 
 def room_center(scene: Segmentation) -> NDArray[np.float64]:
-    """Middle of the floor's box, or of everything without a labelled floor [m], shape (3,)."""
+    """Middle of the floor's box, or of the whole scene without a labelled floor [m], shape (3,)."""
     floor = next((i for i in scene.instances if i.structure and "floor" in i.label), None)
     return np.asarray(floor.box.center if floor else scene.mesh.bounds.mean(axis=0))
 

@@ -1,6 +1,6 @@
-"""Pictures of the object over its base: the three flips, and one of all other poses, each with its id.
+"""Pictures of the object over its base: the three flips, and a picture of all other poses, each with its id.
 
-In: scene, base, mesh at its scale, poses. Out: sRGB pictures from one camera, which a model looks at before it chooses.
+In: scene, base, mesh at its scale, poses. Out: sRGB pictures from one camera, which a model sees before it chooses.
 """
 
 from collections.abc import Sequence
@@ -24,14 +24,16 @@ SAME_SIDE = 1e-6
 """1 - cosine between the upward directions of two poses, below which they differ by a turn about the vertical."""
 TILES_IN_A_ROW = 5
 NEAR = 1.4
-"""Distance of the camera over the diagonal of the object [-]: half of it takes 0.5 / tan(27.5 degrees) = 0.96."""
+"""Distance of the camera over the diagonal of the object [-]: half the diagonal needs 0.5 / tan(27.5 degrees) =
+0.96."""
 PAPER, INK = (255, 255, 255), (20, 20, 24)
 
 
 def three_flips(
     scene: Segmentation, base: Instance, mesh: Mesh, place: Array, size: int, around: float = 0.0
 ) -> tuple[NDArray[np.uint8], ...]:
-    """The object over the base, flipped about x, y and z; by one camera, at the angle `around` [rad] from the front."""
+    """The object over the base, flipped about x, y and z, from one camera, at the angle `around` [rad] from the
+    front."""
     hover, extent = hovering(mesh, place)
     camera = wide_camera(scene, base, hover, extent, size, around)
     turns = [np.diag(diagonal) for diagonal in FLIPS.values()]
@@ -42,9 +44,10 @@ def three_flips(
 def pose_strip(
     scene: Segmentation, base: Instance, mesh: Mesh, place: Array, size: int, poses: Sequence[PoseView]
 ) -> NDArray[np.uint8]:
-    """One picture with a tile of `size` pixels for each side on which the object can lie, the ids of the poses below.
+    """A picture with a tile of `size` pixels for each side on which the object can lie, with the ids of the poses
+    below.
 
-    Poses that differ by a turn about the vertical share a tile, as the facing is chosen separately.
+    Poses that differ by a turn about the vertical share a tile, because the facing is chosen separately.
     """
     hover, extent = hovering(mesh, place)
     camera = camera_at(scene, base, hover - (0.0, 0.0, 0.1 * extent), NEAR * extent, size)
@@ -55,7 +58,7 @@ def pose_strip(
 
 
 def by_side(poses: Sequence[PoseView]) -> list[list[PoseView]]:
-    """Poses grouped by the upward direction of the mesh, in the order of the first of each."""
+    """Poses grouped by the upward direction of the mesh, in the order of the first pose of each group."""
     groups: list[list[PoseView]] = []
     for pose in poses:
         up = np.array(pose.rotation[2])
@@ -69,7 +72,7 @@ def by_side(poses: Sequence[PoseView]) -> list[list[PoseView]]:
 
 
 def contact_sheet(tiles: Sequence[NDArray[np.uint8]], captions: Sequence[Sequence[str]]) -> NDArray[np.uint8]:
-    """Square pictures of one size in rows, each with its lines of text below."""
+    """Square pictures of the same size in rows, each with its lines of text below."""
     size = len(tiles[0])
     letters = max(12, size // 18)
     line, gap = round(1.3 * letters), max(2, size // 40)
@@ -89,7 +92,7 @@ def contact_sheet(tiles: Sequence[NDArray[np.uint8]], captions: Sequence[Sequenc
 
 
 def hovering(mesh: Mesh, place: Array) -> tuple[Array, float]:
-    """Displayed middle of the object above its place [m], shape (3,), and the diagonal of its box [m]."""
+    """Middle of the object above its place, as shown [m], shape (3,), and the diagonal of its box [m]."""
     extent = float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
     return place + np.array([0.0, 0.0, 0.65 * extent]), extent
 
@@ -97,7 +100,7 @@ def hovering(mesh: Mesh, place: Array) -> tuple[Array, float]:
 def over_the_base(
     scene: Segmentation, base: Instance, mesh: Mesh, turns: Sequence[Array], hover: Array, camera: Camera
 ) -> list[NDArray[np.uint8]]:
-    """A picture for each rotation, shape (3, 3), of the object about its middle; the base is fixed."""
+    """A picture of the object for each rotation, shape (3, 3), about its middle, over the fixed base."""
     support = scene.instance_mesh(scene.index_of(base.id))
     middle = mesh.bounds.mean(axis=0)
     shots = []
@@ -110,7 +113,7 @@ def over_the_base(
 
 
 def wide_camera(scene: Segmentation, base: Instance, hover: Array, extent: float, size: int, around: float) -> Camera:
-    """Object and support in the picture; from the viewer's side turned by an angle [rad]."""
+    """A camera that shows object and support, from the viewer's side turned by an angle [rad]."""
     reach = max(1.8 * extent, min(0.6 * base.box.diagonal, 2.6 * extent))
     return camera_at(scene, base, hover - (0.0, 0.0, 0.25 * extent), reach, size, around)
 
@@ -118,7 +121,7 @@ def wide_camera(scene: Segmentation, base: Instance, hover: Array, extent: float
 def camera_at(
     scene: Segmentation, base: Instance, target: Array, reach: float, size: int, around: float = 0.0
 ) -> Camera:
-    """At `reach` [m] from its target, a little from above and from the right of the viewer's side turned by `around`
+    """Camera at `reach` [m] from its target, slightly above and to the right of the viewer's side turned by `around`
     [rad]."""
     frame = part_frame(scene, base, base.box)
     direction = about_z(around) @ np.array([*(0.9 * frame.front + 0.35 * frame.right), 0.5])
@@ -127,7 +130,7 @@ def camera_at(
 
 
 def annotated(rgb: NDArray[np.uint8], axis: str, camera: Camera, center: Array, extent: float) -> NDArray[np.uint8]:
-    """The flip written on the picture, with its axis drawn through the object."""
+    """The picture with the name of the flip, and its axis drawn through the object."""
     image = Image.fromarray(rgb)
     draw = ImageDraw.Draw(image)
     unit = np.eye(3)["xyz".index(axis)]

@@ -1,10 +1,10 @@
-"""Turns a requested orientation into directions of the mesh and the world, and decides whether the shape determines it.
+"""Turns a requested orientation into directions of the mesh and the world, if the shape determines them.
 
 In: the rotation question, its reply and the mesh. Out: `AskedPose`, which the drop compares with the rest state. The
-thing's own upright axis is that of its usual rest pose; its shape decides whether it stands on end. The chosen rotation
-is never the request itself: a wrong choice must show.
+upright axis of the object is that of its usual rest pose; its shape decides whether it stands on end. The chosen
+rotation is never taken as the request: a wrong choice must become visible.
 
-Viewing direction of an object: along its front, or by a side without one.
+Viewing direction of an object: along its front, or along a side if it has no front.
 """
 
 from dataclasses import dataclass
@@ -34,18 +34,18 @@ UP_TOLD = "its shape does not clearly show which way is up, and its file has it 
 NO_SEAT = "in the chosen pose it stands, with no seat under its middle"
 CLEAR = 0.15
 """Least lead of a shape's score for the chosen side over any other side [-], and least lead of another side to doubt a
-trusted file. It is the uncertainty of the features: of
-28 embedded things nine in ten leads change by 0.13 at most when they are taken as hollow instead of full, and when the
-band that counts as contact is half or twice as high. Of sixteen household things in three turns each those put on a
-wrong side had at most 0.12, and all but eight of those put right more than this."""
+trusted file. It is the uncertainty of the features: of 28 embedded things, nine in ten leads change by at most 0.13
+when the things are taken as hollow instead of solid, and when the band that counts as contact is half or twice as high.
+Of sixteen household things in three turns each, those put on a wrong side had at most 0.12, and all but eight of those
+put right had more."""
 BY_FRONT = {"on_back": 0.0, "on_front": np.pi}
 BY_LEFT = {"on_left_side": np.pi, "on_right_side": 0.0}
 BY_UP = {"upside_down": np.pi, "on_side": 0.5 * np.pi, "lying": 0.5 * np.pi}
-"""Angles from the vertical of the front, of the own left and of the own upright axis in a pose [rad]."""
+"""Angles from the vertical of the front, of the left side and of the upright axis in a pose [rad]."""
 
 
 def looking(front: Array, up: Array) -> Array:
-    """Horizontal viewing direction of the object: along its front, or, if that is vertical, along its own up."""
+    """Horizontal viewing direction of the object: along its front, or, if that is vertical, along its upright axis."""
     for axis in (front, up):
         flat = horizontal(axis)
         if flat is not None and np.linalg.norm(axis[:2]) > LEVEL:
@@ -54,7 +54,7 @@ def looking(front: Array, up: Array) -> Array:
 
 
 def nearest_side(mesh: Mesh, matrix: Array, ahead: Array) -> Array:
-    """The outward side of the plan's smallest rectangle that is nearest to a direction, for objects without a front."""
+    """For objects without a front: the outward side of the plan's smallest rectangle that is nearest to a direction."""
     along, _ = smallest_rectangle((outermost(mesh.vertices) @ matrix.T)[:, :2])
     sides = [np.array([x, y, 0.0]) for x, y in (along, -along, (-along[1], along[0]), (along[1], -along[0]))]
     return max(sides, key=lambda side: float(side @ ahead))
@@ -67,14 +67,14 @@ class WantedLook:
     axis: Array
     """Direction of the mesh, unit, shape (3,)."""
     from_vertical: float | None
-    """Its angle from the vertical [rad]; None: the shape does not determine it."""
+    """Angle of that direction from the vertical [rad]; None: the shape does not determine it."""
     either_way: bool = False
 
 
 def requested_pose(
     request: RotationRequest, reply: RotationReply, chosen: Array, mesh: Mesh, lead: float
 ) -> AskedPose | None:
-    """The requested pose; `chosen` is the chosen rotation, shape (3, 3). None without a requested orientation.
+    """The requested pose, where `chosen` is the chosen rotation, shape (3, 3); None if no orientation was requested.
 
     `lead` is the lead of the shape's best side over any other [-].
     """
@@ -101,10 +101,10 @@ def wanted_look(
     request: RotationRequest, reply: RotationReply, chosen: Array, mesh: Mesh, own: tuple[Array, Array]
 ) -> tuple[Array | None, Array | None]:
     """The direction of the mesh that faces ahead, and its requested direction in the world; `own` is its front and its
-    upward direction, as far as they were found.
+    upward direction, if known.
 
     For a facing it is the direction to the faced thing, plus the requested turn; for a turn alone it is the alignment
-    without the reply's turn, plus the requested one. A rotation given as a matrix has no alignment to turn from.
+    without the reply's turn, plus the requested turn. A rotation given as a matrix has no alignment to turn from.
     """
     if not request.facing and (request.turn_deg == 0.0 or reply.quaternion is not None):
         return None, None
@@ -115,20 +115,20 @@ def wanted_look(
     if faced is None:
         return None, None
     ahead = about_z(np.radians(request.turn_deg)) @ faced
-    # for an object without a front any side will do, as its doubt says
+    # for an object without a front any side will do, as the note on the doubt says
     looks = looks if request.has_front else nearest_side(mesh, chosen, ahead)
     return chosen.T @ looks, ahead
 
 
 def asked_name(request: RotationRequest) -> str:
-    """Name of the pose to check, any for none: a ball sits on every side."""
+    """Name of the pose to check; "any" if there is nothing to check, as a ball sits on every side."""
     thing = thing_of(request.object_name)
     free = request.pose == "seated" and thing is not None and thing.rest == "any"
     return "any" if free else request.pose or "any"
 
 
 def usual_pose(request: RotationRequest, pose_id: str) -> PoseView:
-    """Its usual rest pose: the righted pose if one of its variants was chosen, else as offline."""
+    """The object's usual rest pose: the righted pose if one of its variants was chosen, else as offline."""
     if pose_id.startswith("righted"):
         return next(pose for pose in request.poses if pose.id == "righted")
     return default_pose(request, thing_of(request.object_name))[0]
@@ -149,12 +149,12 @@ def aim(request: RotationRequest, rest: PoseView, mesh: Mesh, up: Array, front: 
         return of_shape(mesh, on_edge=request.pose != "standing", lies=False)
     if wanted == "any" and request.pose in ("lying", "on_side") and kind == "any":
         return of_shape(mesh, on_edge=True, lies=True)
-    # its usual pose; a flat thing lies on either side, unless the words say which
+    # its usual pose; a flat thing may lie on either side, unless the words name one
     return WantedLook(up, 0.0, kind == "flat" and request.pose not in ("on_back", "on_front"))
 
 
 def of_shape(mesh: Mesh, *, on_edge: bool, lies: bool) -> WantedLook:
-    """On end, or lying, according to its extents."""
+    """Standing on end, or lying, according to the object's extents."""
     found = end_axis(mesh, on_edge=on_edge)
     if found is None:
         return WantedLook(UP, None, either_way=True)
@@ -163,7 +163,7 @@ def of_shape(mesh: Mesh, *, on_edge: bool, lies: bool) -> WantedLook:
 
 
 def doubt(request: RotationRequest, rest: PoseView, lead: float) -> str:
-    """Why the shape does not determine the requested pose; empty if it does, or without a request."""
+    """Reason why the shape does not determine the requested pose; empty if it does, or if none was requested."""
     if asked_name(request) == "any":
         return ""
     thing = thing_of(request.object_name)

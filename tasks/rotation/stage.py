@@ -1,11 +1,11 @@
-"""Stage 4, rotation: three pictures of the object over its base, one rotation back.
+"""Stage 4, rotation: three pictures of the object over its base in, one rotation out.
 
 In: scene, object, intent and prompt. Out: `Rotation`: R*, orthonormal, and exactly three pictures, the object flipped
-by 180 degrees about x, y and z with the base fixed. Listed to choose from: the pose of the file, its flips and quarter
-turns, the same of the pose in which the shape stands where that is another (a file that is lying or overturned), and
-the stable poses of the convex hull, each before a turn about the vertical; and directions for the front. The front of
-an object is found in its standing frame: by `dcap.geometry.placement.poses.front_of`, by the side on which its lower
-half reaches out, else -y.
+by 180 degrees about x, y and z with the base fixed. The choices are: the pose of the file, its flips and quarter turns;
+the same for the pose in which the shape stands, if that differs (a lying or overturned file), and the stable poses of
+the convex hull, each before a turn about the vertical; and directions for the front. The front of an object is found in
+its standing frame: by `dcap.geometry.placement.poses.front_of`, by the side on which its lower half reaches out, else
+-y.
 """
 
 from collections.abc import Sequence
@@ -42,10 +42,10 @@ from tasks.rotation.pose_pictures import pose_strip, three_flips
 from tasks.rotation.requested_pose import looking, nearest_side, requested_pose
 
 ELONGATED = 1.15
-"""Length over width from which a thing is laid along its support [-]."""
+"""Ratio of length to width from which a thing is laid along its support [-]."""
 
 SIDES = ("the viewer's side", "the right", "behind", "the left")
-"""Viewpoints of pictures, in the words of a viewer of the support's front; all but the first in an ablation only."""
+"""Viewpoints of pictures, in the words of a viewer of the support's front; all but the first only in an ablation."""
 STRIP = "all other listed poses, each with its id below it, seen from the viewer's side"
 
 
@@ -116,7 +116,7 @@ def rotation(
     )
     reply = client.ask(ROTATION, request)
     matrix = matrix_of(reply, request, scene, base, mesh)
-    # phrased so that a matrix of nan is refused too
+    # phrased so that a matrix with nan is refused too
     if not (np.abs(matrix @ matrix.T - np.eye(3)).max() < 1e-9 and np.linalg.det(matrix) > 0):
         raise GeometryError(f"the chosen rotation is not orthonormal: {matrix.tolist()}")
     said = "" if not intent.orientation.words else f"; the prompt says {intent.orientation.words!r}"
@@ -136,13 +136,13 @@ def others(poses: Sequence[PoseView]) -> tuple[PoseView, ...]:
 
 
 def wished_facing(intent: Intent, *, has_front: bool) -> str:
-    """Target of the front: the requested one; for a leaning object, away from the thing that it leans on."""
+    """Target of the front: the requested target; for a leaning object, away from the thing that it leans on."""
     said, lean = intent.orientation.facing, intent.orientation.lean
     return f"away:{lean}" if lean and has_front and not said else said
 
 
 def refined_prompt(prompt: str, intent: Intent) -> str:
-    """The prompt with its reading spelled out."""
+    """The prompt with its interpretation spelled out."""
     words = intent.orientation.words or "nothing about orientation"
     where = intent.region.words or "no particular place"
     return f"{prompt} [object: {intent.object_name}; on: {intent.base_label}; where: {where}; orientation: {words}]"
@@ -152,7 +152,7 @@ def refined_prompt(prompt: str, intent: Intent) -> str:
 
 
 def facings(scene: Segmentation, base: Instance, place: Array, asked: str) -> tuple[FacingView, ...]:
-    """Directions for the front: along the support, as in the file, the asked one, the viewer, things nearby."""
+    """Directions for the front: along the support, as in the file, the requested one, the viewer, things nearby."""
     frame = part_frame(scene, base, base.box)
     ahead: Vector = (float(frame.front[0]), float(frame.front[1]), 0.0)
     found = {"aligned": ahead, "keep": (0.0, 0.0, 0.0)}
@@ -169,7 +169,7 @@ def facings(scene: Segmentation, base: Instance, place: Array, asked: str) -> tu
 
 
 def matrix_of(reply: RotationReply, request: RotationRequest, scene: Segmentation, base: Instance, mesh: Mesh) -> Array:
-    """R* of a reply, shape (3, 3)."""
+    """The rotation R* of a reply, shape (3, 3)."""
     if reply.quaternion is not None:
         return matrix_of_quaternion(np.array(reply.quaternion))
     pose = next(p for p in request.poses if p.id == reply.pose_id)
@@ -187,7 +187,7 @@ def matrix_of(reply: RotationReply, request: RotationRequest, scene: Segmentatio
 
 
 def matrix_of_quaternion(quaternion: Array) -> Array:
-    """The rotation of (w, x, y, z), normalised if rounding left it nearly unit, shape (3, 3)."""
+    """The rotation matrix of a quaternion (w, x, y, z), normalised if rounding left it nearly unit, shape (3, 3)."""
     length = float(np.linalg.norm(quaternion))
     if not abs(length - 1.0) < ROUNDED:
         raise LanguageError(f"the chosen quaternion {quaternion.tolist()} has length {length:.3g}, not 1")
@@ -200,7 +200,8 @@ def yaw_between(a: Array, b: Array) -> float:
 
 
 def aligned_yaw(mesh: Mesh, pose: PoseView, request: RotationRequest, scene: Segmentation, base: Instance) -> float:
-    """Front to the viewer, lying, feet to the viewer; without a front the long side across, or along a slender base."""
+    """Angle [rad] that turns the front to the viewer, or, if lying, the feet; without a front, the long side across the
+    view, or along a slender base."""
     frame = part_frame(scene, base, base.box)
     if request.has_front:
         lies = abs(pose.front[2]) > abs(pose.up[2])  # on a bed, its head to the head end
@@ -214,7 +215,8 @@ def aligned_yaw(mesh: Mesh, pose: PoseView, request: RotationRequest, scene: Seg
 
 
 def smallest_turn(own: Array, wanted: Array, *, quarter: bool) -> float:
-    """Turn that makes an axis parallel to another, either way round; with `quarter` also perpendicular [rad]."""
+    """Smallest turn that makes an axis parallel to another, in either direction; with `quarter` also perpendicular
+    [rad]."""
     angle = yaw_between(own, wanted)
     period = np.pi / 2 if quarter else np.pi
     return float(angle - period * np.round(angle / period))

@@ -1,7 +1,7 @@
-"""Things of a scene as a person named them: by their faces where the mesh is the same, else by their boxes.
+"""Things of a scene as a person named them: by their faces if the mesh is the same, else by their boxes.
 
-In: a scan and its labels. Out: groups of faces with names, their parts where those are known, and notes. What the
-labels leave out is nothing where they are complete, else it is found by its shape.
+In: a scan and its labels. Out: groups of faces with names, their parts if known, and notes. Unlabelled faces are
+nothing if the labels are complete; otherwise they are divided by shape.
 """
 
 from collections.abc import Callable
@@ -24,11 +24,11 @@ from dcap.scene.types.segmentation import CornerFrame, GivenLabels, GivenThing, 
 Parts = tuple[IntArray, list[str]]
 
 MARGIN = 0.01
-"""A box that a person drew is grown by this when asked what it holds [m]."""
+"""Margin by which a drawn box grows before its content is determined [m]."""
 WHOLE = 0.75
-"""A named thing of which a new box holds this share stays what it is: the lamp on the missing table [-]."""
+"""A named thing with this share inside a new box keeps its name: the lamp on a table that is added [-]."""
 FLAT = 0.06
-"""A box no higher than this is a rug or a mat: it takes faces of the floor [m]."""
+"""Largest height of the box of a rug or a mat, which takes faces of the floor [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class GivenGroups:
 def given_groups(
     scan: Scan, table: FaceTable, labels: GivenLabels, taken_apart: Callable[[Mask], list[Group]]
 ) -> GivenGroups:
-    """The labelled things; InputError where none of them is in the scene."""
+    """The labelled things; raises InputError if none of them is in the scene."""
     if labels.mesh and labels.mesh == faces_digest(scan.mesh):
         return by_faces(scan, table, labels)
     other = Caution(Cause.ASSUMED, f"{labels.source} was made of another mesh: its boxes decide, not its faces")
@@ -53,7 +53,7 @@ def given_groups(
 
 
 def by_faces(scan: Scan, table: FaceTable, labels: GivenLabels) -> GivenGroups:
-    """Each thing has its faces; those that only have a box take what they hold."""
+    """Groups by faces; a thing that only has a box takes the faces inside it."""
     count = len(table.area)
     owner = np.full(count, -1, dtype=np.int64)
     for number, thing in enumerate(labels.things):
@@ -106,8 +106,8 @@ def faces_in(runs: IntArray, count: int, labels: GivenLabels, name: str) -> IntA
 
 
 def held_by(table: FaceTable, box: OrientedBox, owner: IntArray, labels: GivenLabels) -> IntArray:
-    """The faces that a new box takes: not the floor's and the walls' unless it is flat, nor those of named things that
-    it holds whole."""
+    """The faces that a new box takes: without those of floor and walls unless the box is flat, and without those of
+    named things that lie inside as a whole."""
     inside = np.flatnonzero(box.contains(table.center, margin=MARGIN))
     flat = 2.0 * float(box.half_extents.min()) <= FLAT
     kept = np.ones(len(inside), dtype=bool)
@@ -123,7 +123,7 @@ def held_by(table: FaceTable, box: OrientedBox, owner: IntArray, labels: GivenLa
 
 
 def part_numbers(thing: GivenThing, faces: IntArray, count: int, labels: GivenLabels) -> Parts:
-    """The part of each face of a thing (k,) and the parts' names; faces of no part are the first's."""
+    """The part of each face of a thing (k,) and the parts' names; faces without a part get the first part."""
     number = np.zeros(count, dtype=np.int64)
     for index, part in enumerate(thing.parts):
         number[faces_in(part.faces, count, labels, f"{thing.id}, {part.name},")] = index
@@ -134,7 +134,7 @@ def part_numbers(thing: GivenThing, faces: IntArray, count: int, labels: GivenLa
 def by_boxes(
     scan: Scan, table: FaceTable, labels: GivenLabels, taken_apart: Callable[[Mask], list[Group]]
 ) -> GivenGroups:
-    """Labelled boxes, as in a scene that is annotated with them; what else there is by its shape."""
+    """Groups by labelled boxes, as in an annotated scene; the other things are found by shape."""
     given = [thing for thing in labels.things if len(thing.corners)]
     boxes = tuple(
         LabelBox(thing.id or f"{thing.label.replace(' ', '_')}_{i}", thing.label, box_of(scan, labels, thing))
@@ -164,7 +164,7 @@ def by_boxes(
 
 
 def box_of(scan: Scan, labels: GivenLabels, thing: GivenThing) -> OrientedBox:
-    """A thing's box in the world."""
+    """The box of a thing in the world."""
     if labels.frame is CornerFrame.FILE:
         map_ = scan.world_from_file
         return min_area_box(thing.corners @ map_[:3, :3].T + map_[:3, 3])

@@ -1,9 +1,10 @@
 """Stage found_scale: the scale of a file of unknown unit, from the height of one thing in it.
 
-In: the scan at a guessed scale, and how high the main surface of a thing is above the floor. Out: the length of the
-file's unit. Where the scene names the thing, its surface tells. Else every level at which much of the scene looks up
-could be it: each gives a scale, and the one at which the scene has such a thing at that height is taken, the surest of
-several; sizes and heights of everything else have their say in how sure a label is.
+In: the scan at a guessed scale, and the height of the main surface of a thing above the floor. Out: the length of the
+file's unit. If the scene names the thing, its surface determines the scale. Otherwise every level with a large upward
+surface is a candidate: each gives a scale, and the candidate at whose scale the scene contains such a thing at that
+height is chosen, the most certain one of several; sizes and heights of all other things influence the certainty of a
+label.
 """
 
 from dataclasses import dataclass, replace
@@ -24,20 +25,20 @@ from tasks.cache import stage
 from tasks.segment.stage import SegmentConfig, segment
 
 BINS = 120
-"""Heights that are told apart between the floor and the top [-]."""
+"""Number of heights between the floor and the top that are distinguished [-]."""
 LEAST_SHARE = 0.004
-"""A level that carries has this share of the plan at least [-]."""
+"""Least share of the plan for a level that can carry things [-]."""
 MOST_LEVELS = 6
-"""Levels that are tried, those with the most area [-]."""
+"""Maximum number of levels that are tried, those with the largest area [-]."""
 NEAR = 0.06
-"""How far from the known height, over it, the surface of the thing may be at its own scale [-]."""
+"""Maximum deviation of the thing's surface from the known height at its own scale, over that height [-]."""
 HEIGHT = (1.2, 9.0)
 BREADTH = (1.5, 60.0)
-"""Heights and longer sides that a scene with furniture may have [m]."""
+"""Ranges of the height and of the longer side of a furnished scene [m]."""
 USUAL_HEIGHT, SPREAD = 2.5, 0.25
-"""Of a room [m], and the deviation of its logarithm [-]: breaks ties between a table and a stool."""
+"""Usual height of a room [m], and the deviation of its logarithm [-]: breaks ties between a table and a stool."""
 SURE = 0.9
-"""Labels from here on were not guessed [-]."""
+"""Confidence from which a label was not guessed [-]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,15 +46,15 @@ class Level:
     """A height at which things may stand."""
 
     height: float
-    """Above the floor, at the guessed scale [m]."""
+    """Height above the floor, at the guessed scale [m]."""
     area: float
-    """That looks up there [m^2]."""
+    """Upward area at that height [m^2]."""
 
 
 def found_scale(
     scan: Scan, known: KnownHeight, config: SegmentConfig, client: Client, labels: GivenLabels | None = None
 ) -> FileScale:
-    """The length of the file's unit; InputError where no such thing is found at any height."""
+    """The length of the file's unit; raises InputError if no such thing is found at any height."""
     if scan.boxes or any(says_something(name) for name in scan.node_names) or labels is not None:
         scene = segment(scan, config, client, labels)
         sure = [height for height, confidence in heights(scene, known.thing) if confidence >= SURE and height > 0]
@@ -74,7 +75,7 @@ found_scale_task = stage(found_scale)
 
 
 def scale_of(scan: Scan, known: KnownHeight, height: float) -> FileScale:
-    """The unit that makes a height at the guessed scale the known one."""
+    """The unit at which a height at the guessed scale equals the known height."""
     metres = scan.unit_metres * known.height / height
     units = height / scan.unit_metres
     note = (
@@ -85,7 +86,7 @@ def scale_of(scan: Scan, known: KnownHeight, height: float) -> FileScale:
 
 
 def heights(scene: Segmentation, thing: str) -> list[tuple[float, float]]:
-    """Height above the floor [m] and certainty of each instance that is such a thing."""
+    """Height above the floor [m] and certainty of each instance of that kind of thing."""
     ground = floor_level(scene)
     found = []
     for index, one in enumerate(scene.instances):
@@ -98,12 +99,12 @@ def heights(scene: Segmentation, thing: str) -> list[tuple[float, float]]:
 
 
 def likely(guesses: tuple[tuple[str, float], ...], thing: str) -> float:
-    """How probable one of the labels that a thing may have is such a thing [-]."""
+    """Probability that a thing with these possible labels is such a thing [-]."""
     return max((share for label, share in guesses if is_such(label, thing)), default=0.0)
 
 
 def is_such(label: str, thing: str) -> bool:
-    """Whether a label is what was named, or a kind of it."""
+    """Return whether a label is the named thing, or a kind of it."""
     if tuple(label_words(label)) == tuple(label_words(thing)):
         return True
     has, asked = thing_of(label), thing_of(thing)
@@ -111,7 +112,7 @@ def is_such(label: str, thing: str) -> bool:
 
 
 def floor_level(scene: Segmentation) -> float:
-    """Height of the floor, of the lowest point where there is none [m]."""
+    """Height of the floor, or of the lowest point without a floor [m]."""
     for index, one in enumerate(scene.instances):
         if one.structure and one.label == "floor":
             level = main_level(scene.mesh, np.flatnonzero(scene.face_instance == index))
@@ -121,7 +122,7 @@ def floor_level(scene: Segmentation) -> float:
 
 
 def levels(mesh: Mesh) -> list[Level]:
-    """Where most looks up above the floor, the largest first; nothing in it depends on the scale."""
+    """Levels above the floor with the largest upward area, in order of area; independent of the scale."""
     normal = mesh.face_normals
     area = 0.5 * np.linalg.norm(normal, axis=1)
     up = normal[:, 2] > 2.0 * UPWARD * area
@@ -138,7 +139,8 @@ def levels(mesh: Mesh) -> list[Level]:
 
 
 def peaks(height: Array, area: Array, step: float, least: float) -> list[Level]:
-    """The heaviest heights one after the other, each with what is near it taken away."""
+    """The heights with the largest area one after the other, each time after removing the area around the previous
+    one."""
     found: list[Level] = []
     while len(height) and len(found) < MOST_LEVELS:
         level = level_of(height, area, 2.0 * step)
@@ -153,9 +155,10 @@ def peaks(height: Array, area: Array, step: float, least: float) -> list[Level]:
 def fitting(
     scan: Scan, known: KnownHeight, level: Level, config: SegmentConfig, client: Client
 ) -> tuple[float, float] | None:  # fmt: skip
-    """How likely a level is the thing's [-], and the height of its surface at the guessed scale [m]; None if it is not.
+    """Likelihood that a level is the thing's [-], and the height of its surface at the guessed scale [m]; None if it is
+    not.
 
-    The surface is measured again where the scale is right: levels are told apart by bins only.
+    The surface is measured again at the right scale, because levels are only as precise as bins.
     """
     factor = known.height / level.height
     size = factor * np.ptp(np.quantile(scan.mesh.vertices, [0.005, 0.995], axis=0), axis=0)
@@ -175,7 +178,7 @@ def fitting(
 
 
 def scaled(scan: Scan, factor: float) -> Scan:
-    """The scan larger by a factor."""
+    """A copy of the scan scaled by a factor."""
     map_ = np.diag([factor, factor, factor, 1.0])
     return replace(
         scan,

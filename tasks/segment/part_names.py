@@ -1,9 +1,9 @@
 """Names of parts: geometry proposes, a client names.
 
-In: a divided scene or object. Out: the same with the client's names; faces, boxes and the number of parts stay, so two
-parts that get one name remain two.
+In: a divided scene or object. Out: the same with the client's names; faces, boxes and the number of parts do not
+change, so two parts with the same name remain two parts.
 
-The picture of an instance in parts: alone, each part in its own paint and numbered; made only if a client looks.
+The picture of an instance in parts: alone, each part numbered and in its own colour; made only if a client needs it.
 """
 
 import colorsys
@@ -28,11 +28,11 @@ from tasks.requests.pictures import SIZE, THING_DISTANCE, TINT, best_place, from
 from tasks.requests.views import Sums, part_views, sums_of
 
 HUE_STEP = 0.381966
-"""Turn of the colour wheel from part to part [-]: by the golden section, hues next to each other come late."""
+"""Step around the colour wheel between parts [-]: with the golden section, similar hues have distant numbers."""
 SATURATION, BRIGHT, DARK = 0.9, 1.0, 0.6
-"""Of the paints; every other one is dark [-]."""
+"""Saturation and brightness of the colours; every other colour is dark [-]."""
 DIGITS = 22
-"""Height of a number [pixels]."""
+"""Height of the numbers [pixels]."""
 
 
 def paint(index: int) -> Vector:
@@ -41,7 +41,7 @@ def paint(index: int) -> Vector:
 
 
 def parts_picture(scene: Segmentation, index: int) -> NDArray[np.uint8]:
-    """One instance from where most of it is seen, at best from its front, shape (SIZE, SIZE, 3)."""
+    """One instance from the side where most of it is visible, preferably its front, shape (SIZE, SIZE, 3)."""
     instance = scene.instances[index]
     parts = [_painted(scene, index, number) for number in range(len(instance.parts))]
     way, from_below = from_inside(scene.mesh.bounds, instance.box)
@@ -54,14 +54,14 @@ def parts_picture(scene: Segmentation, index: int) -> NDArray[np.uint8]:
 
 
 def _painted(scene: Segmentation, index: int, number: int) -> Mesh:
-    """One part in its paint; the rest of its colours lets shading and pattern through."""
+    """One part in its colour; the remainder of its own colours keeps shading and pattern visible."""
     part = scene.mesh.submesh(np.flatnonzero((scene.face_instance == index) & (scene.face_part == number)))
     colors = (1.0 - TINT) * part.colors + TINT * 255.0 * np.array(paint(number))
     return Mesh(part.vertices, part.faces, np.rint(colors).astype(np.uint8))
 
 
 def _numbered(rgb: NDArray[np.uint8], part: NDArray[np.int32]) -> NDArray[np.uint8]:
-    """The number of each part that is seen, on the pixel that lies deepest inside it."""
+    """The picture with the number of each visible part, at the pixel that lies deepest inside it."""
     image = Image.fromarray(rgb)
     draw, font = ImageDraw.Draw(image), ImageFont.load_default(size=DIGITS)
     for number in np.unique(part[part >= 0]):
@@ -73,9 +73,9 @@ def _numbered(rgb: NDArray[np.uint8], part: NDArray[np.int32]) -> NDArray[np.uin
 
 
 def with_part_names(scene: Segmentation, client: Client) -> Segmentation:
-    """Ask what the parts are called: one question for every instance of two parts or more, however many there are.
+    """Ask for the names of parts: one question per instance with two or more parts, all asked together.
 
-    Not asked are structure and what an annotation names.
+    No question is asked about structure and annotated names.
     """
     asked = [i for i, one in enumerate(scene.instances) if is_asked(one)]
     if not asked:
@@ -90,7 +90,7 @@ def with_part_names(scene: Segmentation, client: Client) -> Segmentation:
 
 
 def is_asked(instance: Instance) -> bool:
-    """Whether there is something to tell apart that the source does not name for certain."""
+    """Return whether an instance has several parts and the source does not name them with certainty."""
     return not instance.structure and len(instance.parts) > 1 and any(p.confidence < 1.0 for p in instance.parts)
 
 

@@ -1,18 +1,19 @@
-"""A room without annotations: its shell, and the things in it with the labels that a client gave them.
+"""A room without annotations: its shell, and the things in it with the labels chosen by a client.
 
-In: the faces that nobody named. Out: groups of faces with labels and how sure those are. Each thing is one question;
-what carries others is asked first, so that what lies on a bed knows it; things of one level are asked together.
+In: the unnamed faces. Out: groups of faces with labels and their certainties. Each thing is one question; supports are
+asked about first, so that the question about a thing on a bed mentions the bed; things of one level are asked about
+together.
 
-Rooms that a scan has fused: which unions of pieces are things, by how much they look like things that homes have.
+Rooms that a scan has fused: decides which unions of pieces are things, by their similarity to usual things.
 
-A union of pieces is worth what its rough shape tells more for some label than for nothing known, less what it costs to
-suppose one thing more (else every piece would be a thing) and to cut it out of the surface around it. Labels are only
-supposed here; a client gives them later. A room is wet or dry, whichever explains more: a seat of 40 cm is a stool in a
-living room.
+The worth of a union of pieces is the evidence of its rough shape for some label over no knowledge, less the cost of
+assuming one more thing (otherwise every piece would be a thing) and of cutting it out of the surface around it. Labels
+are only assumed here; a client chooses them later. A room is wet or dry, whichever explains more: a seat of 40 cm is a
+stool in a living room.
 
-Questions about the things found in a room without annotations: one request per thing, carriers first.
+Questions about the things found in a room without annotations: one request per thing, supports first.
 
-The instances of a scene in which things were placed before: as its folder says, nothing is asked or found again.
+The instances of a scene with earlier placements: taken from its folder, nothing is asked or found again.
 """
 
 import math
@@ -41,22 +42,22 @@ from dcap.scene.types.segmentation import Segmentation, part_nodes
 from tasks.requests.pictures import close_up, in_the_room
 
 PER_THING = 8.5
-"""Evidence that one more thing needs [nats]: position and size, each to a few per cent of what a room allows."""
+"""Evidence needed for one more thing [nats]: position and size, each to within a few per cent of the room's range."""
 BURIED = 4.0
-"""Evidence against a thing if another one grows out of all of its top [nats]: a board is no stool."""
+"""Evidence against a thing if another thing grows out of its whole top [nats]: a board is not a stool."""
 CUT = 0.4
-"""Evidence that a metre of surface needs to go on as another thing [nats/m]: things touch along short edges."""
+"""Evidence needed per metre of edge to a neighbouring thing [nats/m]: things touch along short edges."""
 COMMON = {"dry": 1.0, "wet": 1.0 / 8.0}
-"""How many bathrooms there are for every other room that is scanned [-]: an estimate."""
+"""Number of scanned bathrooms for every other scanned room [-]: an estimate."""
 
 MOST_LEVELS = 4
-"""More levels tell no more [-]: on the boards of a shelf lies something that looks up, too."""
+"""Maximum number of levels; more add nothing [-]: the boards of a shelf carry upward surfaces too."""
 
 Union = frozenset[int]
 
 
 def likely_things(unions: Sequence[Union], rough: Sequence[RoughShape]) -> list[Union]:
-    """The unions without overlap that explain most."""
+    """The disjoint unions that explain most."""
     number = {union: i for i, union in enumerate(unions)}
     best: tuple[float, list[Union]] = (-math.inf, [])
     for room in COMMON:
@@ -87,8 +88,8 @@ def _evidence(rough: Sequence[RoughShape], room: str) -> Evidence:
 
 
 def explained(room: str, things: Sequence[tuple[str, float]]) -> float:
-    """The worth of such a room with things by label, of each that stands in wet rooms only once: two toilets are none
-    [nats]."""
+    """The worth of such a room with things by label [nats]; a kind that stands in wet rooms counts only once, so that a
+    second toilet adds nothing."""
     wet = {shape.label for shape in shapes() if shape.room == "wet"}
     total, seen = math.log(COMMON[room]), set[str]()
     for label, worth in sorted(things, key=lambda one: -one[1]):
@@ -98,7 +99,7 @@ def explained(room: str, things: Sequence[tuple[str, float]]) -> float:
 
 
 def rough_measures(shape: RoughShape) -> dict[str, float]:
-    """The measures that a rough shape knows, under the names of the table of shapes."""
+    """The measures of a rough shape, under the names used in the table of shapes."""
     bottom = shape.bottom or 0.0
     length, width, height = (max(size, 1e-3) for size in (shape.length, shape.width, shape.top - bottom))
     found = {"length": math.log(length), "width": math.log(width), "height": math.log(height)}
@@ -120,11 +121,11 @@ def rough_measures(shape: RoughShape) -> dict[str, float]:
 
 
 def label_levels(traits: Sequence[Traits]) -> list[list[int]]:
-    """Numbers of the things, level by level: where possible, what carries is in a level before what it carries."""
+    """Indices of the things, level by level: where possible, a support is in an earlier level than the things on it."""
     waiting, levels = dict.fromkeys(range(len(traits))), list[list[int]]()
     while waiting:
         free = [i for i in waiting if traits[i].holder not in waiting]
-        levels.append(free or [next(iter(waiting))])  # two that lean on each other: the larger one first
+        levels.append(free or [next(iter(waiting))])  # two things that lean on each other: the larger first
         for i in levels[-1]:
             del waiting[i]
     return levels
@@ -137,7 +138,7 @@ def label_request(
     pictures: tuple[Picture, ...],
     allowed: tuple[str, ...],
 ) -> LabelRequest:
-    """The question about one thing; `known` are the answers so far, `allowed` what it may be called."""
+    """The question about one thing; `known` are the answers so far, `allowed` the possible names."""
     one = traits[number]
     carrier = known.get(one.holder)
     return LabelRequest(
@@ -166,12 +167,12 @@ def label_request(
 
 
 def thing_id(number: int) -> str:
-    """How a thing without a name is called in the requests."""
+    """Name of an unnamed thing in the requests."""
     return f"thing_{number}"
 
 
 def labelled_room(mesh: Mesh, table: FaceTable, inside: NDArray[np.bool_], client: Client) -> list[Group]:
-    """Take the faces in `inside`, shape (m,), apart, ask what each thing is, and join what belongs together."""
+    """Divide the faces in `inside`, shape (m,), into things, ask for the name of each, and join related things."""
     room = decompose_room(table, inside, likely_things)
     pieces = thing_segments(table, room)
     traits = describe_things(table, room, pieces)
@@ -193,14 +194,15 @@ def labelled_room(mesh: Mesh, table: FaceTable, inside: NDArray[np.bool_], clien
 
 
 def floor_below(room: DecomposedRoom, number: int) -> float | None:
-    """Height of the floor under a thing whose feet a fused scan may not show [m]; None where its faces tell."""
+    """Height of the floor under a thing whose feet may be missing in a fused scan [m]; None if its own faces show
+    it."""
     if not room.fused or room.fused[number].shape.held_by != FLOOR or np.isnan(room.shell.levels.floor):
         return None
     return room.shell.levels.floor
 
 
 def fused_labels(room: DecomposedRoom, traits: tuple[Traits, ...]) -> tuple[str, ...]:
-    """Things that may stand in a fused room, by everything known of the candidates there."""
+    """Names of things that may stand in a fused room, from all measures of the candidates there."""
     likely = [i for i, one in enumerate(room.fused) if one.likely]
     measures = [measures_of(label_request(i, traits, {}, (), labels())) for i in likely]
     return room_labels(measures, [traits[i].held_by for i in likely])
@@ -226,7 +228,7 @@ def asked(mesh: Mesh, room: DecomposedRoom, traits: tuple[Traits, ...], client: 
 
 
 def known_scene(scan: Scan, earlier: EarlierPlacements) -> Segmentation:
-    """Each node of the scan is a part of an instance: `id/part`."""
+    """The segmentation of a scan whose nodes are parts of instances: `id/part`."""
     place = {
         node: (number, part)
         for number, one in enumerate(earlier.instances)

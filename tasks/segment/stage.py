@@ -1,8 +1,9 @@
-"""Stage segment: a scan in, instances with named parts out; for scenes and for the object to be placed.
+"""Stage segment: from a scan to instances with named parts; for scenes and for the object to be placed.
 
-A scene is divided by its annotated boxes or nodes, else by node names or one label; what is left of a room is divided
-by shape, and a client says what each thing is. Every instance is then divided into parts that cover it without overlap;
-rules propose their names, and a client may choose others. A scene that a placement wrote says all that itself.
+A scene is divided by its annotated boxes or nodes, otherwise by node names or a single label; the rest of a room is
+divided by shape, and a client names each thing. Every instance is then divided into parts that cover it without
+overlap; rules propose their names, and a client may choose others. A scene written by a placement already contains all
+of this.
 """
 
 from dataclasses import replace
@@ -40,7 +41,7 @@ class SegmentConfig(BaseModel, frozen=True, extra="forbid"):
 def segment(
     scan: Scan, config: SegmentConfig, client: Client, labels: GivenLabels | None = None
 ) -> SegmentedScene:  # fmt: skip
-    """Divide a scene into instances and parts; `labels` say what is where instead of the source."""
+    """Divide a scene into instances and parts; `labels` replace those of the source."""
     if scan.earlier is not None:
         if labels is not None:
             raise InputError(f"--labels {labels.source}: the scene was written by a placement, with its names; omit it")
@@ -70,12 +71,12 @@ def segment(
 
 
 def _given(scan: Scan, table: FaceTable, labels: GivenLabels, client: Client) -> GivenGroups:
-    """By a person's labels; the client is asked only for what they leave out."""
+    """Groups by a person's labels; the client is asked only about unlabelled faces."""
     return given_groups(scan, table, labels, lambda inside: labelled_room(scan.mesh, table, inside, client))
 
 
 def _groups_without_boxes(scan: Scan, table: FaceTable, client: Client) -> list[Group]:
-    """By names; the client is asked only where there is a room to be taken apart."""
+    """Groups by names; the client is asked only if there is a room to divide."""
 
     def taken_apart(inside: NDArray[np.bool_]) -> list[Group]:
         return labelled_room(scan.mesh, table, inside, client)
@@ -87,7 +88,7 @@ segment_task = stage(segment)
 
 
 def segment_object(scan: Scan, config: SegmentConfig, client: Client) -> SegmentedObject:
-    """The object as one instance with id 'object'."""
+    """The object as one instance with the id 'object'."""
     table = FaceTable.of(scan.mesh)
     faces = np.arange(len(scan.mesh.faces))
     label = readable(scan.label) or THING
@@ -104,12 +105,12 @@ segment_object_task = stage(segment_object)
 
 
 def _words(scan: Scan, faces: NDArray[np.int64]) -> list[str]:
-    """Part words of the nodes of the given faces; nothing where the source names no node."""
+    """Part words of the nodes of the given faces; empty if the source names no nodes."""
     return node_words(scan.node_names, scan.face_node, faces) if scan.node_names else []
 
 
 def _with_fronts(instances: list[Instance]) -> tuple[Instance, ...]:
-    """Things without a front of their own face away from the wall behind them."""
+    """The instances, where things without a front of their own face away from the wall behind them."""
     walls = [one for one in instances if one.structure and one.label == "wall"]
     return tuple(
         one if one.front is not None else replace(one, front=facing_away_from_wall(one, walls)) for one in instances
