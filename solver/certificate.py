@@ -1,8 +1,8 @@
-"""How a drop ended and what that rests on: every number with its threshold, as plain frozen values.
+"""Outcome of a drop and the evidence for it: every number with its threshold, as plain frozen values.
 
-They are what is stored and reported, too: this module imports nothing else of the solver. Names of fields are those of
-the certificate's JSON, so each carries its unit. A field that is None by default belongs to some drops only (to one
-method, or to what was asked for).
+These values are also stored and reported, so this module imports nothing else from the solver. Fields are named as in
+the certificate's JSON, so each name carries its unit. A field that is None by default belongs only to some drops (to
+one method, or to an optional check).
 """
 
 from dataclasses import dataclass, fields
@@ -14,39 +14,40 @@ from numpy.typing import NDArray
 
 
 class Verdict(StrEnum):
-    """How a drop ended."""
+    """Outcome of a drop."""
 
     AT_REST = "at_rest"
     LEFT_TARGET = "left_target"
     """A free body has left everything that could carry it."""
     NO_EQUILIBRIUM = "no_equilibrium"
-    """Something still moved when the steps were used up, or the kick moved it."""
+    """A body still moved when the steps were used up, or the kick moved it."""
     AS_POSED = "as_posed"
-    """Nothing was dropped: the pose is what a method proposed."""
+    """Nothing was dropped: the pose was proposed by a method."""
 
 
 @dataclass(frozen=True, slots=True)
 class CertificateRow:
-    """A number with its threshold, both in one unit."""
+    """A number with its threshold, both in the same unit."""
 
     value: float
     threshold: float
     margin: float
-    """1 - value / threshold, or value / threshold - 1 where that is the least value [-]: negative on the wrong side."""
+    """1 - value / threshold, or value / threshold - 1 if the threshold is a minimum [-]: negative if the threshold is
+    violated."""
 
     @classmethod
     def at_most(cls, value: float, threshold: float) -> "CertificateRow":
-        """A number that may not be above its threshold."""
+        """A number that must not exceed its threshold."""
         return cls(value, threshold, 1.0 - value / threshold)
 
     @classmethod
     def at_least(cls, value: float, threshold: float) -> "CertificateRow":
-        """A number that may not be below its threshold."""
+        """A number that must not fall below its threshold."""
         return cls(value, threshold, value / threshold - 1.0)
 
     @property
     def holds(self) -> bool:
-        """Whether the number is on the right side, or at the threshold; one that is not a number is not."""
+        """Whether the number meets its threshold; False for NaN."""
         return self.margin >= 0.0
 
 
@@ -55,19 +56,20 @@ class SignalRows:
     """The rest signals over a window of steps."""
 
     linear_speed: CertificateRow
-    """Of a free body's centre of mass [m/s]."""
+    """Speed of a free body's centre of mass [m/s]."""
     angular_speed: CertificateRow
-    """Of a free rigid body [rad/s]."""
+    """Angular speed of a free rigid body [rad/s]."""
     particle_speed: CertificateRow
-    """Of a soft particle [m/s]; mls: at least that at which the free bodies have the energy of the strain motion."""
+    """Speed of a soft particle [m/s]; mls: at least the speed at which the free bodies have the energy of the strain
+    motion."""
     center_drift: CertificateRow
-    """Of the common centre of mass along an axis [m]."""
+    """Drift of the common centre of mass along an axis [m]."""
     box_change: CertificateRow
-    """Of a side of the free bodies' joint box [m]."""
+    """Change of a side of the joint box of the free bodies [m]."""
     force_residual: CertificateRow
-    """Unbalanced force over the weight, or over what is carried [-]."""
+    """Unbalanced force over the weight, or over the carried load [-]."""
     torque_residual: CertificateRow
-    """Unbalanced torque over the same times half the size [-]."""
+    """Unbalanced torque over the same force times half the size [-]."""
 
     @property
     def exceeded(self) -> dict[str, CertificateRow]:
@@ -86,12 +88,12 @@ class NotDone:
 
 @dataclass(frozen=True, slots=True)
 class KickRow:
-    """One number that is judged after the kick; all in one unit."""
+    """A number that is judged after the kick, with its threshold in the same unit."""
 
     value: float
     threshold: float
     largest: float | None = None
-    """On the way there."""
+    """Largest value during the motion."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,22 +102,22 @@ class KickCheck:
 
     done: Literal[True] = True
     stable: bool
-    """At rest again, near where it was."""
+    """Whether the bodies came to rest again near the rest state."""
     speed_m_s: float
-    """Of the kick."""
+    """Speed of the kick."""
     angular_speed_rad_s: float
-    """Of the kick, for a body alone."""
+    """Angular speed of the kick, for a single body."""
     seconds: float
-    """How long it was followed."""
+    """Duration of the motion that was followed."""
     steps: int
     growing: bool
     """Whether speeds still grew at the end."""
     speed_left: KickRow
     """Largest speed at the end over the kick's, 0 below the rest thresholds [-]."""
     distance_m: KickRow
-    """Of a centre of mass from the rest state."""
+    """Distance of a centre of mass from the rest state."""
     angle_rad: KickRow
-    """Turn of a body from the rest state."""
+    """Rotation of a body from the rest state."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +128,7 @@ class RollingRow:
     b: str
     torque_n_m: float
     limit_length_m: float
-    """Lever of the normal force at which it gives way."""
+    """Lever of the normal force at which the resistance yields."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,55 +140,55 @@ class BondRow:
     points: int
     force_n: float
     stretch_m: float
-    """Largest of any point."""
+    """Largest stretch of any point."""
 
 
 @dataclass(frozen=True, slots=True)
 class PushRow:
-    """Pushes of one body in one direction, as shares of its weight."""
+    """Pushes of one body in one direction, in units of its weight."""
 
     direction: tuple[float, float, float]
     """Horizontal unit vector."""
     held: float
-    """Largest share after which everything came back to rest [-]."""
+    """Largest push after which everything came back to rest [-]."""
     lost: float | None
-    """Smallest after which it did not [-]; None where the largest one tried was held."""
+    """Smallest push after which it did not [-]; None if the largest tried push was held."""
     trials: int
     lost_moved_m: float | None
-    """How far the smallest lost push moved a body; None where there is none or the solver could not follow it."""
+    """Distance that the smallest lost push moved a body; None if no push was lost or the solver could not follow it."""
     lost_turned_rad: float | None
-    """How far it turned one."""
+    """Angle by which the smallest lost push turned a body."""
 
 
 @dataclass(frozen=True, slots=True)
 class BodyStability:
-    """How far one body can be pushed."""
+    """Resistance of one body to pushes."""
 
     grade: float
-    """Smallest share of its weight that is held, over the directions [-]."""
+    """Smallest held push over all directions, over the body's weight [-]."""
     directions: tuple[PushRow, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class PushBounds:
-    """Thresholds below which a push counts as held."""
+    """Limits within which a push counts as held."""
 
     distance_share: float
-    """Over the pushed body's size [-]."""
+    """Distance over the pushed body's size [-]."""
     angle_rad: float
     step: float
-    """Between neighbouring pushes, over the weight [-]."""
+    """Step between successive pushes, over the weight [-]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StabilityGrade:
-    """How far a rest state can be pushed before it is lost."""
+    """Resistance of a rest state to pushes."""
 
     done: Literal[True] = True
     grade: float
-    """Smallest of all bodies [-]."""
+    """Smallest grade of all bodies [-]."""
     bodies: dict[str, BodyStability]
-    """By name."""
+    """Stability of each body, by name."""
     trials: int
     steps: int
     bounds: PushBounds
@@ -194,7 +196,7 @@ class StabilityGrade:
 
 @dataclass(frozen=True, slots=True)
 class ContactRow:
-    """Two touching bodies, all their contact points together."""
+    """Contact of two touching bodies, with all their contact points together."""
 
     a: str
     b: str
@@ -202,28 +204,29 @@ class ContactRow:
     normal_force_n: float
     tangential_force_n: float
     max_penetration_m: float
-    """Over the loaded points."""
+    """Maximum over the loaded points."""
     max_gap_m: float
-    """Over the loaded points."""
+    """Maximum over the loaded points."""
     points: int
     sliding_points: int | None = None
-    """tl only."""
+    """Number of sliding points; tl only."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PointForces:
-    """Every force of a contact or a bond in a state, point by point, k in all; bodies by their index in the model."""
+    """All forces of contacts and bonds in a state, point by point, k in all; bodies are given by their index in the
+    model."""
 
     a: NDArray[np.int64]
-    """The body that it acts on, shape (k,)."""
+    """The body on which the force acts, shape (k,)."""
     b: NDArray[np.int64]
-    """The body that it comes from, shape (k,)."""
+    """The body that exerts the force, shape (k,)."""
     position: NDArray[np.float64]
-    """[m], shape (k, 3)."""
+    """Point of application [m], shape (k, 3)."""
     force: NDArray[np.float64]
-    """On a [N], shape (k, 3)."""
+    """Force on a [N], shape (k, 3)."""
     bonded: NDArray[np.bool_]
-    """Of a bond, shape (k,)."""
+    """Whether the force is that of a bond, shape (k,)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -231,85 +234,87 @@ class ContactProof:
     """Check of the forces that hold the bodies against the final surfaces, measured without the solver."""
 
     points: int
-    """Contact points that carry force."""
+    """Number of contact points that carry force."""
     gap_m: CertificateRow
-    """Largest distance of such a point from the surface of one of its two bodies; those that carry the last tenth of
-    the force between two bodies do not count."""
+    """Largest distance of such a point from the surface of one of its two bodies, without the points that carry the
+    last tenth of the force between two bodies."""
     imbalance: CertificateRow
-    """Largest part of what a free body weighs or carries, or of its torque, that is not held by forces which push
-    within a millimetre of the surfaces, inside the cone of friction, or by bonds [-]."""
+    """Largest share of a free body's weight or load, or of its torque, that is held neither by bonds nor by forces that
+    push within a millimetre of the surfaces and inside the friction cone [-]."""
     overlap_m: CertificateRow
-    """How much deeper than at the start a surface lies in a closed piece of another one."""
+    """Increase since the start in the depth of a surface inside a closed piece of another body."""
     smallest_area_m2: float | None = None
-    """Of the contacts that carry force between two bodies of which one is soft; None where there are none."""
+    """Smallest area of a contact that carries force between two bodies, at least one of them soft; None if there is
+    none."""
 
     @property
     def holds(self) -> bool:
-        """Whether every body rests on what it touches."""
+        """Whether every body rests on its contacts."""
         rows = self.gap_m.holds and self.imbalance.holds and self.overlap_m.holds
         return rows and (self.smallest_area_m2 is None or self.smallest_area_m2 > 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Certificate:
-    """Everything that a verdict rests on."""
+    """All evidence for a verdict."""
 
     arch: str
-    """Where the kernels ran: cpu or cuda."""
+    """Processor that ran the kernels: cpu or cuda."""
     method: str | None = None
-    """mls; None for tl."""
+    """mls, or None for tl."""
     signals: SignalRows
     kick: KickCheck | NotDone
     free_weight_n: float
-    """Of all free bodies."""
+    """Weight of all free bodies."""
     length_m: float
-    """Size of the largest free body, by which signals are scaled."""
+    """Size of the largest free body, which scales the signals."""
     newton_residual: float | None = None
-    """Of the last step, over the weight [-]; tl only."""
+    """Residual of the last step over the weight [-]; tl only."""
     friction_cone_margin: float
-    """Smallest share of the static friction cone that is left over the touching pairs [-]; 0: at the cone."""
+    """Smallest remaining share of the static friction cone over the touching pairs [-]; 0: at the cone."""
     inverted_particles: int
     unlocated_points: int | None = None
-    """Points in a soft body for which neither the way back to the start pose nor a surface near its last place was
-    found; tl only."""
+    """Points in a soft body that could neither be traced back to the start pose nor located at a surface near their
+    last place; tl only."""
     material_damping_s: float | None = None
-    """Stiffness-proportional; tl only."""
+    """Stiffness-proportional damping; tl only."""
     rolling_resistance: tuple[RollingRow, ...] | None = None
-    """tl only."""
+    """Rolling resistance of each pair; tl only."""
     depth_error_m: float | None = None
-    """Estimate of how much deeper than on its grid the object would rest; tl with soft bodies only."""
+    """Estimate of the additional depth at which the object would rest without discretisation error; tl with soft bodies
+    only."""
     bonds: tuple[BondRow, ...] | None = None
-    """None where there are none."""
+    """The bonds; None if there are none."""
     stability: StabilityGrade | NotDone | None = None
-    """None where nobody asked."""
+    """Stability grade; None if it was not requested."""
     cell_m: float | None = None
-    """Smallest of the soft bodies' grids; mls only."""
+    """Smallest cell of the soft bodies' grids; mls only."""
     substeps: int | None = None
-    """Explicit steps; mls only."""
+    """Number of explicit steps; mls only."""
     inertia_scale: float | None = None
-    """Largest factor by which inertia against strain was scaled up, so that such steps are stable [-]; mls only."""
+    """Largest factor by which inertia against strain was scaled up for the stability of these steps [-]; mls only."""
     interval_s: float | None = None
-    """How often motion was judged; mls only."""
+    """Interval at which motion was judged; mls only."""
     proof: ContactProof | None = None
-    """None before somebody has measured the final surfaces."""
+    """Proof on the final surfaces; None before they were measured."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class History:
-    """Signals over a run, one number per step, each of shape (steps,); what they are: SignalRows."""
+    """Signals over a run, one number per step, each of shape (steps,), as defined in SignalRows."""
 
     time: NDArray[np.float64]
-    """[s]."""
+    """Time [s]."""
     linear_speed: NDArray[np.float64]
-    """[m/s]."""
+    """Linear speed [m/s]."""
     angular_speed: NDArray[np.float64]
-    """[rad/s]."""
+    """Angular speed [rad/s]."""
     particle_speed: NDArray[np.float64]
-    """[m/s]."""
+    """Particle speed [m/s]."""
     force_residual: NDArray[np.float64]
-    """[-]."""
+    """Force residual [-]."""
     torque_residual: NDArray[np.float64]
-    """[-]."""
+    """Torque residual [-]."""
     newton: NDArray[np.int64]
     """Newton iterations of a step; mls: explicit steps."""
     linear: NDArray[np.int64]

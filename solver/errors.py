@@ -14,4 +14,4 @@ class UnstableStep(SolverError):  # noqa: N818  the name is part of the contract
 
 
 class ArchError(SolverError):
-    """The kernels cannot run on the processor that was asked for; names it and what to use instead."""
+    """The kernels cannot run on the requested processor; names it and the alternative."""

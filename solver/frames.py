@@ -1,7 +1,7 @@
-"""How bodies moved on their way to rest: states kept at intervals of motion, not of time.
+"""Recorded motion of bodies on their way to rest: states kept at intervals of motion, not of time.
 
-A drop falls for a while and then creeps into its dent: states are kept where a point has moved by a share of what
-moves, and where there are too many that share doubles. The first and the last state are always there.
+A drop falls for a while and then creeps into its dent: a state is kept when a point has moved by a share of the size of
+the moving bodies, and the share doubles when there are too many states. The first and the last state are always kept.
 """
 
 from collections.abc import Callable, Sequence
@@ -13,18 +13,18 @@ from solver.motion import BodyPath, DropFrames
 from solver.result import RestBody
 
 MOTION = 0.004
-"""Motion of a point between two frames, over the size of what moves [-]: a few pixels of a picture of it."""
+"""Motion of a point between two frames, over the size of the moving bodies [-]: a few pixels in a picture of them."""
 MOST_FRAMES = 96
-"""Frames that are kept [-]."""
+"""Maximum number of frames [-]."""
 STILL = 2e-5
-"""Points that never move farther than this off the motion of their body are not stored [m]: no picture shows it."""
+"""Points that never deviate from the motion of their body by more than this are not stored [m]: no picture shows it."""
 
 Snapshot = Callable[[], tuple[RestBody, ...]]
-"""Where the bodies are."""
+"""Function that returns the state of all bodies."""
 
 
 class FrameRecorder:
-    """Keeps frames of a simulation that goes on."""
+    """Keeps frames of a running simulation."""
 
     def __init__(self, bodies: Sequence[Body], size: float) -> None:
         self._start = [body.vertices for body in bodies]
@@ -32,7 +32,8 @@ class FrameRecorder:
         self._kept: list[tuple[float, tuple[RestBody, ...]]] = []
 
     def note(self, time: float, snapshot: Snapshot, *, last: bool = False) -> None:
-        """A state at `time` [s]; kept if something has moved since the last one that was, and always the last."""
+        """Record a state at `time` [s]; it is kept if a body has moved since the last kept state, and always if it is
+        the last."""
         now = snapshot()
         if self._kept and self._moved(self._kept[-1][1], now) < self._least and not last:
             return
@@ -42,7 +43,7 @@ class FrameRecorder:
             self._thin()
 
     def _thin(self) -> None:
-        """Leave out what has not moved by the least motion since the one before that stays; the newest stays."""
+        """Drop frames with too little motion since the last kept one; the newest stays."""
         thinner = self._kept[:1]
         for one in self._kept[1:-1]:
             if self._moved(thinner[-1][1], one[1]) >= self._least:

@@ -15,9 +15,9 @@ class BodyPath:
     translation: NDArray[np.float64]
     """World-from-start translation [m], shape (f, 3)."""
     moved: NDArray[np.int32]
-    """Surface points that leave that motion, shape (k,)."""
+    """Surface points that deviate from that motion, shape (k,)."""
     offset: NDArray[np.float32]
-    """By how much they leave it, in the world frame [m], shape (f, k, 3)."""
+    """Their deviation in the world frame [m], shape (f, k, 3)."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -25,9 +25,9 @@ class DropFrames:
     """The recorded history."""
 
     time: NDArray[np.float64]
-    """[s], shape (f,)."""
+    """Times of the frames [s], shape (f,)."""
     bodies: tuple[BodyPath, ...]
-    """In the order of the model."""
+    """Paths of the bodies in the order of the model."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -37,10 +37,11 @@ class MaterialState:
     start: NDArray[np.float64]
     """Positions in the start pose [m], shape (p, 3)."""
     displacement: NDArray[np.float64]
-    """[m], shape (p, 3)."""
+    """Displacements [m], shape (p, 3)."""
     volume: NDArray[np.float64]
-    """Volume that each stands for in the start pose [m^3], shape (p,)."""
+    """Volume represented by each point in the start pose [m^3], shape (p,)."""
     volume_ratio: NDArray[np.float64]
-    """Volume at the end over that at the start [-], shape (p,)."""
+    """Ratio of the volume at the end to that at the start [-], shape (p,)."""
     stress: NDArray[np.float64]
-    """Cauchy stress xx, yy, zz, yz, xz, xy [Pa], shape (p, 6); of a loaded body what came on top of its own weight."""
+    """Cauchy stress xx, yy, zz, yz, xz, xy [Pa], shape (p, 6); for a loaded body in addition to the stress of its own
+    weight."""

@@ -1,10 +1,10 @@
-"""Simulate a final state further, whoever made it, with the same bodies, material and law.
+"""Continue the simulation of a final state, whatever its origin, with the same bodies, material and law.
 
-In: a model in its start pose, and where its bodies are said to rest. Out: how far they go from there within some
-seconds of true time. A state of rest stays; what floats falls; what leans on nothing tips. Contacts begin without any
-memory: they become as stiff as a drop makes them, and friction finds its elastic slip anew, so that a state of rest
-settles by some hundredths of a millimetre. What begins so deep inside something that no step could start is pushed out
-first, and goes that way too: shallower overlap is pushed out by contact, to the same effect.
+In: a model in its start pose, and the claimed rest poses of its bodies. Out: the distance that they move from there
+within some seconds of true time. A state of rest stays; a floating body falls; a body that leans on nothing tips over.
+Contacts begin without memory: they become as stiff as a drop makes them, and friction builds up its elastic slip again,
+so that a state of rest settles by some hundredths of a millimetre. Overlaps too deep for a step to start are resolved
+first by moving the body out, and count as motion too: contact pushes shallower overlaps out with the same effect.
 """
 
 from collections.abc import Mapping
@@ -23,47 +23,47 @@ from solver.runtime import start
 from solver.tl.simulation import Simulation, StepControl
 
 FLUSH = 1e-4
-"""Depth that may remain after overlaps are pushed out [m]."""
+"""Depth that may remain after overlaps are resolved [m]."""
 MOST_PUSHES = 60
-"""Each along the normal of the deepest point, by its depth: a corner takes a few for each of its sides."""
+"""Maximum number of pushes, each along the normal of the deepest point by its depth: a corner takes a few per side."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PlacedBodies:
-    """Where bodies are at the beginning, by name; what is not named is in its start pose."""
+    """Initial places of bodies, by name; a body that is not named is in its start pose."""
 
     rotation: Mapping[str, Array] = field(default_factory=dict)
-    """World-from-start rotation of rigid bodies, and of free soft ones of which no nodes are given, shape (3, 3)."""
+    """World-from-start rotation of rigid bodies, and of free soft bodies without given nodes, shape (3, 3)."""
     translation: Mapping[str, Array] = field(default_factory=dict)
-    """World-from-start translation of the same [m], shape (3,)."""
+    """World-from-start translation of the same bodies [m], shape (3,)."""
     nodes: Mapping[str, NDArray[np.floating]] = field(default_factory=dict)
     """Displacement of the grid nodes of soft bodies, as in `SettledModel.nodes` [m], shape (n, 3)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Onward:
-    """Outcome of simulating a state further."""
+    """Outcome of a continued simulation."""
 
     seconds: float
-    """True time that was simulated [s]: less than asked where the steps were used up."""
+    """Simulated true time [s]: less than requested if the steps were used up."""
     steps: int
     distance: float
-    """Largest distance that the centre of mass of any free body has gone at the end [m]."""
+    """Largest final displacement of the centre of mass of any free body [m]."""
     angle: float
     """Largest turn of any free body [rad]."""
     force_residual: float
-    """Mean over the time that was asked of the unbalanced force on the worst free body over its weight [-]: 1 while
-    it falls, any amount while it lands, about 0 at rest. What was not simulated counts as balanced."""
+    """Unbalanced force on the worst free body over its weight, averaged over the requested time [-]: 1 during free
+    fall, any value during a landing, about 0 at rest. Time that was not simulated counts as balanced."""
 
 
 def onward(
     model: Model, config: SolverConfig, placed: PlacedBodies, seconds: float, most_steps: int, most_work: float = np.inf
 ) -> Onward:
-    """Simulate a state on until `seconds` are over, or `most_steps`, or `most_work`: of that a step takes once the
-    material points, and once more for each of its Newton iterations.
+    """Continue the simulation of a state until `seconds` are over, or `most_steps`, or `most_work`: a step costs the
+    number of material points, and again as much for each of its Newton iterations.
 
-    Bodies that begin inside each other by more than `config.start_overlap` are pushed apart first. Raises ModelError
-    where that finds no way out, and UnstableStep where a step breaks.
+    Bodies that begin inside each other by more than `config.start_overlap` are first pushed apart. Raises ModelError if
+    that fails, and UnstableStep if a step breaks.
     """
     start(config.threads, config.arch)
     with threadpool_limits(1):
@@ -83,14 +83,14 @@ def onward(
 
 
 def begun(simulation: Simulation, placed: PlacedBodies) -> State:
-    """The state with everything where it was placed, at rest."""
+    """The state with all bodies at their given places, at rest."""
     state, soft = simulation.start_state(), simulation.soft
     state.stop()
     for index, body in enumerate(simulation.model.bodies):
         one = simulation.soft_of.get(index)
         if one is not None:
             moved = placed.nodes.get(body.name)
-            if moved is None and not body.fixed and body.name in placed.rotation:  # nobody kept more
+            if moved is None and not body.fixed and body.name in placed.rotation:  # no nodes are known
                 rest = soft.rest[one.nodes]
                 moved = rest @ placed.rotation[body.name].T + placed.translation[body.name] - rest
             if moved is not None:
@@ -105,14 +105,14 @@ def begun(simulation: Simulation, placed: PlacedBodies) -> State:
 
 
 def place(state: State, index: int, center: Array, rotation: Array, translation: Array) -> None:
-    """Put a frame at a world-from-start motion."""
+    """Place a frame by a world-from-start motion."""
     state.rotation[index] = rotation
     state.center[index] = rotation @ center + translation
 
 
 def apart(simulation: Simulation, state: State) -> State:
-    """The state, or where bodies are too deep inside each other for a step to start, one in which free bodies are
-    pushed out; ModelError where they cannot be."""
+    """The state; if bodies are too deep inside each other for a step to start, a state in which free bodies have been
+    pushed out. Raises ModelError if they cannot be."""
     deepest = overlap(simulation, state)
     if deepest is None or deepest.depth <= simulation.config.start_overlap:
         return state
@@ -144,15 +144,15 @@ class Overlap:
     a: int
     b: int
     depth: float
-    """[m]."""
+    """Depth of the point [m]."""
     way: Array
-    """Of `a` out of `b` there [m], shape (3,)."""
+    """Direction that moves `a` out of `b` there [m], shape (3,)."""
     position: Array
-    """[m], shape (3,)."""
+    """Position of the point [m], shape (3,)."""
 
 
 def overlap(simulation: Simulation, state: State) -> Overlap | None:
-    """Where bodies are deepest inside each other; None where they are not."""
+    """The deepest overlap of bodies; None if there is none."""
     query, found = simulation.query, None
     for touching in query.find(state, query.begin(state, simulation.config.step_seconds)).active:
         worst = int(np.argmin(touching.gap))
@@ -164,7 +164,7 @@ def overlap(simulation: Simulation, state: State) -> Overlap | None:
 
 
 def refuse_overlap(simulation: Simulation, state: State) -> None:
-    """ModelError where bodies are inside each other by more than contact may be at the start."""
+    """Raise ModelError if bodies overlap by more than contact allows at the start."""
     found, bound = overlap(simulation, state), simulation.config.start_overlap
     if found is not None and found.depth > bound:
         a, b = (simulation.model.bodies[i].name for i in (found.a, found.b))

@@ -1,4 +1,5 @@
-"""When a drop has come to rest: its signals after every step, judged over a window, for every method alike."""
+"""Criteria for a drop having come to rest: its signals after every step, judged over a window, for every method
+alike."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
@@ -10,16 +11,16 @@ from solver.certificate import CertificateRow, History, SignalRows
 from solver.config import SolverConfig
 from solver.errors import UnstableStep
 
-NEARLY = 10.0  # times the threshold of the speed: what is slower is nearly at rest [-]
-STALLED = 0.9  # of its speed half a window ago: what is faster than that does not slow [-]
+NEARLY = 10.0  # times the threshold of the speed: slower motion is nearly at rest [-]
+STALLED = 0.9  # of the speed half a window ago: motion faster than that is not slowing down [-]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Signals:
-    """Solver-native signals after one step."""
+    """Signals measured by the solver after one step."""
 
     time: float
-    """[s]."""
+    """Time [s]."""
     linear_speed: float
     """Largest speed of a free body's centre of mass [m/s]."""
     angular_speed: float
@@ -31,13 +32,13 @@ class Signals:
     box: NDArray[np.float64]
     """Joint axis-aligned box of the free bodies [m], shape (6,)."""
     force_residual: float
-    """Unbalanced force on the worst free body over its weight, or over what it carries where that is more [-]."""
+    """Unbalanced force on the worst free body over its weight, or over its load if that is larger [-]."""
     torque_residual: float
-    """Unbalanced torque about its centre over the same times half its size [-]."""
+    """Unbalanced torque about its centre over the same force times half its size [-]."""
     newton: int
     """Newton iterations of the step; mls: explicit steps of the interval."""
     linear: int
-    """Iterations of the linear solver; mls: none."""
+    """Iterations of the linear solver; mls: 0."""
 
     @property
     def speed(self) -> float:
@@ -46,31 +47,31 @@ class Signals:
 
 
 Progress = Callable[[int, float, Signals], None]
-"""Told after every step: its number, the time [s], its signals."""
+"""Callback after every step: its number, the time [s], its signals."""
 
 
 def history_of(signals: list[Signals]) -> History:
-    """Columns of a list of signals."""
+    """A list of signals as columns."""
     return History(**{one.name: np.array([getattr(s, one.name) for s in signals]) for one in fields(History)})
 
 
 class RestMonitor:
-    """Signals of one simulation so far, and whether the last of them say that it rests."""
+    """Signals of one simulation so far, and whether the latest ones mean rest."""
 
     def __init__(self, config: SolverConfig, gravity: float, length: float) -> None:
-        """`gravity` > 0 [m/s^2] and the largest free body's size [m] are what thresholds are scaled by."""
+        """`gravity` > 0 [m/s^2] and the size of the largest free body [m] scale the thresholds."""
         self.length = length
         self.steps = config.rest_steps
-        """Of a window."""
+        """Number of steps in a window."""
         self.speed = config.rest_speed * float(np.sqrt(gravity * length))
         """Largest speed at rest [m/s]."""
         self.drift = config.rest_drift * length
-        """Largest change of a place over a window [m]."""
+        """Largest change of a position over a window [m]."""
         self.residual = config.rest_residual
         self.signals: list[Signals] = []
 
     def record(self, signals: Signals, progress: Progress | None) -> None:
-        """Add what was measured after a step, and tell who wants to know; UnstableStep for what is not finite."""
+        """Add the signals of a step and report them to `progress`; raises UnstableStep if a signal is not finite."""
         measured = (
             signals.linear_speed, signals.angular_speed, signals.particle_speed, *signals.center, *signals.box,
             signals.force_residual, signals.torque_residual,
@@ -82,7 +83,7 @@ class RestMonitor:
             progress(len(self.signals), signals.time, signals)
 
     def window(self, begin: int = 0) -> list[Signals]:
-        """The last signals that are judged together, none before step `begin`."""
+        """The latest signals that are judged together, none from before step `begin`."""
         return self.signals[begin:][-self.steps :]
 
     def rows(self, begin: int = 0) -> SignalRows:
@@ -90,7 +91,7 @@ class RestMonitor:
         return self.judge(self.window(begin))
 
     def judge(self, window: list[Signals]) -> SignalRows:
-        """The same over any steps."""
+        """The same for given steps."""
         return SignalRows(
             linear_speed=CertificateRow.at_most(max(s.linear_speed for s in window), self.speed),
             angular_speed=CertificateRow.at_most(
@@ -104,15 +105,15 @@ class RestMonitor:
         )
 
     def complete(self) -> bool:
-        """Whether there is a whole window to judge."""
+        """Whether there is a complete window to judge."""
         return len(self.signals) >= self.steps
 
     def quiet(self) -> bool:
-        """Whether no signal was above its threshold over a whole window."""
+        """Whether no signal was above its threshold over a complete window."""
         return self.complete() and not self.rows().exceeded
 
     def creeping(self) -> bool:
-        """Whether it is in balance and slow over a whole window, yet neither quiet nor slowing."""
+        """Whether the bodies are in balance and slow over a complete window, yet neither quiet nor slowing down."""
         if not self.complete() or not (exceeded := self.rows().exceeded):
             return False
         half = self.steps // 2

@@ -1,4 +1,4 @@
-"""Result of a drop, whichever method computed it."""
+"""Result of a drop by any method."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -39,21 +39,21 @@ class RestBody:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class FinalState:
-    """Final state as each method reports it."""
+    """Final state in the form that every method reports."""
 
     seconds: float
     """Simulated time [s]."""
     bodies: tuple[RestBody, ...]
     contacts: tuple[ContactRow, ...]
     contact_points: dict[str, NDArray[np.float64]]
-    """Per free body the positions of its active contact points [m], shape (k, 3)."""
+    """Positions of the active contact points of each free body [m], shape (k, 3)."""
     forces: PointForces
     friction_margin: float
-    """Smallest share of the static friction cone that is left [-]."""
+    """Smallest remaining share of the static friction cone [-]."""
     free_weight: float
-    """[N]."""
+    """Weight of the free bodies [N]."""
     inverted: int
-    """Particles whose deformation is inverted."""
+    """Number of particles with inverted deformation."""
     particles: int
 
 
@@ -64,17 +64,17 @@ class SettledModel:
     verdict: Verdict
     bodies: tuple[RestBody, ...]
     contacts: tuple[ContactRow, ...]
-    """One per touching pair."""
+    """Contacts, one per touching pair."""
     contact_points: dict[str, NDArray[np.float64]]
-    """Per free body the positions of its active contact points [m], shape (k, 3)."""
+    """Positions of the active contact points of each free body [m], shape (k, 3)."""
     forces: PointForces
     """Forces that hold the bodies."""
     certificate: Certificate
     history: History
     frames: DropFrames
-    """How it came to this."""
+    """Recorded motion up to this state."""
     material: Mapping[str, MaterialState]
-    """Of the soft bodies; empty where the method does not say."""
+    """State of the material of the soft bodies; empty if the method does not provide it."""
     nodes: Mapping[str, NDArray[np.float32]]
     """Displacement of the grid nodes of the soft bodies [m], shape (n, 3) each; tl only."""
     steps: int
@@ -93,7 +93,7 @@ def build_result(
     warnings: list[str],
     frames: DropFrames,
 ) -> SettledModel:
-    """The result with the part of its certificate that every method has; `rows` are the signals that were judged."""
+    """The result with the part of its certificate that all methods share; `rows` are the judged signals."""
     certificate = Certificate(
         arch=config.arch,
         signals=rows,
@@ -123,7 +123,7 @@ def build_result(
 
 
 def carried(model: Model, touching: set[tuple[int, int]]) -> set[int]:
-    """Bodies that touch something fixed, or a body that does; `touching` holds pairs of model indices."""
+    """Bodies that touch a fixed body, directly or through others; `touching` holds pairs of model indices."""
     out = {i for i, b in enumerate(model.bodies) if b.fixed}
     while more := {b for pair in touching if out & set(pair) for b in pair} - out:
         out |= more
@@ -131,8 +131,8 @@ def carried(model: Model, touching: set[tuple[int, int]]) -> set[int]:
 
 
 def has_left(model: Model, surface: NDArray[np.float64], center: NDArray[np.float64]) -> bool:
-    """Whether a body with these surface points (n, 3) lies wholly below everything fixed, or its centre of mass (3,)
-    outside the plan of it, so that nothing can carry it."""
+    """Return whether a body with these surface points (n, 3) lies entirely below all fixed bodies, or its centre of
+    mass (3,) outside their plan, so that nothing can carry it."""
     fixed = [b.vertices for b in model.bodies if b.fixed]
     if not fixed:
         return False

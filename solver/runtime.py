@@ -1,8 +1,7 @@
-"""The one place that starts Taichi: once per process, because a second start kills every field and array made
-before.
+"""Starts Taichi, only here and once per process, because a second start destroys all existing fields and arrays.
 
-Kernels take numpy arrays, so the same ones run on the processor and on a graphics card, where Taichi copies the arrays
-there and back at every call. Compilers differ, so results may differ in their last digits.
+Kernels take numpy arrays, so the same kernels run on the processor and on a graphics card, where Taichi copies the
+arrays there and back at every call. Compilers differ, so results may differ in their last digits.
 """
 
 import contextlib
@@ -18,7 +17,7 @@ from taichi.lang.ast.ast_transformer_utils import ASTTransformerContext
 
 from solver.errors import ArchError
 
-LONGEST_PROBE = 300.0  # [s] for a driver that hangs; kernels that are not compiled yet take a minute
+LONGEST_PROBE = 300.0  # [s] limit for a driver that hangs; compiling the kernels takes a minute
 PROBE = """
 import sys
 from solver import runtime
@@ -33,9 +32,9 @@ _started: dict[str, str] = {}
 
 
 def available_arch(wanted: str) -> str:
-    """Resolve `auto`, `cpu` or `cuda` to `cpu` or `cuda` on this machine; auto is cuda where that works.
+    """Resolve `auto`, `cpu` or `cuda` to `cpu` or `cuda` on this machine; auto means cuda if it works.
 
-    Raises ArchError for cuda where it does not: nothing is replaced silently.
+    Raises ArchError for cuda if it does not work: nothing is replaced silently.
     """
     if wanted == "cpu" or (wanted == "auto" and not cuda_works()):
         return "cpu"
@@ -49,13 +48,14 @@ def available_arch(wanted: str) -> str:
 
 @cache
 def cuda_works() -> bool:
-    """Whether the solver's kernels run on a graphics card: Taichi may start there and break in them."""
-    ti.set_logging_level(ti.ERROR)  # that there is no driver is an answer, not worth a warning
+    """Return whether the solver's kernels run on a graphics card: Taichi may start there and fail in them."""
+    ti.set_logging_level(ti.ERROR)  # a missing driver is an expected answer, not worth a warning
     return bool(ti._lib.core.with_cuda()) and kernels_run("cuda")
 
 
 def kernels_run(arch: str) -> bool:
-    """Whether a small drop by each method runs on `arch`, tried in a process of its own: a failed start spoils one."""
+    """Return whether a small drop by each method runs on `arch`, tested in its own process because a failed start
+    breaks it."""
     command = [sys.executable, "-P", "-c", PROBE, arch]
     try:
         done = subprocess.run(command, capture_output=True, check=False, timeout=LONGEST_PROBE)
@@ -68,21 +68,21 @@ def start(threads: int = 0, arch: str = "cpu") -> None:
     """Start Taichi on `arch`, `cpu` with `threads` worker threads (0: all cores) or `cuda`; later calls in the same
     process do nothing.
 
-    Raises ArchError where CUDA cannot be started, and where this process runs on another arch already.
+    Raises ArchError if CUDA cannot be started, or if this process already runs on another arch.
     """
     if _started:
         if _started["arch"] != arch:
             raise ArchError(f"{arch}: this process runs on {_started['arch']} already; start a new one")
         return
     available_arch(arch)
-    # the source line of every node of every kernel, formatted for messages of Taichi's compiler: a second per process
+    # Taichi formats the source line of every node of every kernel for compiler messages: a second per process
     ASTTransformerContext.get_pos_info = lambda self, node: ""
     cores = available_cores()
     workers = (threads or len(cores)) if arch == "cpu" else 1
     earlier = _thread_ids()
     wanted = {"cpu": ti.cpu, "cuda": ti.cuda}[arch]
     try:
-        with contextlib.redirect_stdout(io.StringIO()):  # it greets on standard output, which belongs to results
+        with contextlib.redirect_stdout(io.StringIO()):  # Taichi's greeting would appear among the results
             ti.init(
                 arch=wanted,
                 enable_fallback=False,
@@ -115,10 +115,10 @@ def _thread_ids() -> set[int]:
 
 
 def _pin_threads(threads: set[int], cores: list[int]) -> None:
-    """Give each thread a core of its own, where there is one for each.
+    """Pin each thread to its own core if there are enough cores.
 
-    A kernel here takes about a millisecond. A scheduler that wakes two workers on one core and parts them later makes
-    two cores no faster than one: on a virtual machine that packs its cores, kernels of 3 ms took 6."""
+    A kernel here takes about a millisecond. A scheduler that wakes two workers on one core and separates them later
+    makes two cores no faster than one: on a virtual machine that packs its cores, kernels of 3 ms took 6."""
     for k, thread in enumerate(sorted(threads)):
         with contextlib.suppress(OSError):  # a thread that has ended, or a system that does not allow it
             os.sched_setaffinity(thread, {cores[k % len(cores)]})

@@ -1,4 +1,5 @@
-"""Drop to rest: steps until quiet, then a kick to see whether the rest is stable, then the certificate."""
+"""Drop to rest: steps until the bodies are quiet, then a kick to test whether the rest is stable, then the
+certificate."""
 
 from dataclasses import dataclass, replace
 from functools import partial
@@ -26,7 +27,7 @@ from solver.tl.simulation import Simulation, StepControl
 from solver.tl.stability import grade, kick
 from solver.tl.step import StepReport
 
-# of the tolerance, for a body that creeps: so soft that what the tolerance leaves moves it visibly
+# of the tolerance, for a creeping body: so soft that the residual within the tolerance moves it visibly
 CREEPING_TOLERANCE = 0.1
 NOTHING_TO_PUSH = "there is no verified rest state of a free body"
 
@@ -34,14 +35,14 @@ NOTHING_TO_PUSH = "there is no verified rest state of a free body"
 def settle(model: Model, config: SolverConfig, progress: Progress | None = None) -> SettledModel:
     """Let the free bodies of `model` come to rest.
 
-    Returns the rest state with its certificate, or the last state with the verdict that says why it is none.
-    Raises ModelError for input that cannot be simulated, UnstableStep when a step breaks and ArchError where the
-    kernels cannot run. Same model and config: the same bytes for any thread count.
+    Returns the rest state with its certificate, or the last state with a verdict that gives the reason. Raises
+    ModelError for input that cannot be simulated, UnstableStep if a step breaks and ArchError if the kernels cannot
+    run. The same model and config give the same bytes for any thread count.
     """
     if config.stability and config.method == "mls":
         raise ModelError("stability: mls verifies no rest state that could be pushed; use method tl")
     start(config.threads, config.arch)
-    with threadpool_limits(1):  # dense factorisations would round differently with the number of threads
+    with threadpool_limits(1):  # the rounding of dense factorisations depends on the number of threads
         if config.method == "mls":
             return mls.ExplicitDrop(model, config).run(progress)
         drop = ImplicitDrop(model, config)
@@ -51,13 +52,13 @@ def settle(model: Model, config: SolverConfig, progress: Progress | None = None)
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Approach:
-    """How bodies came to rest, or did not."""
+    """End of the approach to rest, successful or not."""
 
     verdict: Verdict
     state: State
     report: StepReport
     control: StepControl
-    """For a step that goes on from there: a body that creeps stays one, so its tolerance is handed on too."""
+    """Control for a step that continues from there: a creeping body remains one, so its tolerance is passed on."""
 
 
 class ImplicitDrop(Simulation):
@@ -70,7 +71,7 @@ class ImplicitDrop(Simulation):
         self.warnings: list[str] = []
 
     def checked_start(self) -> State:
-        """The start state; ModelError where bodies begin inside each other."""
+        """The start state; raises ModelError if bodies begin inside each other."""
         state = self.start_state()
         refuse_overlap(self, state)
         return state
@@ -78,7 +79,7 @@ class ImplicitDrop(Simulation):
     def approach(
         self, state: State, control: StepControl, progress: Progress | None, rolling: RollingLaw = law_stiff
     ) -> Approach:
-        """Steps from a state until the bodies are quiet, have left, or the steps are used up."""
+        """Take steps from a state until the bodies are quiet or have left, or the steps are used up."""
         self.recorder.note(state.time, partial(self._bodies, state))
         while True:
             step = self.step(state, control, rolling=rolling)
@@ -92,7 +93,7 @@ class ImplicitDrop(Simulation):
             self.stiffen(state, step.report.contacts, step.signals)
 
     def judged(self, end: Approach, progress: Progress | None) -> SettledModel:
-        """The result of an approach; a rest state is kicked first, and pushed where that was asked for."""
+        """The result of an approach; a rest state is first kicked, and pushed if requested."""
         kicked: KickCheck | NotDone = NotDone()
         rows = self.monitor.rows()
         if end.verdict is Verdict.AT_REST and self.free:
@@ -103,7 +104,7 @@ class ImplicitDrop(Simulation):
         return self._result(end, rows, kicked, stability)
 
     def _stability(self, end: Approach, progress: Progress | None) -> StabilityGrade | NotDone | None:
-        """Stability grade for the certificate, None where it was not requested."""
+        """Stability grade for the certificate; None if it was not requested."""
         if not self.config.stability:
             return None
         if end.verdict is not Verdict.AT_REST or not self.free:
@@ -113,7 +114,7 @@ class ImplicitDrop(Simulation):
         return graded
 
     def _verdict(self, state: State, contacts: Contacts) -> Verdict | None:
-        """Verdict that ends an approach, None where it goes on."""
+        """Verdict that ends an approach; None if it continues."""
         if self._left(state, contacts):
             return Verdict.LEFT_TARGET
         if self.monitor.quiet():
@@ -121,7 +122,7 @@ class ImplicitDrop(Simulation):
         return Verdict.NO_EQUILIBRIUM if len(self.monitor.signals) >= self.config.step_limit else None
 
     def _left(self, state: State, contacts: Contacts) -> bool:
-        """A free body has left everything that could carry it."""
+        """Return whether a free body has left everything that could carry it."""
         pairs = set(zip(contacts.a.tolist(), contacts.b.tolist(), strict=True))
         loose = set(self.free) - carried(self.model, pairs)
         return any(has_left(self.model, self.query.surface(state, i), self.center(state, i)) for i in loose)
@@ -129,8 +130,8 @@ class ImplicitDrop(Simulation):
     def _after_failed_kick(
         self, state: State, control: StepControl, first: KickCheck, progress: Progress | None
     ) -> tuple[Approach, SignalRows, KickCheck]:
-        """The rest was not stable: follow the motion that the kick started to its end; a second rest is
-        verified in its turn. Rolling resistance keeps giving way: a stiff one would stop what has begun to fall over.
+        """After a failed kick, follow the resulting motion to its end; a second rest is verified in turn. Rolling
+        resistance stays compliant: a stiff one would stop a body that has begun to fall over.
         """
         begin = len(self.monitor.signals)
         control = replace(control, dt=self.config.step_seconds)
@@ -181,7 +182,7 @@ class ImplicitDrop(Simulation):
         return replace(result, certificate=certificate, warnings=told, material=material, nodes=nodes)
 
     def _depth_error(self, end: Approach) -> float | None:
-        """The certificate's estimate, None where nothing soft carries anything at rest."""
+        """The certificate's estimate; None if nothing soft carries anything at rest."""
         if end.verdict is not Verdict.AT_REST or not self.free or not self.soft.bodies:
             return None
         return depth_error(self.soft, end.state, self.weight)
@@ -202,7 +203,7 @@ class ImplicitDrop(Simulation):
         )
 
     def _bodies(self, state: State) -> tuple[RestBody, ...]:
-        """Where every body is."""
+        """The state of every body."""
         out = []
         for i, body in enumerate(self.model.bodies):
             surface, (rotation, translation) = self.query.surface(state, i), self.motion(state, i)
@@ -217,7 +218,7 @@ def points_of(contacts: Contacts, index: int) -> NDArray[np.float64]:
 
 
 def unlocated(contacts: Contacts) -> tuple[str, ...]:
-    """The warning about points that were not found in a soft body, if there are any."""
+    """The warning about points that were not located in a soft body, if any."""
     count = contacts.unlocated
     text = (
         f"{count} points lie in a soft body whose deformation could not be inverted there; they do not count as contact"

@@ -1,4 +1,4 @@
-"""Loads or compiles every kernel that a model needs before the clock starts: a drop of a few cells for two steps."""
+"""Loads or compiles every kernel that a model needs before the clock starts, by a drop of a few cells for two steps."""
 
 from contextlib import suppress
 from dataclasses import replace
@@ -12,18 +12,18 @@ from solver.model.bodies import Body, Interior, Model, RigidBody, SignedDistance
 from solver.model.grid import graded_planes
 from solver.settle import settle
 
-SIDE = 0.1  # of each cube [m]
+SIDE = 0.1  # side of each cube [m]
 OVERLAP = 1e-4  # they touch from the start [m]
 
 
 def warm_up(model: Model, config: SolverConfig) -> None:
-    """Drop a little stack with the kinds of bodies of `model`; what it does does not matter."""
+    """Drop a small stack with the kinds of bodies of `model`; its result does not matter."""
     with suppress(UnstableStep):
         drop_little(config, soft=bool(model.soft_bodies))
 
 
 def drop_little(config: SolverConfig, *, soft: bool) -> None:
-    """Drop a stack of three cubes, the middle one `soft` or rigid, for two steps; raises what `settle` raises."""
+    """Drop a stack of three cubes, the middle one `soft` or rigid, for two steps; raises the errors of `settle`."""
     floor = replace(_cube("floor", SIDE, None), fixed=True)
     middle = _cube("middle", 2.0 * SIDE - OVERLAP, _interior(2.0 * SIDE - OVERLAP) if soft else None)
     lid = _cube("lid", 3.0 * SIDE - 2.0 * OVERLAP, None)

@@ -1,6 +1,6 @@
-"""Pairs of bodies that can touch, and the points of them that do at one state, with their forces and derivatives.
+"""Pairs of bodies that can touch, and their active points in one state, with forces and derivatives.
 
-Which bodies can push each other, and how stiff their contact is at first.
+Selection of the pairs of bodies that can push each other, with their initial contact stiffness.
 
 Report of the contacts of a state: a row per pair of bodies, and every force.
 """
@@ -21,34 +21,35 @@ from solver.model.soft import SoftSystem
 from solver.model.state import ContactMemory, PointMemory
 
 CELL_STIFFNESS = 4.0  # first guess of the contact stiffness per area, in E / cell size; adapted to the target near rest
-STIFFENED = 1.25  # times the penetration that is aimed at, from which on a pair is stiffened [-]
-SAFE_DEPTH = 0.125  # of half of the largest thickness that is pushed into; past a half the way out is the other side
-LOADED_SHARE = 0.01  # gap and penetration are judged over points that carry more than this share of the peak pressure
+STIFFENED = 1.25  # times the target penetration, above which a pair is stiffened [-]
+SAFE_DEPTH = 0.125  # of half the largest thickness of the other body; beyond a half the nearest surface is the far side
+LOADED_SHARE = 0.01  # gap and penetration are judged at points with more than this share of the peak pressure
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Pair:
-    """Points of body `a` against the field of body `b`."""
+    """Points of body `a` against the distance field of body `b`."""
 
     a: int
     b: int
     friction: PairFriction
     stiffness: NDArray[np.float64]
-    """Normal stiffness per point at the start [N/m], shape (n,)."""
+    """Initial normal stiffness per point [N/m], shape (n,)."""
     area: NDArray[np.float64]
-    """Surface area that a point stands for [m^2], shape (n,)."""
+    """Surface area represented by each point [m^2], shape (n,)."""
     safe_depth: float = np.inf
-    """Mean penetration in motion beyond which points might come out on the other side of what they push into [m]."""
+    """Mean penetration during motion above which points might come out on the far side of the other body [m]."""
     flat: FlatRegions | None = None
-    """Of a rigid body before a soft one: points whose region the other's own points cover do not count."""
+    """Flat regions of a rigid body facing a soft one: points whose region is covered by the other body's own points do
+    not count."""
 
     @property
     def key(self) -> tuple[int, int]:
-        """Of the pair in ContactMemory.points."""
+        """Key of the pair in ContactMemory.points."""
         return self.a, self.b
 
     def fresh_memory(self) -> PointMemory:
-        """Before any step."""
+        """Memory before the first step."""
         count = len(self.area)
         nowhere = np.full((count, 3), np.nan)
         none = np.zeros(count, dtype=bool)
@@ -57,39 +58,40 @@ class Pair:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class TouchingPoints:
-    """The points of one pair that touch at one state, or over a while, with mean forces then."""
+    """The points of one pair that touch in one state, or over an interval, with mean forces then."""
 
     pair: Pair
     point: NDArray[np.int64]
     """Indices of the touching points of body a, shape (k,)."""
     position: NDArray[np.float64]
-    """[m], shape (k, 3)."""
+    """Positions [m], shape (k, 3)."""
     gap: NDArray[np.float64]
-    """[m], negative: penetration, shape (k,)."""
+    """Gaps [m], negative: penetration, shape (k,)."""
     normal: NDArray[np.float64]
-    """Out of b, shape (k, 3)."""
+    """Normals out of b, shape (k, 3)."""
     force: NDArray[np.float64]
-    """On a [N], shape (k, 3)."""
+    """Forces on a [N], shape (k, 3)."""
     friction: NDArray[np.float64]
-    """Static and dynamic coefficient [-] and rolling resistance length [m], shape (k, 3)."""
+    """Static and dynamic friction coefficient [-] and rolling resistance length [m], shape (k, 3)."""
     sliding: NDArray[np.bool_]
 
     @property
     def normal_force(self) -> NDArray[np.float64]:
-        """Normal part [N], shape (k,)."""
+        """Normal part of the forces [N], shape (k,)."""
         return np.asarray(np.einsum("ki,ki->k", self.force, self.normal))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ActiveContacts(TouchingPoints):
-    """The active points of one pair at one state, with what the implicit step needs of them."""
+    """The active points of one pair in one state, with the data for the implicit step."""
 
     tangent: NDArray[np.float64]
     """-d force / d relative displacement [N/m] at constant friction limits: symmetric, shape (k, 3, 3)."""
     anchor: NDArray[np.float64]
     """New anchors, shape (k, 3)."""
     node: NDArray[np.int64]
-    """Nodes that move the point minus nodes that move the place of b that it pushes, shape (k, 16)."""
+    """Nodes that move the point, and, negative in `weight`, nodes that move the place of b that it pushes, shape (k,
+    16)."""
     weight: NDArray[np.float64]
     """Signed shape values, zero for rigid sides, shape (k, 16)."""
 
@@ -101,19 +103,20 @@ class PairPoints:
     a: int
     b: int
     position: NDArray[np.float64]
-    """[m], shape (k, 3)."""
+    """Positions [m], shape (k, 3)."""
     force: NDArray[np.float64]
-    """On a [N], shape (k, 3)."""
+    """Forces on a [N], shape (k, 3)."""
     tangent: NDArray[np.float64]
     """As in ActiveContacts, shape (k, 3, 3)."""
     node: NDArray[np.int64]
-    """Nodes that move the points minus nodes that move the places of b that they push, shape (k, 16)."""
+    """Nodes that move the points, and, negative in `weight`, nodes that move the places of b that they push, shape (k,
+    16)."""
     weight: NDArray[np.float64]
     """Signed shape values, zero for rigid sides, shape (k, 16)."""
 
     @classmethod
     def of(cls, t: ActiveContacts) -> "PairPoints":
-        """Of what touches."""
+        """The points of a touching pair."""
         return cls(t.pair.a, t.pair.b, t.position, t.force, t.tangent, t.node, t.weight)
 
 
@@ -133,13 +136,14 @@ class Contacts:
     spins: Mapping[int, Spin]
     """Spins of the free soft bodies in contact, by model index."""
     unlocated: int
-    """Points that are in a soft body's cells while no place in its start pose was found for them; no contact there."""
+    """Points that lie in the cells of a soft body but could not be located in its start pose; they have no contact."""
     memory: ContactMemory
-    """Contact memory after a step that ends here: the anchors of touching points; other points forget theirs."""
+    """Contact memory after a step that ends here: the anchors of touching points; other points lose their anchors."""
 
     def carried_load(self, bodies: int) -> NDArray[np.float64]:
-        """Load that each body carries from one side to another [N], shape (bodies,): half of the difference between
-        the sum of the sizes of its contact forces and the size of their sum; 0 for a body that only stands or hits."""
+        """Load that each body transmits from one side to another [N], shape (bodies,): half of the difference between
+        the sum of the magnitudes of its contact forces and the magnitude of their sum; 0 for a body that only stands or
+        hits."""
         size, total = np.zeros(bodies), np.zeros((bodies, 3))
         for which, sign in ((self.a, 1.0), (self.b, -1.0)):
             size += np.bincount(which, np.linalg.norm(self.force, axis=1), bodies)
@@ -149,7 +153,7 @@ class Contacts:
 
 
 def vertex_areas(body: Body) -> NDArray[np.float64]:
-    """A third of the adjacent triangle areas per vertex [m^2], shape (n,)."""
+    """A third of the adjacent triangle areas for each vertex [m^2], shape (n,)."""
     corner = body.vertices[body.faces]
     area = 0.5 * np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
     weights = np.repeat(area / 3.0, 3)
@@ -157,7 +161,7 @@ def vertex_areas(body: Body) -> NDArray[np.float64]:
 
 
 def contact_pairs(model: Model, soft: SoftSystem, config: SolverConfig, gravity: float) -> list[Pair]:
-    """Every ordered pair of bodies that can push each other, with its first contact stiffness per point."""
+    """All ordered pairs of bodies that can push each other, with the initial contact stiffness per point."""
     pairs = []
     for a, one in enumerate(model.bodies):
         for b, two in enumerate(model.bodies):
@@ -177,14 +181,14 @@ def contact_pairs(model: Model, soft: SoftSystem, config: SolverConfig, gravity:
 
 
 def most_stiffness(one: Body, two: Body, config: SolverConfig, gravity: float) -> float:
-    """Stiffness that each of three points needs to carry the load at the target penetration [N/m]: more only makes
-    impacts hard."""
+    """Stiffness with which three points carry the load at the target penetration [N/m]: a larger one only makes impacts
+    hard."""
     load = max(body.mass for body in (one, two) if not body.fixed) * max(gravity, 1.0)
     return load / (3.0 * config.penetration_target)
 
 
 def softest(one: Body, two: Body) -> tuple[float, float]:
-    """Cell under the contact [m] and smallest Young's modulus [Pa] of a pair of which at least one is soft."""
+    """Cell under the contact [m] and smallest Young's modulus [Pa] of a pair with at least one soft body."""
     parts = [b.interior for b in (one, two) if isinstance(b, SoftBody)]
     cell = min(max(float(np.diff(p).min()) for p in s.planes) for s in parts)
     return cell, min(float(s.youngs_modulus.min()) for s in parts)
@@ -193,8 +197,8 @@ def softest(one: Body, two: Body) -> tuple[float, float]:
 def contact_table(
     model: Model, touching: Sequence[TouchingPoints], surface: Callable[[int], NDArray[np.float64]]
 ) -> tuple[ContactRow, ...]:
-    """One row per touching pair of bodies, both point sets together; forces on the first named body. `surface` gives
-    the deformed surface points of a body [m], shape (n, 3)."""
+    """One row per touching pair of bodies, both point sets together; forces act on the first named body. `surface`
+    gives the deformed surface points of a body [m], shape (n, 3)."""
     rows = []
     keys = sorted({(min(t.pair.a, t.pair.b), max(t.pair.a, t.pair.b)) for t in touching})
     for a, b in keys:
@@ -222,9 +226,8 @@ def contact_table(
 def facing_area(
     body: Body, points: NDArray[np.float64], chosen: NDArray[np.int64], normal: NDArray[np.float64]
 ) -> float:
-    """Area of a surface that some of its points (k,) stand for, seen along their normals (k, 3) [m^2]: a third of the
-    adjacent faces' area vectors each. Points at an edge stand for the faces that look at the other body, not for
-    adjacent ones."""
+    """Area of the surface represented by some of its points (k,), seen along their normals (k, 3) [m^2]: a third of the
+    area vectors of the faces adjacent to each point. At an edge only the faces towards the other body count."""
     corner = points[body.faces]
     vector = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]) / 6.0
     total = np.stack(
@@ -238,7 +241,7 @@ def _normal_sum(side: TouchingPoints) -> NDArray[np.float64]:
 
 
 def friction_margin(touching: Sequence[TouchingPoints]) -> float:
-    """Smallest share of the static friction cone that is left over the touching pairs [-]; 0: at the cone."""
+    """Smallest remaining share of the static friction cone over the touching pairs [-]; 0: at the cone."""
     margins = [1.0]
     for t in touching:
         normal = t.normal_force
@@ -250,7 +253,7 @@ def friction_margin(touching: Sequence[TouchingPoints]) -> float:
 
 
 def point_forces(contacts: Contacts) -> PointForces:
-    """The forces of contacts and bonds."""
-    touching = sum(len(one.point) for one in contacts.active)  # bonds stand behind them
+    """All forces of contacts and bonds."""
+    touching = sum(len(one.point) for one in contacts.active)  # bonds follow them
     bonded = np.arange(len(contacts.a)) >= touching
     return PointForces(contacts.a, contacts.b, contacts.position, contacts.force, bonded)

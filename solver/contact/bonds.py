@@ -1,9 +1,9 @@
-"""Bonds: two bodies that stay together where they touch at the start, soft or rigid, fixed or free.
+"""Bonds: two bodies, soft or rigid, fixed or free, that stay together where they touch at the start.
 
-Surface points of either body that start within REACH of the other are tied to the material point of the other that lies
-there: a spring without rest length in all three directions, implicit on both sides like a contact but without a limit.
-Its stiffness makes the stretch under a load of LOADS times the free weight invisible (the penetration target); where
-one side is soft a spring far stiffer than its cells would only cost iterations.
+Surface points of either body that start within REACH of the other are tied to its material point at the same place: a
+spring of zero rest length in all three directions, implicit on both sides like a contact but without a limit. Its
+stiffness keeps the stretch invisible (the penetration target) under a load of LOADS times the free weight; if one side
+is soft, a spring far stiffer than its cells would only cost iterations.
 """
 
 from collections.abc import Iterable
@@ -19,14 +19,14 @@ from solver.model.soft import BodyGrid, SoftSystem, locate, shape_values
 from solver.model.state import State
 
 REACH = 2e-3  # surface points nearer to the other body than this [m] are bonded to it
-LEAST_POINTS = 3  # fewer leave a hinge
-LOADS = 10.0  # a bond is made for this multiple of the free bodies' weight: an impact of a few centimetres
+LEAST_POINTS = 3  # fewer would act as a hinge
+LOADS = 10.0  # a bond is designed for this multiple of the free bodies' weight: an impact of a few centimetres
 STIFF = 100.0  # largest stiffness of a bonded point over E times the cell of a soft side [-]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class BondedPoints:
-    """How a set of points moves with one body: with nodes of its field, or with its frame."""
+    """Points that move with one body: with nodes of its field, or with its frame."""
 
     body: int
     rest: NDArray[np.float64]
@@ -34,10 +34,10 @@ class BondedPoints:
     node: NDArray[np.int64]
     """Nodes of each point, shape (k, 8)."""
     weight: NDArray[np.float64]
-    """Their shape values, zero for a rigid body, shape (k, 8)."""
+    """Shape values of these nodes, zero for a rigid body, shape (k, 8)."""
 
     def position(self, model: Model, state: State) -> NDArray[np.float64]:
-        """Where the points are now [m], shape (k, 3)."""
+        """Current positions of the points [m], shape (k, 3)."""
         if self.weight.any():
             return np.asarray(np.einsum("ka,kai->ki", self.weight, state.x[self.node]))
         body = model.bodies[self.body]
@@ -51,20 +51,19 @@ class BondedPair:
     a: BondedPoints
     b: BondedPoints
     stiffness: NDArray[np.float64]
-    """Per point [N/m], shape (k,)."""
+    """Stiffness per point [N/m], shape (k,)."""
 
     def stretch(self, model: Model, state: State) -> NDArray[np.float64]:
-        """From the places on body b to those on body a [m], shape (k, 3)."""
+        """Vectors from the places on body b to those on body a [m], shape (k, 3)."""
         return self.a.position(model, state) - self.b.position(model, state)
 
     def force(self, model: Model, state: State) -> NDArray[np.float64]:
-        """On body a [N], shape (k, 3)."""
+        """Forces on body a [N], shape (k, 3)."""
         return -self.stiffness[:, None] * self.stretch(model, state)
 
 
 def build_bonds(model: Model, soft: SoftSystem, target: float) -> list[BondedPair]:
-    """The bonds of a model; `target` is the stretch that is aimed at [m]. Raises ModelError for bodies that do not
-    touch."""
+    """The bonds of a model; `target` is the target stretch [m]. Raises ModelError for bodies that do not touch."""
     names = [body.name for body in model.bodies]
     gravity = max(float(np.linalg.norm(model.gravity)), 1.0)
     free_weight = gravity * sum(body.mass for body in model.bodies if not body.fixed)
@@ -91,12 +90,12 @@ def build_bonds(model: Model, soft: SoftSystem, target: float) -> list[BondedPai
 
 
 def _near(body: Body, other: Body) -> NDArray[np.float64]:
-    """Surface points of a body within REACH of the other, or inside it."""
+    """Surface points of a body that lie inside another body or within REACH of it."""
     return body.vertices[distance_at(other.distance, body.vertices) <= REACH]
 
 
 def distance_at(grid: SignedDistance, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Trilinear signed distance [m] at points (n, 3), infinite outside of the samples."""
+    """Trilinear signed distance [m] at points (n, 3), infinite outside the samples."""
     last = np.array(grid.values.shape) - 1
     at = (points - grid.origin) / grid.spacing
     inside = ((at >= 0.0) & (at <= last)).all(axis=1)
@@ -110,7 +109,7 @@ def distance_at(grid: SignedDistance, points: NDArray[np.float64]) -> NDArray[np
 def _attach(
     index: int, points: NDArray[np.float64], soft: SoftSystem, one: BodyGrid | None
 ) -> tuple[BondedPoints, NDArray[np.bool_]]:
-    """The attachment of points (k, 3) to a body, and which of them lie in a cell of it."""
+    """The attachment of points (k, 3) to a body, and the mask of those that lie in one of its cells."""
     node, weight = np.zeros((len(points), 8), dtype=np.int64), np.zeros((len(points), 8))
     if one is None:
         return BondedPoints(index, points, node, weight), np.ones(len(points), dtype=bool)
@@ -130,7 +129,7 @@ def _only(attachment: BondedPoints, keep: NDArray[np.bool_]) -> BondedPoints:
 def bond_table(
     model: Model, acting: Iterable[tuple[BondedPair, NDArray[np.float64], NDArray[np.float64]]]
 ) -> tuple[BondRow, ...]:
-    """One row per bond for the certificate, of the forces on its first body and the stretches, shape (k, 3) each."""
+    """One row per bond for the certificate, from the forces on its first body and the stretches, shape (k, 3) each."""
     rows = []
     for bond, force, stretch in acting:
         a, b = model.bodies[bond.a.body].name, model.bodies[bond.b.body].name

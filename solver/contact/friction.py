@@ -2,17 +2,16 @@
 
 [W06] Wriggers: Computational Contact Mechanics, 2nd ed., Springer 2006.
 
-Friction and rolling resistance where two surfaces touch: of each the part that is there, together their geometric
-means.
+Friction and rolling resistance where two surfaces touch: the geometric means of the values of both surfaces there.
 
-Rolling and torsional resistance: a torque against the relative rotation of two touching bodies, at most b * N.
+Rolling and torsional resistance: a torque of at most b * N against the relative rotation of two touching bodies.
 
-Like friction it remembers: an elastic angle first, then the torque stays at its limit. On the way to rest the spring
-is stiff (`law_stiff`), so that a ball stops. While a rest state is tried with a kick it is compliant (`law_compliant`):
-a damped spring far below what would hold up a body that is about to fall over (SHARE of N times the body's half size),
-because resistance to rolling must not make a pencil stand. The rotation of a soft body is that of its mass-weighted
-best fit, theta = I^-1 sum m r x u, and its torque is spread over its nodes so that both do the same work. Rolling
-resistance length b: [J85, Sec. 9.3].
+Like friction it has memory: first an elastic angle, then the torque stays at its limit. On the way to rest the spring
+is stiff (`law_stiff`), so that a ball stops. While a rest state is tested with a kick it is compliant
+(`law_compliant`): a damped spring far too weak to hold up a body that is about to fall over (SHARE of N times the
+body's half size), because resistance to rolling must not make a pencil stand. The rotation of a soft body is that of
+its mass-weighted best fit, theta = I^-1 sum m r x u, and its torque is spread over its nodes so that both do the same
+work. Rolling resistance length b: [J85, Sec. 9.3].
 
 [J85] Johnson: Contact Mechanics. Cambridge University Press, 1985.
 """
@@ -30,9 +29,9 @@ from solver.model.state import PointMemory, cross_matrix
 
 # tangential over normal stiffness: Mindlin's ratio 2 (1 - nu) / (2 - nu) lies between 0.67 and 1; softer is safe
 TANGENTIAL_SHARE = 0.5
-SHARE = 0.1  # stiffness over N times half size: falling over has 1, rolling on a plane 0
+SHARE = 0.1  # stiffness over N times half size: 1 for falling over, 0 for rolling on a plane
 GYRATION = 0.6  # radius of gyration about the contact over half the box diagonal: 0.68 for a rolling ball
-LEAST_ANGLE = 1e-3  # rotation [rad] at which the spring yields where that makes it softer: below what a picture shows
+LEAST_ANGLE = 1e-3  # rotation [rad] at which the spring yields if that makes it softer: too small to see in a picture
 
 
 def point_forces(
@@ -46,9 +45,8 @@ def point_forces(
     """Force on a (k, 3), its negative derivative at constant friction limits (k, 3, 3), new anchors (k, 3) and sliding
     flags (k,) of penetrating points; `friction` (k, 3) begins with their static and dynamic coefficients.
 
-    A point that slid at the end of the last step feels mu_d, any other mu_s; the choice is fixed within a step,
-    so that the force
-    is a continuous function of the step's motion and Newton can converge.
+    A point that slid at the end of the last step has mu_d, any other point mu_s; the choice is fixed within a step, so
+    that the force is a continuous function of the step's motion and Newton can converge.
     """
     stiffness = memory.stiffness[index]
     load = -stiffness * gap
@@ -71,20 +69,20 @@ def point_forces(
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PairFriction:
-    """Coefficients of the points of one body against another."""
+    """Friction coefficients of the points of one body against another."""
 
     own: Array
     """Static and dynamic friction [-] and rolling resistance length [m] of each point, shape (n, 3)."""
     other: Array
-    """The same of each kind of face of the other body, or one row for all, shape (m, 3) or (1, 3)."""
+    """The same for each kind of face of the other body, or one row for all, shape (m, 3) or (1, 3)."""
     faces: NearestFace | None
-    """Its faces in the start pose, labelled with their kinds; None if one row stands for all."""
+    """Faces of the other body in the start pose, labelled with their kinds; None if one row applies to all."""
     given: tuple[float, float] | None = None
-    """Static and dynamic friction that were set for this pair of bodies."""
+    """Static and dynamic friction set explicitly for this pair of bodies."""
 
     @classmethod
     def of(cls, model: Model, a: Body, b: Body) -> "PairFriction":
-        """Of the points of `a` against `b`."""
+        """Coefficients of the points of `a` against `b`."""
         own = np.broadcast_to(a.friction_rows, (len(a.vertices), 3))
         if b.face_friction is None:
             return cls(own, b.friction_rows, None, model.given_friction(a, b))
@@ -93,8 +91,8 @@ class PairFriction:
         return cls(own, kinds, found, model.given_friction(a, b))
 
     def at(self, index: NDArray[np.int64], material: Array) -> Array:
-        """Of the pair at some points (k,) that touch the other body at material points (k, 3) of its start pose [m],
-        shape (k, 3)."""
+        """Coefficients of the pair at some points (k,) that touch the other body at material points (k, 3) of its start
+        pose [m], shape (k, 3)."""
         row = np.zeros(len(index), dtype=np.int64) if self.faces is None else self.faces.label_at(material)
         both = np.sqrt(self.own[index] * self.other[row])
         if self.given is not None:
@@ -104,29 +102,30 @@ class PairFriction:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RollingTorque:
-    """Resistance between two bodies of which at least one is free."""
+    """Rolling resistance between two bodies, at least one of them free."""
 
     a: int
     b: int
     torque: NDArray[np.float64]
-    """On a [N m], shape (3,)."""
+    """Torque on a [N m], shape (3,)."""
     tangent: NDArray[np.float64]
-    """[N m/rad], shape (3, 3)."""
+    """Derivative of the torque [N m/rad], shape (3, 3)."""
     elastic: NDArray[np.float64]
-    """Elastic part of the resisted torque at the end of the step, what the next one starts from [N m], shape (3,)."""
+    """Elastic part of the torque at the end of the step, from which the next step starts [N m], shape (3,)."""
     length: float
-    """Lever of the normal force at which it gives way [m]."""
+    """Lever of the normal force at which the resistance yields [m]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Spin:
-    """How the nodes of a free soft body turn and take a torque."""
+    """Rotation of the nodes of a free soft body, and distribution of a torque to them."""
 
     nodes: slice
     arm: NDArray[np.float64]
-    """From the centre of mass [m], shape (n, 3)."""
+    """Arms from the centre of mass [m], shape (n, 3)."""
     map: NDArray[np.float64]
-    """Rotation vector from node displacements, I^-1 m [r]x, shape (3, 3 n); its transpose spreads a torque."""
+    """Map from node displacements to the rotation vector, I^-1 m [r]x, shape (3, 3 n); its transpose distributes a
+    torque."""
 
     @classmethod
     def of(cls, nodes: slice, mass: NDArray[np.float64], x: NDArray[np.float64]) -> "Spin":
@@ -142,34 +141,35 @@ class Spin:
         return np.asarray(self.map @ displacement.ravel())
 
     def forces(self, torque: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Node forces (n, 3) that sum to the torque [N m] and do its work."""
+        """Node forces (n, 3) that sum to the torque [N m] and do the same work."""
         return (torque @ self.map).reshape(-1, 3)
 
 
 @dataclass(frozen=True, slots=True)
 class RollingCoefficients:
-    """The numbers of one pair in one step."""
+    """Coefficients of one pair in one step."""
 
     limit: float
     """Largest torque b * N [N m]."""
     stiffness: float
-    """[N m/rad]."""
+    """Stiffness [N m/rad]."""
     damping: float
-    """[N m s/rad]."""
+    """Damping [N m s/rad]."""
 
 
 RollingLaw = Callable[[float, float, float, float], RollingCoefficients]
-"""Resistance length b [m], normal force N [N], the moving body's half size [m] and mass [kg] -> the pair's numbers."""
+"""Resistance length b [m], normal force N [N], half size [m] and mass [kg] of the moving body -> the pair's
+coefficients."""
 
 
 def law_stiff(length: float, normal_force: float, half_size: float, mass: float) -> RollingCoefficients:
-    """On the way to rest: stops what rolls."""
+    """Law on the way to rest: stops rolling bodies."""
     limit = length * normal_force
     return RollingCoefficients(limit, limit / LEAST_ANGLE, 0.0)
 
 
 def law_compliant(length: float, normal_force: float, half_size: float, mass: float) -> RollingCoefficients:
-    """While a rest state is tried: gives way to what falls over."""
+    """Law while a rest state is tested: gives way to a body that falls over."""
     limit = length * normal_force
     stiffness = min(limit / LEAST_ANGLE, SHARE * normal_force * half_size)
     return RollingCoefficients(limit, stiffness, 2.0 * GYRATION * half_size * float(np.sqrt(stiffness * mass)))
@@ -183,8 +183,8 @@ def resisting_torque(
     turn: NDArray[np.float64],
     seconds: float,
 ) -> RollingTorque:
-    """Torque between a pair in a step: the lever [m] and what follows from it, elastic torque at the start [N m], turn
-    since [rad], the step's length [s]."""
+    """Torque between a pair in a step, from the lever [m], the law, the elastic torque at the start [N m], the turn
+    since then [rad] and the length of the step [s]."""
     a, b = pair
     elastic = torque + law.stiffness * turn
     trial = elastic + law.damping / seconds * turn

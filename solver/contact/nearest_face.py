@@ -1,7 +1,7 @@
-"""The face of a surface that is nearest to a point: exact, and looked for only where it decides something.
+"""The face of a surface nearest to a point: exact, and searched only where it matters.
 
-In: triangles with a label each. Out: the label of the face nearest to each point. A point near a vertex around which
-all faces have one label needs no search; others are compared with the faces that can be nearest [E05, Sec. 5.1.5].
+In: labelled triangles. Out: the label of the face nearest to each point. A point near a vertex whose adjacent faces all
+have the same label needs no search; other points are compared with the faces that can be nearest [E05, Sec. 5.1.5].
 
 [E05] Ericson: Real-Time Collision Detection. Morgan Kaufmann 2005.
 """
@@ -17,32 +17,33 @@ from solver.arrays import Array, IntArray
 
 @dataclass(frozen=True, eq=False, slots=True)
 class FaceGroup:
-    """Faces of about one size."""
+    """Faces of similar size."""
 
     face: IntArray
-    """Which ones, shape (k,)."""
+    """Indices of the faces, shape (k,)."""
     middle: cKDTree
-    """Their middles."""
+    """Search tree of their middles."""
     radius: float
-    """No corner is farther from its middle [m]."""
+    """Largest distance of a corner from the middle of its face [m]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class NearestFace:
-    """A labelled surface, prepared for many points, of which all but few lie near the same vertices."""
+    """A labelled surface, prepared for many points, almost all of which lie near the same vertices."""
 
     triangles: Array
     """Corners [m], shape (m, 3, 3)."""
     label: IntArray
-    """Of each face, shape (m,)."""
+    """Label of each face, shape (m,)."""
     groups: tuple[FaceGroup, ...]
     vertices: cKDTree
     vertex_label: IntArray
-    """Of the faces around each vertex, shape (n,)."""
+    """Label of the faces around each vertex, shape (n,)."""
     others: dict[int, tuple[FaceGroup, ...]]
-    """Faces of all labels but one, by that one; made when it is asked for."""
+    """For each label the faces of all other labels; made on demand."""
     clear: Array
-    """How far around each vertex there is no other label at least [m], shape (n,); NaN until it is asked for."""
+    """Lower bound of the distance from each vertex to a face of another label [m], shape (n,); NaN until it is
+    needed."""
 
     @classmethod
     def of(cls, vertices: Array, faces: NDArray[np.int32], label: IntArray) -> "NearestFace":
@@ -58,14 +59,14 @@ class NearestFace:
         """Label of the face nearest to each point (k, 3), shape (k,)."""
         away, vertex = self.vertices.query(point)
         label = self.vertex_label[vertex]
-        # the nearest face is no farther than the vertex, so within twice that of the vertex
+        # the nearest face is no farther than the vertex, so it is within twice that distance of the vertex
         unsure = np.flatnonzero(2.0 * away >= self.clear_of(vertex))
         if len(unsure):
             label[unsure] = self.label[self.nearest(point[unsure])]
         return np.asarray(label)
 
     def clear_of(self, vertex: IntArray) -> Array:
-        """`clear` of some vertices (k,)."""
+        """The values of `clear` for some vertices (k,)."""
         new = np.unique(vertex[np.isnan(self.clear[vertex])])
         for one in np.unique(self.vertex_label[new]).tolist():
             mine = new[self.vertex_label[new] == one]
@@ -90,7 +91,7 @@ class NearestFace:
 
 
 def groups_of(triangles: Array, chosen: IntArray) -> tuple[FaceGroup, ...]:
-    """The chosen faces (k,) by powers of two of their size."""
+    """The chosen faces (k,), grouped by powers of two of their size."""
     middle = triangles[chosen].mean(axis=1)
     radius = np.linalg.norm(triangles[chosen] - middle[:, None], axis=2).max(axis=1)
     power = np.ceil(np.log2(np.maximum(radius, np.finfo(float).tiny)))
@@ -101,15 +102,16 @@ def groups_of(triangles: Array, chosen: IntArray) -> tuple[FaceGroup, ...]:
 
 
 def near(group: FaceGroup, point: Array, reach: Array) -> tuple[IntArray, IntArray]:
-    """Rows of points (k, 3) and faces of a group that may be within the reach (k,) of each [m], in pairs."""
+    """Pairs of row indices: of a point (k, 3) and of a face of the group that may lie within the point's reach (k,)
+    [m]."""
     found = group.middle.query_ball_point(point, reach * (1.0 + 1e-9) + group.radius)
     row = np.repeat(np.arange(len(point)), [len(one) for one in found])
     return row, group.face[np.array([face for one in found for face in one], dtype=np.int64)]
 
 
 def distances(point: Array, triangle: Array) -> Array:
-    """Distance of each point (k, 3) to its triangle (k, 3, 3) [m], shape (k,): to its plane where the foot lies in it,
-    else to the nearest edge."""
+    """Distance of each point (k, 3) to its triangle (k, 3, 3) [m], shape (k,): to the plane if the foot point lies in
+    the triangle, else to the nearest edge."""
     a, b, c = triangle.transpose(1, 0, 2)
     normal = np.cross(b - a, c - a)
     length = np.maximum(np.linalg.norm(normal, axis=1), np.finfo(float).tiny)
@@ -129,5 +131,5 @@ def edge_distances(point: Array, p: Array, q: Array) -> Array:
 
 
 def dot(a: Array, b: Array) -> Array:
-    """Row by row, shape (k,)."""
+    """Dot products row by row, shape (k,)."""
     return np.asarray(np.einsum("ij,ij->i", a, b))

@@ -1,7 +1,7 @@
-"""Where and how two bodies will press on each other, before anything is simulated: contact of an elastic half-space.
+"""Predicts the contact of two bodies before the simulation: contact of an elastic half-space.
 
-The gap between them is known on a regular grid in plan. Pressures p >= 0 that carry the load are sought so that the gap
-is closed where p > 0 and open elsewhere, with the deflection of a half-space under uniform pressure on rectangles
+The gap between them is known on a regular grid in plan. The solution is pressures p >= 0 that carry the load, with the
+gap closed where p > 0 and open elsewhere, with the deflection of a half-space under uniform pressure on rectangles
 [L29, Sec. 3.1; J85, Eq. 3.25]; a constrained conjugate gradient finds them [P99]. No shape is assumed: lines, edges,
 rings and feet come out as they are.
 
@@ -11,7 +11,7 @@ Soc. A 228, 1929.
 [P99] I. A. Polonsky, L. M. Keer, A numerical method for solving rough contact problems based on the multi-level
 multi-summation and conjugate gradient techniques, Wear 231, 1999.
 
-Closed-form guesses that choose a resolution before anything is simulated.
+Closed-form estimates that choose a resolution before the simulation.
 
 [J85] K. L. Johnson, Contact Mechanics, Cambridge University Press, 1985.
 """
@@ -25,11 +25,11 @@ from scipy import fft, ndimage
 
 from solver.arrays import Array
 
-TOLERANCE = 1e-3  # change of the pressures in an iteration over the load [-]: resolutions need no more
+TOLERANCE = 1e-3  # change of the pressures in an iteration over the load [-]: precise enough to choose a resolution
 MOST_ITERATIONS = 200
-NARROW = 0.25  # half the width of a gap that is closed, over the radius of a disc as large as the patch [-]
-IDLE = 0.05  # load on a place over that on the one that carries most: less does not decide how deep anything sinks [-]
-LOADED = 1e-3  # of the largest pressure: less counts as no contact
+NARROW = 0.25  # half the width of a gap that is filled, over the radius of a disc as large as the patch [-]
+IDLE = 0.05  # load on a place over the largest: a smaller load does not affect the depth [-]
+LOADED = 1e-3  # of the largest pressure: lower pressures do not count as contact
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,11 +37,11 @@ class Patch:
     """A predicted contact."""
 
     pressure: Array
-    """On the cells of the grid in plan [Pa], shape (nx, ny)."""
+    """Pressure on the cells of the grid in plan [Pa], shape (nx, ny)."""
     spacing: tuple[float, float]
-    """Of the cells along x and y [m]."""
+    """Size of the cells along x and y [m]."""
     approach: float
-    """How much nearer the bodies come from first contact to rest [m]."""
+    """Approach of the bodies from first contact to rest [m]."""
 
     @property
     def touching(self) -> NDArray[np.bool_]:
@@ -50,8 +50,8 @@ class Patch:
 
     @cached_property
     def region(self) -> NDArray[np.bool_]:
-        """Where the load comes down, shape (nx, ny): a rough surface touches with its crests first, but what is between
-        them is under the same load; and places of their own that carry next to nothing are left out."""
+        """Mask of the loaded region, shape (nx, ny): a rough surface touches with its crests first, but the places
+        between them are under the same load; separate places with a negligible load are left out."""
         radius = float(np.sqrt(self.touching.sum() * self.spacing[0] * self.spacing[1] / np.pi))
         near = self.touching
         for axis, spacing in enumerate(self.spacing):
@@ -61,8 +61,8 @@ class Patch:
         return np.asarray(near & (load[label] >= IDLE * load.max()))
 
     def half_widths(self, axis: int) -> Array:
-        """Half the length of the run of contact through each row of cells across an axis, mean over its load [m]; nan
-        where nothing touches, shape (n,): how wide the region is along `axis` there."""
+        """Half the length of the run of contact through each row of cells along `axis`, averaged over the load [m],
+        shape (n,): half the width of the region there; nan without contact."""
         touching, pressure = (np.moveaxis(one, axis, 0) for one in (self.region, self.pressure))
         run = np.zeros(touching.shape)
         for row in range(touching.shape[1]):
@@ -76,7 +76,7 @@ class Patch:
 
 
 def without_gaps(mask: NDArray[np.bool_], axis: int, cells: int) -> NDArray[np.bool_]:
-    """With gaps of at most so many cells along an axis filled; no run gets longer at its own end."""
+    """A mask in which gaps of at most `cells` cells along an axis are filled; no run gets longer at its own ends."""
     if cells < 1:
         return mask
     room = [(cells, cells) if a == axis else (0, 0) for a in range(2)]
@@ -86,10 +86,10 @@ def without_gaps(mask: NDArray[np.bool_], axis: int, cells: int) -> NDArray[np.b
 
 
 def elastic_patch(gap: Array, spacing: tuple[float, float], load: float, modulus: float) -> Patch:
-    """The contact under a load [N] of two bodies whose gap [m] before it is known on a grid, shape (nx, ny).
+    """The contact under a load [N] of two bodies whose initial gap [m] is known on a grid, shape (nx, ny).
 
-    `spacing` [m] of the grid, `modulus` E* [Pa] with 1 / E* the sum of (1 - nu^2) / E of both; the gap is infinite
-    where they cannot meet. Pressures at the grid's border say that it is too small.
+    `spacing` [m] of the grid, `modulus` E* [Pa] with 1 / E* the sum of (1 - nu^2) / E of both bodies; the gap is
+    infinite where they cannot meet. Pressure at the grid's border means that the grid is too small.
     """
     area = spacing[0] * spacing[1]
     kernel = _influence(gap.shape, spacing) / modulus
@@ -122,7 +122,8 @@ def elastic_patch(gap: Array, spacing: tuple[float, float], load: float, modulus
 
 
 def _influence(shape: tuple[int, ...], spacing: tuple[float, float]) -> NDArray[np.complex128]:
-    """Transform of the deflection of a half-space of E* = 1 at the middles of cells under unit pressure on one."""
+    """Fourier transform of the deflection of a half-space of E* = 1 at the middles of cells under unit pressure on one
+    cell."""
     a, b = 0.5 * spacing[0], 0.5 * spacing[1]
     nx, ny = (2 * n for n in shape)
     x = spacing[0] * fft.fftfreq(nx, 1.0 / nx)[:, None]
@@ -136,7 +137,7 @@ def _influence(shape: tuple[int, ...], spacing: tuple[float, float]) -> NDArray[
 
 
 def _deflection(kernel: NDArray[np.complex128], pressure: Array) -> Array:
-    """Of the surface under pressures (nx, ny) [m]."""
+    """Deflection of the surface under pressures (nx, ny) [m]."""
     nx, ny = pressure.shape
     whole = fft.irfft2(kernel * fft.rfft2(pressure, (2 * nx, 2 * ny)), (2 * nx, 2 * ny))
     return np.asarray(whole[:nx, :ny])
@@ -169,9 +170,10 @@ def indentation(weight: float, radius: float, youngs_modulus: float, poisson_rat
 
 
 def bending(weight: float, length: float, width: float, thickness: float, youngs_modulus: float) -> float:
-    """Bound of how far a bar bends [m]: twice the tip deflection W l^3 / (3 E I) of a cantilever, I = b t^3 / 12.
+    """Upper bound of the bending of a bar [m]: twice the tip deflection W l^3 / (3 E I) of a cantilever, I = b t^3 /
+    12.
 
-    Weight [N] at its tip, sides [m], Young's modulus [Pa]. Twice, because a round bar bends 1.7 times as far.
+    Weight [N] at its tip, sides [m], Young's modulus [Pa]. Twice, because a round bar bends 1.7 times as much.
     """
     return 8.0 * weight * length**3 / (youngs_modulus * width * thickness**3)
 

@@ -1,7 +1,7 @@
 """Contact between the surface points of one body and the signed distance of another.
 
-Normal force and friction of the points: friction.py. Rolling and torsional resistance of pairs: rolling.py. Both are
-springs whose anchors the state remembers from step to step, taken implicitly on both sides.
+Normal force, friction, and rolling and torsional resistance of pairs: friction.py. All are springs whose anchors the
+state carries from step to step, treated implicitly on both sides.
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,7 +26,7 @@ STICK_SPEED = 1e-4  # a point at its friction limit that moves slower than this 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class StepStart:
-    """Where a step begins: what friction and rolling resistance are measured from."""
+    """Start of a step, from which friction and rolling resistance are measured."""
 
     state: State
     seconds: float
@@ -35,32 +35,33 @@ class StepStart:
     surfaces: dict[int, NDArray[np.float64]]
     """World positions of the surface points of each body that has contact points [m], shape (n, 3)."""
     superfluous: Mapping[tuple[int, int], NDArray[np.bool_]] = field(default_factory=dict)
-    """By pair of a rigid body and a soft one, the points of the rigid one that do not count in the step, since the soft
-    one's own do: settled at its start, so that forces are continuous within it, shape (n,)."""
+    """For each pair of a rigid and a soft body, the mask of the rigid body's points that do not count in the step,
+    because those of the soft body do: determined at its start, so that forces are continuous within the step, shape
+    (n,)."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Located:
-    """Where k points are in the start pose of a body, and how far from its surface."""
+    """Positions of k points in the start pose of a body, and their distances from its surface."""
 
     point: NDArray[np.int64]
     """Indices of the points, shape (k,)."""
     material: NDArray[np.float64]
-    """[m], shape (k, 3)."""
+    """Material points [m], shape (k, 3)."""
     gap: NDArray[np.float64]
-    """[m], shape (k,)."""
+    """Gaps [m], shape (k,)."""
     normal: NDArray[np.float64]
-    """Outwards, in the world, shape (k, 3)."""
+    """Outward world normals, shape (k, 3)."""
     node: NDArray[np.int64]
-    """Nodes of the cell with the place of the surface that each point pushes, shape (k, 8)."""
+    """Nodes of the cell that contains the place of the surface that each point pushes, shape (k, 8)."""
     weight: NDArray[np.float64]
-    """Their shape values, zero in a rigid body and where none holds it, shape (k, 8)."""
+    """Shape values of these nodes, zero for a rigid body and for a point in no cell, shape (k, 8)."""
     found: NDArray[np.bool_]
     """Points that lie in a cell of a soft body, shape (k,)."""
     unlocated: int = 0
     """As in Contacts."""
     cell: NDArray[np.int32] | None = None
-    """Cell with the place of the surface that each point pushes, negative: none, shape (k,); None if rigid."""
+    """Cell that contains the place of the surface that each point pushes, negative: none, shape (k,); None if rigid."""
 
 
 def _interpolation(body: BodyGrid, nodes: int) -> sparse.csr_matrix:
@@ -71,7 +72,7 @@ def _interpolation(body: BodyGrid, nodes: int) -> sparse.csr_matrix:
 
 
 class ContactQuery:
-    """Finds the active contacts of a state. Holds what is constant; what contacts remember is in the state."""
+    """Finds the active contacts of a state. Holds constant data; the memory of contacts is in the state."""
 
     def __init__(self, model: Model, soft: SoftSystem, pairs: list[Pair], bonds: Sequence[BondedPair] = ()) -> None:
         self.model = model
@@ -80,9 +81,9 @@ class ContactQuery:
         self.bonds = bonds
         self.soft_of: dict[int, BodyGrid] = {s.index: s for s in soft.bodies}
         self.smooth = np.zeros((len(soft.rest), 9))
-        """Room for the deformation at the nodes, averaged anew in every query."""
+        """Buffer for the deformation at the nodes, averaged again in every query."""
         self.interpolation = {s.index: _interpolation(s, len(soft.rest)) for s in soft.bodies}
-        """Surface points from nodes, shape (points, n)."""
+        """Interpolation of surface points from nodes, shape (points, n)."""
 
     def fresh_memory(self) -> ContactMemory:
         """Contact memory before the first step."""
@@ -96,7 +97,7 @@ class ContactQuery:
         return np.asarray((body.vertices - body.center_of_mass) @ state.rotation[index].T + state.center[index])
 
     def begin(self, state: State, seconds: float, rolling: RollingLaw = law_stiff) -> StepStart:
-        """A step of some seconds from a state, which must not change until the step is done."""
+        """The start of a step of some seconds from a state, which must not change until the step is finished."""
         surfaces = self._surfaces(state)
         flat = [(p, p.flat) for p in self.pairs if p.flat is not None]
         if flat:
@@ -159,8 +160,9 @@ class ContactQuery:
         )
 
     def _solid_box(self, state: State, index: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """World box outside of which no point can be inside a body [m]: of a soft body's cells, or of the samples of a
-        rigid one's distance. Its surface may be a part of that of the solid, such as the top of a cut-out slab."""
+        """World box outside of which no point can be inside a body [m]: the box of a soft body's cells, or of the
+        samples of a rigid body's distance. The body's surface may be only a part of the solid's surface, such as the
+        top of a cut-out slab."""
         if index in self.soft_of:
             return bounds(state.x[self.soft_of[index].nodes])
         body = self.model.bodies[index]
@@ -169,8 +171,8 @@ class ContactQuery:
         return bounds((corner - body.center_of_mass) @ state.rotation[index].T + state.center[index])
 
     def _locate(self, index: int, state: State, points: NDArray[np.float64], guess: NDArray[np.float64]) -> Located:
-        """Where those of the points (n, 3) that can be in a body are in it; in a soft one the search starts at the
-        material points `guess` (n, 3), where they are not NaN."""
+        """Places of those of the points (n, 3) that can be in a body; in a soft body the search starts at the material
+        points `guess` (n, 3), where they are not NaN."""
         body = self.model.bodies[index]
         point = inside(points, *self._solid_box(state, index))
         near, count = point.astype(np.int32), len(point)
@@ -201,7 +203,7 @@ class ContactQuery:
     def _superfluous(
         self, pair: Pair, flat: FlatRegions, state: State, points: NDArray[np.float64]
     ) -> NDArray[np.bool_]:
-        """The points (n, 3) of a rigid body that its soft partner's own points make superfluous, shape (n,)."""
+        """Mask of the points (n, 3) of a rigid body that its soft partner's own points make superfluous, shape (n,)."""
         memory = state.memory.points[pair.key]
         found = self._locate(pair.b, state, points, memory.material_point)
         out = np.zeros(len(points), dtype=bool)
@@ -215,7 +217,7 @@ class ContactQuery:
         return out
 
     def _undeformed(self, index: int, state: State, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Where points (k, 3) would be in a soft body's start pose, had it only moved rigidly [m]."""
+        """Places of points (k, 3) in a soft body's start pose, assuming that the body has only moved rigidly [m]."""
         if self.model.bodies[index].fixed:
             return points
         nodes = self.soft_of[index].nodes
@@ -265,7 +267,8 @@ class ContactQuery:
         )
 
     def _gather(self, rows: Sequence[PairPoints]) -> sparse.csr_matrix:
-        """Relative displacement per point from node displacements, shape (k, n), one column where there is no node."""
+        """Map from node displacements to the relative displacement per point, shape (k, n); one column if there is no
+        node."""
         node = np.concatenate([np.zeros((0, 16), dtype=np.int64), *(row.node for row in rows)])
         weight = np.concatenate([np.zeros((0, 16)), *(row.weight for row in rows)])
         point = np.repeat(np.arange(len(node)), 16)
@@ -342,7 +345,7 @@ class ContactQuery:
         )
 
     def _spins(self, involved: frozenset[int], state: State) -> dict[int, Spin]:
-        """Spins of the free soft bodies among those that touch or are bonded."""
+        """Spins of the free soft bodies that touch or are bonded."""
         out = {}
         for index, one in self.soft_of.items():
             if index in involved and not self.model.bodies[index].fixed:

@@ -1,12 +1,12 @@
-"""Stiffness-proportional damping that is a function of two states and knows no rotation.
+"""Stiffness-proportional damping as a function of two states, unaffected by rotation.
 
 Over a step of dt from stretches S0 to S (F = R S) the drag is the gradient of
 
     D = beta / dt ( mu |S - S0|^2 + lambda / 2 (J - J0)^2 + E_relief(q - q0) )
 
 summed over volume: the elastic energy of the step's own strain, with J the cell's mean volume change and q the bending
-modes of solver/model/bending.py. Its second derivative at S = S0 is beta / dt times that of elasticity. S, J and q stay
-as they are in a rigid motion, so a turning body feels no drag, and none of its angular momentum is lost.
+modes of solver/model/bending.py. Its second derivative at S = S0 is beta / dt times that of elasticity. S, J and q do
+not change in a rigid motion, so a turning body feels no drag and loses no angular momentum.
 
 With S : S0 as function of F, and skew(a) x = a cross x,
 
@@ -32,7 +32,7 @@ from solver.kernels.elastic import (
     vec3,
 )
 
-AMBIGUOUS = 1e-3  # det of tr(S) I - S below which the rotation hangs on nothing: in an inverted particle
+AMBIGUOUS = 1e-3  # det of tr(S) I - S below which the rotation is undetermined: in an inverted particle
 
 
 @ti.func

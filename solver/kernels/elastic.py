@@ -28,9 +28,9 @@ vec6 = ti.types.vector(6, ti.f64)
 
 SIDE = tuple(tuple(2.0 * (a >> shift & 1) - 1.0 for shift in (2, 1, 0)) for a in range(8))
 """-1 or 1 per axis for local node a = 4 i + 2 j + k."""
-POLAR_TOLERANCE = 1e-13  # squared change at which the polar iteration stops: what is left is rounding
+POLAR_TOLERANCE = 1e-13  # squared change at which the polar iteration stops: the remainder is rounding
 POLAR_ITERATIONS = 20  # Newton converges quadratically: 6 suffice up to a stretch of 10
-SMALLEST_BULK = 1e-300  # [N m], so that nu = 0 divides by something
+SMALLEST_BULK = 1e-300  # [N m], avoids division by zero for nu = 0
 INVERTED = 1e-6  # below this J the Newton iteration is ill-conditioned; the warm-started iteration [M16] takes over
 
 
@@ -55,7 +55,7 @@ def shape_gradient(a: ti.i32, xi: vec3, h: vec3) -> vec3:
 
 @ti.func
 def shape_gradients(xi: vec3, h: vec3) -> mat83:
-    """shape_gradient of all eight local nodes, one per row."""
+    """Values of shape_gradient for all eight local nodes, one per row."""
     u = ti.Matrix([[1.0 - xi[0], xi[0]], [1.0 - xi[1], xi[1]], [1.0 - xi[2], xi[2]]])
     s = ti.Matrix([[-1.0 / h[0], 1.0 / h[0]], [-1.0 / h[1], 1.0 / h[1]], [-1.0 / h[2], 1.0 / h[2]]])
     G = ti.Matrix.zero(ti.f64, 8, 3)
@@ -81,7 +81,7 @@ def cofactor(F: mat3) -> mat3:
 @ti.func
 def rotation_by_newton(F: mat3, C: mat3, J: ti.f64, tolerance: ti.f64) -> mat3:
     """Polar rotation of F with cofactor matrix C and J = det F > 0: R <- (R + R^-T) / 2 until the squared change is
-    `tolerance` [H86]; it converges quadratically, so the error left is half of that."""
+    below `tolerance` [H86]; convergence is quadratic, so the remaining error is half of that."""
     R = 0.5 * (F + (1.0 / J) * C)
     change = (R - F).norm_sqr()
     count = 1
@@ -197,7 +197,7 @@ def cell_forces(
     psi: ti.types.ndarray(),
     force: ti.types.ndarray(),
 ):
-    """Per cell: deformation, rotation and energy of its particles, and the forces -V P g_a on its 8 nodes, less the
+    """Per cell: deformation, rotation and energy of its particles, and the forces -V P g_a on its 8 nodes, minus the
     relief's.
 
     The volume change is that of the cell as a whole, weighted by V lambda: pointwise it would lock for nu -> 1/2.

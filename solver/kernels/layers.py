@@ -1,19 +1,19 @@
-"""Forces and tangents that layers add to elastic.py and tangents.py; law and constants in model/layers.py.
+"""Additional forces and tangents of layers on top of elastic.py and tangents.py; law and constants in model/layers.py.
 
-Symbols: f_1, f_2, f_3 = F T, the columns of the deformation gradient along the layers' frame T (two directions in
-them, their normal); A = |f_1 x f_2| and m = f_1 x f_2 / A, area and normal of the layers now; H = f_3 . m their
-distance; d = f_1 + m x f_2 and e = f_1 - m x f_2, whose lengths are the difference and the sum of the principal
+Symbols: f_1, f_2, f_3 = F T, the columns of the deformation gradient along the layers' frame T (two directions in the
+layers, and their normal); A = |f_1 x f_2| and m = f_1 x f_2 / A, current area and normal of the layers; H = f_3 . m
+their distance; d = f_1 + m x f_2 and e = f_1 - m x f_2, whose lengths are the difference and the sum of the principal
 stretches of the layers, since a plane map is a conformal and an anticonformal one. So
 
     a = |e| - 2 ,   w = H - 1 ,   |d| ,   s = f_3 - H m
     psi = 1/2 (K_aa a^2 + 2 K_aw a w + K_ww w^2 + k_d |d|^2 + k_s |s|^2)
 
-Nothing is extracted from F by iteration; psi depends on lengths and products of the f_i alone, so it is objective, and
-it is defined for det F <= 0, where H < 0 resists.
+F is not decomposed by iteration; psi depends only on lengths and products of the f_i, so it is objective, and it is
+defined for det F <= 0, where H < 0 resists.
 
-The tangent is sum_rs C_rs (d measure_r / dF) (d measure_s / dF)^T with the measures a, w, d, s seen in a frame that
-turns with the layers, at F as it is: the whole second derivative at rest, never negative, and no resistance to a
-rotation. What the stress adds to it is left out.
+The tangent is sum_rs C_rs (d measure_r / dF) (d measure_s / dF)^T with the measures a, w, d, s in a frame that turns
+with the layers, at the current F: the complete second derivative at rest, never negative, and without resistance to a
+rotation. The contribution of the stress is left out.
 """
 
 import taichi as ti
@@ -86,7 +86,8 @@ def add_layer_forces(
 
 @ti.func
 def in_layer(b: vec3, m: vec3, d: vec3, turn1: vec3, turn2: vec3):
-    """Derivatives by f_1 and f_2 of d along the direction b of the layer, in a frame that turns with it."""
+    """Derivatives by f_1 and f_2 of the component of d along the direction b of the layer, in a frame that turns with
+    it."""
     turned = b.dot(m.cross(d))
     return b - turned * turn1, b.cross(m) - turned * turn2
 
@@ -106,7 +107,7 @@ def layer_measures(f: mat3):
     stretch = ti.max(e.norm(), LEAST_STRETCH)
     x = e / stretch
     y = m.cross(x)
-    turn1, turn2 = y / stretch, -x / stretch  # how the layer turns in its plane with f_1 and f_2
+    turn1, turn2 = y / stretch, -x / stretch  # rotation of the layer in its plane by f_1 and f_2
     a1, a2 = (f1 + A * dual1) / stretch, (f2 + A * dual2) / stretch
     w1, w2 = f2.cross(s) / A, s.cross(f1) / A
     dx1, dx2 = in_layer(x, m, d, turn1, turn2)
@@ -142,7 +143,7 @@ def start_layers(
     F_in: ti.types.ndarray(),
     out: ti.types.ndarray(),
 ):
-    """Measures (p, 6) of the particles in the listed cells at a state."""
+    """Measures (p, 6) of the particles in the listed cells in a state."""
     for k in range(cells.shape[0]):
         c = cells[k]
         for p in range(cell_start[c], cell_start[c + 1]):
@@ -165,8 +166,8 @@ def add_layer_drag(
     before: ti.types.ndarray(),
     force: ti.types.ndarray(),
 ):
-    """Material damping as in damping.py, rate = beta / dt: the gradient of the layers' energy of the change of their
-    measures since `before` (p, 6), which a rigid motion leaves as they are."""
+    """Material damping as in damping.py, rate = beta / dt: the gradient of the layers' energy for the change of their
+    measures since `before` (p, 6), which a rigid motion does not change."""
     for k in range(cells.shape[0]):
         c = cells[k]
         h = vec3(cell_size[c, 0], cell_size[c, 1], cell_size[c, 2])
@@ -198,7 +199,7 @@ def add_layer_tangents(
     F_in: ti.types.ndarray(),
     K: ti.types.ndarray(dtype=mat3f, ndim=3),
 ):
-    """Adds to the 8 x 8 blocks of the listed cells."""
+    """Adds the layers' tangents to the 8 x 8 blocks of the listed cells."""
     for k in range(cells.shape[0]):
         c = cells[k]
         h = vec3(cell_size[c, 0], cell_size[c, 1], cell_size[c, 2])

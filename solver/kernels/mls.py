@@ -1,9 +1,10 @@
 """Transfers of the explicit material point method between the particles of one body and a graded grid around it.
 
-Symbols: x, u, C, F per particle as in [J15] and [H18]; V rest volume, m mass. The grid stands in a frame that moves
+Symbols: x, u, C, F per particle as in [J15] and [H18]; V rest volume, m mass. The grid is fixed in a frame that moves
 with the body, X = R^T (x - c) + c0, so a body that falls or rolls does not cross it. Node planes along each of its axes
-may be any increasing list; weights are quadratic B-splines in the planes' number, which is linear between two planes.
-On graded planes a particle's weights have another middle than itself, and a spread of their own along each axis a:
+may be any increasing list; weights are quadratic B-splines in the plane index, interpolated linearly between two
+planes. On graded planes the weights of a particle have a middle different from its position, and their own spread along
+each axis a:
 
     Xm = sum_i w_i X_i ,  D_a = sum_i w_i (X_i - Xm)_a^2              (equal planes h apart: Xm = X, D = h^2 / 4)
 
@@ -13,7 +14,7 @@ u is the velocity at the middle. With moving least squares about it [H18] linear
     G2P  u_p = sum_i w_ip v_i,  C_p = sum_i w_ip v_i (x_i - xm_p)^T D^-1,  F_p <- (I + dt C_p) F_p
 
 Nothing is added atomically: pencils of PENCIL x PENCIL columns of cells are written in four colours, and a particle may
-be SLACK cells outside of its pencil before it must be sorted again, so pencils of one colour never share a node.
+leave its pencil by SLACK cells before it must be sorted again, so pencils of one colour never share a node.
 
 [J15] Jiang, Schroeder, Selle, Teran, Stomakhin: The affine particle-in-cell method. SIGGRAPH 2015.
 [H18] Hu, Fang, Ge, Qu, Zhu, Pradhana, Jiang: A moving least squares material point method with displacement
@@ -29,16 +30,16 @@ from solver.kernels.query import plane_interval
 vec4 = ti.types.vector(4, ti.f64)
 
 PENCIL = 4  # cells of a pencil along x and along y
-SLACK = 1  # cells that a particle may be outside of it; 2 * SLACK + 2 <= PENCIL keeps pencils of one colour apart
-TASK = 1024  # Taichi gives a thread no fewer iterations than this: a loop of TASK per pencil makes each its own task
-SHARE = 16  # so many blocks make a task
-POLAR_TOLERANCE = 2e-6  # squared change of the polar iteration: an error of 1e-6, and of the shear modulus
+SLACK = 1  # cells by which a particle may leave it; 2 * SLACK + 2 <= PENCIL keeps pencils of one colour apart
+TASK = 1024  # Taichi gives a thread at least this many iterations: a loop of TASK per pencil makes each pencil a task
+SHARE = 16  # number of blocks per task
+POLAR_TOLERANCE = 2e-6  # squared change of the polar iteration: an error of 1e-6, also in the shear modulus
 
 # columns of a particle's constants
 PARTICLE_MASS = 0  # [kg]
 VOLUME_MU = 1  # rest volume times shear modulus [J]
 VOLUME_LAMBDA = 2  # rest volume times first Lame parameter [J]
-GRAVITY_SHARE = 3  # share of gravity that acts [-]
+GRAVITY_SHARE = 3  # share of gravity that acts on it [-]
 VOLUME = 4  # [m^3]
 
 # rows of a frame
@@ -46,14 +47,14 @@ CENTER = 0  # c [m]
 START_CENTER = 1  # c0 [m]
 ROTATION = 2  # R, three rows
 
-# columns of the sums of one block of particles; vectors and m x x^T start at theirs
+# columns of the sums of one block of particles; for vectors and m x x^T the first column
 MASS = 0  # m
 FIRST_MOMENT = 1  # m xm, 3 columns
 MOMENTUM = 4  # m u, 3 columns
 ANGULAR_MOMENTUM = 7  # about the origin, 3 columns
 SECOND_MOMENT = 10  # m (xm xm^T + D): xx, yy, zz, yz, zx, xy
 ENERGY = 16  # kinetic
-MOMENTS = 17  # so many columns are sums over particles; then
+MOMENTS = 17  # number of columns that are sums over particles; they are followed by
 SQUARED_SPEED = 17  # of the fastest particle
 STRAYS = 18  # particles that have left their pencil
 INVERSIONS = 19  # particles with det F <= 0
@@ -74,8 +75,8 @@ def frame_rotation(frame: ti.template()) -> mat3:
 
 @ti.func
 def along(planes: ti.template(), X: ti.f64):
-    """Of three nodes around X on an axis: the first, weights, places less the weights' middle; middle; spread; number
-    of X among the planes."""
+    """For three nodes around X on an axis: index of the first, weights, and places relative to the middle of the
+    weights; that middle; the spread; and the interpolated plane index of X."""
     k = plane_interval(planes, X)
     q = k + (X - planes[k]) / (planes[k + 1] - planes[k])
     base = ti.math.clamp(ti.cast(ti.floor(q - 0.5), ti.i32), 0, planes.shape[0] - 3)
@@ -131,7 +132,7 @@ def particles_to_grid(
     gravity: ti.types.ndarray(dtype=ti.f64, ndim=1),
     grid: ti.types.ndarray(dtype=vec4, ndim=1),
 ):
-    """Add mass and momentum, elastic forces and gravity included, of the particles of pencils of one colour."""
+    """Add mass and momentum, including elastic forces and gravity, of the particles in pencils of one colour."""
     for task in range(pencils.shape[0] * TASK):
         if task % TASK != 0:
             continue
@@ -182,7 +183,7 @@ def momentum_to_velocity(
     held: ti.types.ndarray(dtype=ti.u8, ndim=1),
     grid: ti.types.ndarray(dtype=vec4, ndim=1),
 ):
-    """Node velocities from momenta; held nodes stand still."""
+    """Node velocities from momenta; held nodes do not move."""
     for n in range(grid.shape[0]):
         node = grid[n]
         scale = 0.0
@@ -193,8 +194,8 @@ def momentum_to_velocity(
 
 @ti.func
 def moments(x: vec3, u: vec3, C: mat3, D: mat3, m: ti.f64):
-    """Share of one particle in the first MOMENTS sums of its block: a small body with second moment m D about its
-    middle x, where the velocity is u and grows by C."""
+    """Contribution of one particle to the first MOMENTS sums of its block: a small body with second moment m D about
+    its middle x, with velocity u there and velocity gradient C."""
     B = C @ D
     L = m * (x.cross(u) + vec3(B[2, 1] - B[1, 2], B[0, 2] - B[2, 0], B[1, 0] - B[0, 1]))
     out = ti.Vector.zero(ti.f64, MOMENTS)
@@ -279,7 +280,7 @@ def grid_to_particles(
             total += moments(here + R @ shift, V, G, spread(R, Dx, Dy, Dz), m)
             fastest = ti.max(fastest, V.norm_sqr())
             cell = vec3(qx - 0.5, qy - 0.5, qz - 0.5)
-            stays = cell[0] >= 1.0 and cell[1] >= 1.0 and cell[2] >= 1.0  # so is no position that is no number
+            stays = cell[0] >= 1.0 and cell[1] >= 1.0 and cell[2] >= 1.0  # False for a position that is NaN
             stays = stays and cell[0] < planes_x.shape[0] - 3 and cell[1] < nodes_y - 3 and cell[2] < nodes_z - 3
             for d in ti.static(range(2)):
                 first = block[b, 2 + d]
@@ -312,7 +313,7 @@ def move_group(
 ):
     """u <- keep (u - rigid motion) + new rigid motion for the particles of one group, or of all for group -1.
 
-    motion = (centre, V, w, new V, new w), five rows; renews the moments in the sums of the group's blocks.
+    motion = (centre, V, w, new V, new w), five rows; recomputes the moments in the sums of the group's blocks.
     """
     for task in range(block.shape[0] * SHARE):
         if task % SHARE != 0:
@@ -354,9 +355,9 @@ def carry_points(
     F: ti.types.ndarray(dtype=mat3, ndim=1),
     out: ti.types.ndarray(dtype=ti.f64, ndim=2),
 ):
-    """Where chosen points of the start pose are now: out_n = sum_p w_np (x_p + F_p (X_n - X_p)).
+    """Current places of chosen points of the start pose: out_n = sum_p w_np (x_p + F_p (X_n - X_p)).
 
-    near[n] are particles by their start order, start_x[p] where those were; place[p] is where they are in x and F.
+    near[n] are particles by their start order, start_x[p] their start positions; place[p] is their index in x and F.
     """
     for a in range(chosen.shape[0]):
         n = chosen[a]
@@ -387,8 +388,8 @@ def push_points(
     C: ti.types.ndarray(dtype=mat3, ndim=1),
     constant: ti.types.ndarray(dtype=ti.f64, ndim=2),
 ):
-    """Give impulses [N s] at points chosen[a] to the particles that carry them, each its share: a point now at `at`
-    moves with u_p + C_p (at - xm_p), so its impulse j adds j / m to u and j (at - xm)^T D^-1 / m to C."""
+    """Distribute impulses [N s] at points chosen[a] to the particles that carry them by their shares: a point now at
+    `at` moves with u_p + C_p (at - xm_p), so its impulse j adds j / m to u and j (at - xm)^T D^-1 / m to C."""
     ti.loop_config(serialize=True)
     for a in range(chosen.shape[0]):
         R, c, c0 = frame_rotation(frame), frame_row(frame, CENTER), frame_row(frame, START_CENTER)

@@ -1,10 +1,10 @@
-"""One contact query for rigid and soft bodies: where is a world point in a body's start pose, and how far from its
+"""Contact query for rigid and soft bodies: position of a world point in a body's start pose, and distance from its
 surface.
 
-The signed distance is read from grid samples with quadratic B-splines, which makes the gap and its normal continuous;
-a plane is reproduced exactly, a curved surface is offset by spacing^2 / 8 times the sum of its principal curvatures
-[U99, uniform B-spline smoothing]. For a soft body the deformation map is inverted by Newton on its trilinear grid
-map, warm-started where the point was before.
+The signed distance is read from grid samples with quadratic B-splines, which makes the gap and its normal continuous; a
+plane is reproduced exactly, a curved surface is offset by spacing^2 / 8 times the sum of its principal curvatures [U99,
+uniform B-spline smoothing]. For a soft body the deformation map is inverted by Newton on its trilinear grid map,
+warm-started at the point's previous place.
 
 [U99] Unser: Splines, a perfect fit for signal and image processing. IEEE Signal Processing Magazine 16(6), 1999.
 """
@@ -13,13 +13,13 @@ import taichi as ti
 
 from solver.kernels.elastic import cofactor, load3, mat3, shape_gradient, vec3
 
-FAR = 1e9  # gap [m] that says: outside of the sampled region, no contact possible
-# a distance has slope 1; below this the nearest surface is ambiguous (a medial axis) and no normal exists
+FAR = 1e9  # gap [m] that means: outside the sampled region, no contact possible
+# a distance has slope 1; below this slope the nearest surface is ambiguous (a medial axis) and there is no normal
 LEAST_SLOPE = 0.1
 INVERSION_STEPS = 20  # Newton on a piecewise trilinear map: 3 to 5 inside one cell, one more per cell face crossed
-LEAST_VOLUME = 1e-3  # det F below which a map is not inverted [-]
-SURFACE_STEPS = 3  # towards the nearest place of the surface: each takes off what is left beside the normal
-OUTSIDE, UNLOCATED = -1, -2  # in place of a cell: none holds the point; the inversion ended inside, but not at it
+LEAST_VOLUME = 1e-3  # smallest det F at which a map is inverted [-]
+SURFACE_STEPS = 3  # steps towards the nearest place of the surface: each removes the remaining offset from the normal
+OUTSIDE, UNLOCATED = -1, -2  # instead of a cell: no cell contains the point; the inversion ended inside, but not at it
 INVERSION_TOLERANCE = 1e-8  # [m], far below any gap that matters
 
 
@@ -128,10 +128,10 @@ def average_deformation(
     node_cell: ti.types.ndarray(),
     F_out: ti.types.ndarray(),
 ):
-    """Deformation gradient at the listed nodes, averaged over the cells around each: continuous when interpolated.
+    """Deformation gradient at the listed nodes, averaged over the cells around each node: continuous when interpolated.
 
-    The gradient itself jumps at cell faces; a contact normal pushed forward with it would jump too and Newton
-    would cycle.
+    The gradient itself jumps at cell faces; a contact normal pushed forward with it would jump too, and Newton would
+    cycle.
     """
     for m in range(nodes.shape[0]):
         node = nodes[m]
@@ -160,8 +160,8 @@ def cell_around(
     planes_z: ti.template(),
     cell_id: ti.template(),
 ):
-    """The cell of the start pose that holds X, negative where there is none; local coordinates of X in the grid's
-    cell, beyond [0, 1] outside of the grid; and the size of that cell [m]."""
+    """The cell of the start pose that contains X, negative if there is none; local coordinates of X in the grid's cell,
+    beyond [0, 1] outside the grid; and the size of that cell [m]."""
     i, j, k = plane_interval(planes_x, X[0]), plane_interval(planes_y, X[1]), plane_interval(planes_z, X[2])
     low = vec3(planes_x[i], planes_y[j], planes_z[k])
     h = vec3(planes_x[i + 1], planes_y[j + 1], planes_z[k + 1]) - low
@@ -179,7 +179,7 @@ def invert(
     cell_id: ti.template(),
     cell_node: ti.template(),
 ):
-    """Newton from `start` for the X with x(X) = target: the cell that holds X (or OUTSIDE, or UNLOCATED), and X."""
+    """Newton from `start` for the X with x(X) = target: the cell that contains X (or OUTSIDE, or UNLOCATED), and X."""
     X = start
     cell, count = UNLOCATED, 0
     running = True
@@ -218,7 +218,8 @@ def invert(
 
 @ti.func
 def smooth_map(c: ti.i32, s: vec3, x: ti.template(), cell_node: ti.template(), smooth: ti.template()):
-    """Where the point at local coordinates s of cell c is [m], and the deformation averaged at the nodes there."""
+    """Position of the point at local coordinates s of cell c [m], and the interpolated average deformation of its
+    nodes."""
     here, F = vec3(0.0), mat3(0.0)
     for a in range(8):
         w, n = shape_value(a, s), cell_node[c, a]
@@ -243,12 +244,12 @@ def nearest_surface(
     spacing: ti.f64,
     values: ti.template(),
 ):
-    """The place of a body's deformed surface that is nearest to a point inside, from the material point X near there:
-    its cell and local coordinates, the world normal n, and the gap [m], FAR if none is found.
+    """The place of a body's deformed surface nearest to a point inside, starting from the material point X near it: its
+    cell and local coordinates, the world normal n, and the gap [m], FAR if no place is found.
 
-    Near a material point Y with distance phi and normal N the surface is the plane with n ~ F^-T N that is
-    phi / |F^-T N| further along n; each step goes to where target - x(Y) is along n, and onto phi = 0. Of what is not
-    inside X itself is enough. With `folded`, X is no inverse of target, and a place outside of the body says nothing.
+    Near a material point Y with distance phi and normal N the surface is the plane with n ~ F^-T N at phi / |F^-T N|
+    further along n; each step goes to where target - x(Y) is along n, and onto phi = 0. For a point outside, X itself
+    is sufficient. With `folded`, X is not an inverse of target, and a place outside the body is not used.
     """
     cell, local, normal, gap = UNLOCATED, vec3(0.0), vec3(0.0), FAR
     Y, running, count = X, True, 0
@@ -299,12 +300,12 @@ def query_soft(
 ):
     """The same for a soft body: invert x(X), and measure from the nearest place of the deformed surface.
 
-    The inversion starts at material_point[m], where the point was last (NaN: nowhere), and if that fails at
-    undeformed[m], where it would be had the body moved rigidly. cell[m] is a global cell (or OUTSIDE, or UNLOCATED),
-    weight the 8 shape values in it of the place on the surface that the contact pushes.
+    The inversion starts at material_point[m], the point's last place (NaN: none), and if that fails at undeformed[m],
+    its place if the body had only moved rigidly. cell[m] is a global cell (or OUTSIDE, or UNLOCATED), weight the 8
+    shape values in it of the place on the surface that the contact pushes.
 
     Where cells fold over themselves, as under a sharp edge, x(X) = target has several solutions or none, but the
-    surface does not jump: there the last X of the inversion does.
+    surface does not jump: there the last X of the inversion is used.
     """
     o = vec3(0.0)
     for d in ti.static(range(3)):
@@ -319,7 +320,7 @@ def query_soft(
         if found < 0:
             start = vec3(undeformed[m, 0], undeformed[m, 1], undeformed[m, 2])
             again, other = invert(target, start, x, planes_x, planes_y, planes_z, cell_id, cell_node)
-            if again > found or X[0] != X[0]:  # a cell if there is one, and outside if one of the two ended there
+            if again > found or X[0] != X[0]:  # a cell if there is one, OUTSIDE if either inversion ended there
                 found, X = again, other
         for d in ti.static(range(3)):
             material_point[m, d] = X[d]
@@ -346,7 +347,7 @@ def largest_particle_speed(
     real: ti.types.ndarray(),
     v: ti.types.ndarray(),
 ) -> ti.f64:
-    """Largest speed [m/s] of a particle of material; nodes that hardly hold any may move more without meaning."""
+    """Largest speed [m/s] of a material particle; the speed of nodes with hardly any material has no meaning."""
     largest = 0.0
     for c in range(cell_node.shape[0]):
         for p in range(cell_start[c], cell_start[c + 1]):

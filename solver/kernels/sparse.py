@@ -7,9 +7,9 @@ from solver.kernels.elastic import cofactor, mat3, mat3f, vec3, vec4f
 vec3f = ti.types.vector(3, ti.f32)
 vec4h = ti.types.vector(4, ti.f16)
 
-BLOCK = 2048  # nodes of a Gauss-Seidel block, about: smaller ones cost iterations, larger ones leave threads without
-LEAST = 512  # Taichi gives a thread no fewer iterations than these: a block stands for so many
-SHARE = 16  # for the same reason a lattice row stands for these: few rows are spread over threads
+BLOCK = 2048  # approximate nodes of a Gauss-Seidel block: smaller ones cost iterations, larger ones leave threads idle
+LEAST = 512  # Taichi gives a thread at least this many iterations: a block counts as this many
+SHARE = 16  # for the same reason a lattice row counts as this many: spreads few rows over threads
 
 
 @ti.kernel
@@ -21,7 +21,8 @@ def multiply(
     p: ti.types.ndarray(dtype=vec3, ndim=1),
     q: ti.types.ndarray(dtype=vec3, ndim=1),
 ):
-    """q = (scale A + diag(shift)) p with A (n, 27, 3 columns, 4) on the 27 nodes around each; absent neighbours are -1.
+    """q = (scale A + diag(shift)) p with A (n, 27, 3 columns, 4) on the 27 nodes around each node; absent neighbours
+    are -1.
 
     Columns of four let the compiler use packed arithmetic. Single precision is enough for a tangent.
     """
@@ -89,7 +90,7 @@ def add_contacts(
     A: ti.types.ndarray(),
 ):
     """Adds to the lower triangle of the dense A the blocks sum_k G_ki T_k G_kj of lattice nodes i and j; G is given by
-    its columns, which are those of nodes, and by its rows, which are those of contact points."""
+    its columns, one per node, and by its rows, one per contact point."""
     for task in range((column_start.shape[0] - 1) * SHARE):
         if task % SHARE != 0:
             continue
@@ -139,12 +140,12 @@ def precondition(
     u: ti.types.ndarray(dtype=vec3f, ndim=1),
     z: ti.types.ndarray(dtype=vec3, ndim=1),
 ):
-    """z = (D + U)^-1 D (D + L)^-1 r + P y: a symmetric Gauss-Seidel sweep with scale unit A = L + D + U and D^-1
-    given, and the (n, 8) lattice nodes around each node with their weights; u is room for the sweep.
+    """z = (D + U)^-1 D (D + L)^-1 r + P y: a symmetric Gauss-Seidel sweep with scale unit A = L + D + U and given D^-1,
+    and the (n, 8) lattice nodes around each node with their weights; u is a buffer for the sweep.
 
-    A preconditioner need not be exact: half precision is read in less time. A sweep couples the nodes of one block
-    only: blocks go to threads and do not depend on how many there are. A neighbour in slot s < 13 has a smaller number
-    than its node, in slot s > 13 a larger one.
+    A preconditioner need not be exact: half precision takes less time to read. A sweep only couples the nodes of one
+    block: blocks go to threads, and their number does not affect the result. A neighbour in slot s < 13 has a smaller
+    index than its node, in slot s > 13 a larger one.
     """
     nodes = r.shape[0]
     blocks = 2 * ti.max(1, (nodes + BLOCK) // (2 * BLOCK))

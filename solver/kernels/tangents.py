@@ -1,6 +1,7 @@
-"""Tangent of the elastic forces of elastic.py, with its symbols: per cell, on the stencil of the nodes, and coarse.
+"""Tangent of the elastic forces of elastic.py, with the same symbols: per cell, on the stencil of the nodes, and
+coarse.
 
-It is the tangent at rest, turned with the cell (warped stiffness [M04]), and the true one without its negative part
+It is the tangent at rest, turned with the cell (warped stiffness [M04]), and the true tangent without its negative part
 [S19] where strain is large.
 
 [M04] Mueller, Gross: Interactive virtual materials. Graphics Interface 2004.
@@ -29,7 +30,7 @@ vec9f = ti.types.vector(9, ti.f32)
 
 JACOBI_SWEEPS = 6  # converge quadratically: four reach rounding
 JACOBI_SMALL = 1e-16  # of the diagonal: nothing left to rotate away
-SMALLEST_STRETCH = 1e-3  # sum of two singular values [-] below which a particle is inside out
+SMALLEST_STRETCH = 1e-3  # sum of two singular values [-] below which a particle is inverted
 
 
 @ti.kernel
@@ -45,7 +46,7 @@ def rest_tangents(
     K: ti.types.ndarray(dtype=mat3f, ndim=3),
 ):
     """Per cell the 8 x 8 blocks at rest, K_ab = sum V mu [(g_a . g_b) I + g_b g_a^T] + B_a B_b^T / sum V lambda with
-    B_a = sum V lambda g_a, less the second derivative of the relief."""
+    B_a = sum V lambda g_a, minus the second derivative of the relief."""
     for c in range(cell_size.shape[0]):
         h = vec3(cell_size[c, 0], cell_size[c, 1], cell_size[c, 2])
         bulk = SMALLEST_BULK
@@ -111,7 +112,7 @@ def turn_tangents(
 @ti.func
 def eigen(A: mat3):
     """Eigenvalues and eigenvectors (columns) of a symmetric matrix by cyclic Jacobi rotations [G13, Sec. 8.5]; unlike
-    closed forms it stays exact where eigenvalues coincide, as they do under a round body."""
+    closed forms they stay exact for equal eigenvalues, which occur under a round body."""
     D, X = A, ti.Matrix.identity(ti.f64, 3)
     for _ in range(JACOBI_SWEEPS):
         for k in ti.static(range(3)):
@@ -158,9 +159,9 @@ def strained_tangents(
     R: ti.types.ndarray(),
     K: ti.types.ndarray(dtype=mat3f, ndim=3),
 ):
-    """Replaces the tangents of those cells first + k with late[k] not zero in which a particle is strained by more than
-    `limit` by their own second derivative, without its negative part: in the basis of singular vectors it is diagonal
-    but for a 3 x 3 block [S19, Sec. 5]. The relief of bending is left out of it."""
+    """Replaces the tangents of cells first + k with late[k] not zero, in which a particle is strained by more than
+    `limit`, by their own second derivative without its negative part: in the basis of singular vectors it is diagonal
+    except for a 3 x 3 block [S19, Sec. 5]. The relief of bending is left out."""
     for at in range(late.shape[0]):
         if late[at] == 0:
             continue
@@ -224,7 +225,7 @@ def gather_tangents(
     K: ti.types.ndarray(dtype=mat3f, ndim=3),
     A: ti.types.ndarray(dtype=vec4f, ndim=3),
 ):
-    """Rows of the global tangent on the 27-point stencil, of nodes n with late[n] not zero: A[n, slot] sums the cell
+    """Rows of the global tangent on the 27-point stencil, for nodes n with late[n] not zero: A[n, slot] sums the cell
     blocks that couple node n to that neighbour; column j of a block is A[n, slot, j], padded to four."""
     for n in range(node_cell.shape[0]):
         if late[n] == 0:
@@ -253,8 +254,8 @@ def coarse_tangents(
 ):
     """Galerkin tangents of coarse cells: out[C, A, B] = sum over fine cells and their nodes a, b of W_aA K_ab W_bB.
 
-    member lists the fine cells of each coarse cell, start their ranges; W (c, 8, 8) are the coarse shape values
-    at a cell's nodes.
+    member lists the fine cells of each coarse cell, start their ranges; W (c, 8, 8) are the coarse shape values at a
+    cell's nodes.
     """
     for row in range(out.shape[0] * 8):
         C, A = row // 8, row % 8

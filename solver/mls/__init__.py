@@ -1,1 +1,1 @@
-"""The explicit method: MLS-MPM with a graded grid for each soft body, which meet at their surfaces."""
+"""The explicit method: MLS-MPM with a graded grid for each soft body; bodies interact at their surfaces."""

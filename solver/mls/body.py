@@ -1,13 +1,13 @@
-"""One soft body as particles on a grid of its own.
+"""One soft body as particles on its own grid.
 
 The grid has the planes of the body's background grid, extended on every side, and moves with a free body as a whole, so
-that cells stay fine where they were made fine. Particles are those of the body's interior. They are sorted by pencils
-of the grid; the order, hence every sum, depends on the state alone and not on the number of threads.
+that fine cells stay where they are needed. Particles are those of the body's interior. They are sorted by pencils of
+the grid; the order, hence every sum, depends only on the state and not on the number of threads.
 
-Inertia against strain is scaled up until waves are slow enough for the step that is wanted (selective mass scaling
-[O05]). A free body is scaled throughout by the same factor, and keeps its true mass and weight as a whole. In one that
-something holds, each particle outside of a rigid core is scaled for the cells around it, so that the large motions of
-coarse parts do not wait for the fine ones. No rest state depends on either.
+Inertia against strain is scaled up until waves are slow enough for the intended step (selective mass scaling [O05]). A
+free body is scaled by the same factor throughout, and keeps its true mass and weight as a whole. In a held body each
+particle outside a rigid core is scaled for the cells around it, so that the large motions of coarse parts do not wait
+for fine parts. The rest state depends on neither.
 
 [O05] Olovsson, Simonsson, Unosson: Selective mass scaling for explicit finite element analyses. Int. J. Numer. Meth.
 Engng. 63, 2005.
@@ -42,12 +42,12 @@ from solver.model.state import cross_matrix, rotate
 from solver.model.stress import corotated_stress, rotations, voigt
 from solver.motion import MaterialState
 
-MARGIN = 4  # planes beyond the outermost particles: the stencil, a cell of motion, and one for the next
-BLOCK = 128  # particles that are summed together
-MOST_NODES = 30_000_000  # 1 GB of nodes: the body has come apart
+MARGIN = 4  # planes beyond the outermost particles: the stencil, a cell of motion, and one more
+BLOCK = 128  # number of particles that are summed together
+MOST_NODES = 30_000_000  # 1 GB of nodes: beyond it the body has come apart
 LEAST_MASS = 1e-9  # nodes with less than this share of a particle's mass carry no material
-NEAREST = 8  # particles that carry a point: those of the cell around it
-TURNING = 3.0  # by this much an impulse moves a point more than its particles' masses say, because they also turn [-]
+NEAREST = 8  # number of particles that carry a point: those of the cell around it
+TURNING = 3.0  # factor by which an impulse moves a point more than its particles' masses imply, as they also turn [-]
 SOFT, RIGID_CORE = 0, 1  # groups of particles
 
 
@@ -56,26 +56,26 @@ class RigidMotion:
     """Mass-weighted best-fit rigid motion of some particles."""
 
     mass: float
-    """[kg]."""
+    """Mass [kg]."""
     center: Array
     """Centre of mass [m], shape (3,)."""
     velocity: Array
-    """[m/s], shape (3,)."""
+    """Velocity of the centre of mass [m/s], shape (3,)."""
     spin: Array
     """Angular velocity [rad/s], shape (3,)."""
     inertia: Array
-    """About the centre, the particles' spread included [kg m^2], shape (3, 3)."""
+    """Inertia about the centre, including the particles' spread [kg m^2], shape (3, 3)."""
     strain_motion_energy: float
-    """Kinetic energy of the motion that is not rigid [J]."""
+    """Kinetic energy of the non-rigid motion [J]."""
 
     @property
     def angular_momentum(self) -> Array:
-        """About the centre [kg m^2/s], shape (3,)."""
+        """Angular momentum about the centre [kg m^2/s], shape (3,)."""
         return np.asarray(self.inertia @ self.spin)
 
     @classmethod
     def of(cls, sums: Array) -> "RigidMotion":
-        """From the moments that kernels sum up."""
+        """The motion from the moments that kernels sum up."""
         mass = float(sums[MASS])
         first, momentum, spin_momentum = (sums[k : k + 3] for k in (FIRST_MOMENT, MOMENTUM, ANGULAR_MOMENTUM))
         center, velocity = first / mass, momentum / mass
@@ -89,10 +89,10 @@ class RigidMotion:
 
 
 class SoftParticles:
-    """The particles of one soft body, and the nodes of its background grid as points that they carry."""
+    """The particles of one soft body, and the nodes of its background grid as points carried by them."""
 
     def __init__(self, index: int, body: SoftBody, system: SoftSystem, grid: BodyGrid, crossing: float) -> None:
-        """`crossing` is the least time in which waves may cross a cell [s]."""
+        """`crossing` is the shortest time in which waves may cross a cell [s]."""
         self.index, self.body, self.grid = index, body, grid
         soft = body.interior
         count = len(soft.position)
@@ -105,7 +105,7 @@ class SoftParticles:
         size = np.min([sizes(p, soft.position[:, a]) for a, p in enumerate(soft.planes)], axis=0)
         scale = np.maximum(1.0, (crossing * speed / size) ** 2)
         self.scale = float(scale[~core].max(initial=1.0))
-        """Largest inertia against strain over the true one [-]."""
+        """Largest ratio of scaled to true inertia against strain [-]."""
         scale[core | (not body.fixed)] = self.scale
         self.wave_speed = float((speed / np.sqrt(scale))[~core].max(initial=0.0))
         mass = scale * soft.volume * soft.density
@@ -126,9 +126,9 @@ class SoftParticles:
         self.mass = float(soft.volume @ soft.density)
         self.least_mass = LEAST_MASS * float(np.median(mass))
         self.peak = 0.0
-        """Largest kinetic energy of the strain motion since it was last taken away [J], with scaled inertia."""
+        """Largest kinetic energy of the strain motion since that motion was last removed [J], with scaled inertia."""
         self.highest = 0.0
-        """... since somebody asked."""
+        """The same since the last call of `highest_energy`."""
         self.pushed = np.zeros(6)
         """Impulse and its moment about the centre of mass in this step [N s], [N m s]."""
         self.lay_out()
@@ -137,11 +137,11 @@ class SoftParticles:
 
     @property
     def frame(self) -> Array:
-        """Where the grid is, as kernels ask for it, shape (5, 3)."""
+        """Place of the grid in the form that kernels expect, shape (5, 3)."""
         return np.concatenate([np.stack([self.center, self.start_center]), self.rotation])
 
     def lay_out(self) -> None:
-        """Extend the grid to hold the particles, sort them, and renew everything that depends on it."""
+        """Extend the grid to contain the particles, sort them, and update everything that depends on it."""
         in_frame = (self.x - self.center) @ self.rotation + self.start_center
         planes = self.body.interior.planes
         ends = [
@@ -167,10 +167,10 @@ class SoftParticles:
         self.place[self.order] = np.arange(len(order), dtype=np.int32)
         self._divide(pencil[order], wide)
         self.sums = np.zeros((len(self.block), SUMS))
-        self.move(-1, keep=1.0)  # fills the sums
+        self.move(-1, keep=1.0)  # computes the sums
 
     def _divide(self, pencil: NDArray[np.int64], wide: int) -> None:
-        """Pencils, their colours, and blocks of at most BLOCK particles of one group and pencil."""
+        """Determine the pencils, their colours, and blocks of at most BLOCK particles of one group and pencil."""
         used, start = np.unique(pencil, return_index=True)
         self.pencil_start = np.append(start, len(pencil)).astype(np.int32)
         colour = 2 * ((used // wide) % 2) + (used % wide) % 2
@@ -184,8 +184,8 @@ class SoftParticles:
         self.block_group = self.group[begin]
 
     def _bind(self, points: Array, mass: Array) -> None:
-        """Particles and weights that carry the nodes of the background grid (n, 3): the nearest, by their mass over the
-        squared distance."""
+        """Determine the particles and weights that carry the nodes of the background grid (n, 3): the nearest
+        particles, by their mass over the squared distance."""
         gap, near = cKDTree(self.start).query(points, k=min(NEAREST, len(mass)))
         gap, near = gap.reshape(len(points), -1), near.reshape(len(points), -1)
         weight = mass[near] / (gap**2 + 1e-4 * gap.max(axis=1, keepdims=True) ** 2)
@@ -193,8 +193,9 @@ class SoftParticles:
         self.weight = weight / weight.sum(axis=1, keepdims=True)
 
     def _mobility(self, mass: Array) -> tuple[Array, Array]:
-        """Velocity of each surface point [m/s] by an impulse of 1 N s at it, and by one at every surface point at once,
-        shape (n,) each: of stiffness times these and the squared step depends whether contact is stable."""
+        """Velocity of each surface point [m/s] for an impulse of 1 N s at that point, and for one at every surface
+        point at once, shape (n,) each: contact is stable if stiffness times these times the squared step is small
+        enough."""
         rows = np.repeat(np.arange(len(self.points)), self.near.shape[1])
         carried = sparse.csr_matrix(
             (self.weight.ravel(), (rows, self.near.ravel())), shape=(len(self.points), len(mass))
@@ -210,21 +211,21 @@ class SoftParticles:
         return TURNING * alone, TURNING * together
 
     def given(self, values: Array) -> Array:
-        """Per-particle values in the start order."""
+        """Values per particle in the start order."""
         return np.asarray(values[self.place])
 
     @property
     def fastest(self) -> float:
-        """Largest speed of a particle [m/s]."""
+        """Largest speed of any particle [m/s]."""
         return float(np.sqrt(self.sums[:, SQUARED_SPEED].max()))
 
     @property
     def inverted(self) -> int:
-        """Particles with det F <= 0."""
+        """Number of particles with det F <= 0."""
         return int(self.sums[:, INVERSIONS].sum())
 
     def check(self, where: str) -> None:
-        """Raise UnstableStep for what cannot go on; sort anew where particles have left their pencils."""
+        """Raise UnstableStep for a state that cannot be continued; sort again if particles have left their pencils."""
         total = self.sums.sum(axis=0)
         name = self.body.name
         if not np.isfinite(total).all():
@@ -250,7 +251,7 @@ class SoftParticles:
             whole = np.concatenate(
                 [(self.pushed[:3] + weight * gravity) / motion.mass, np.linalg.solve(motion.inertia, self.pushed[3:])]
             )
-            self.add_rigid_motion((1.0 - 1.0 / self.scale) * whole)  # which particles will lack of it
+            self.add_rigid_motion((1.0 - 1.0 / self.scale) * whole)  # the particles will lack this share
         self.pushed[:] = 0.0
         kernels.clear(self.nodes)
         for pencils in self.colours:
@@ -270,11 +271,12 @@ class SoftParticles:
             self.rotation = rotate(self.rotation, dt * motion.spin)
 
     def carry(self, chosen: NDArray[np.int32], out: Array) -> None:
-        """Write where chosen nodes of the background grid are now into `out` [m], shape (n, 3)."""
+        """Write the current positions of chosen nodes of the background grid into `out` [m], shape (n, 3)."""
         kernels.carry_points(chosen, self.near, self.weight, self.points, self.start, self.place, self.x, self.F, out)
 
     def push(self, chosen: NDArray[np.int32], impulse: Array, at: Array) -> None:
-        """Give impulses [N s] (k, 3) to the particles that carry chosen nodes (k,), which are now at `at` (k, 3)."""
+        """Distribute impulses [N s] (k, 3) to the particles that carry chosen nodes (k,), which are now at `at` (k,
+        3)."""
         middle = self.sums[:, FIRST_MOMENT : FIRST_MOMENT + 3].sum(axis=0) / self.sums[:, MASS].sum()
         self.pushed += np.concatenate([impulse.sum(axis=0), np.cross(at - middle, impulse).sum(axis=0)])
         kernels.push_points(
@@ -291,8 +293,8 @@ class SoftParticles:
         self, group: int, *, keep: float, old: RigidMotion | None = None, velocity: Array | None = None,
         spin: Array | None = None,
     ) -> None:  # fmt: skip
-        """Keep a share of a group's motion (-1: of all) relative to the rigid motion `old` (None: rest) and give it a
-        new one."""
+        """Keep a share of a group's motion (-1: of all particles) relative to the rigid motion `old` (None: rest) and
+        add a new rigid motion."""
         rows = np.zeros((5, 3))
         if old is not None:
             rows[0], rows[1], rows[2] = old.center, old.velocity, old.spin
@@ -304,8 +306,8 @@ class SoftParticles:
         )  # fmt: skip
 
     def damp_strain(self, drop: float) -> None:
-        """Kinetic damping: once the energy of the motion that is not rigid is a share `drop` below its peak, the body
-        has passed its equilibrium, and that motion is taken away."""
+        """Kinetic damping: once the energy of the non-rigid motion is a share `drop` below its peak, the body has
+        passed its equilibrium, and that motion is removed."""
         motion = None if self.body.fixed else self.motion()
         energy = float(self.sums[:, ENERGY].sum()) if motion is None else self.scale * motion.strain_motion_energy
         self.highest = max(self.highest, energy)
@@ -316,12 +318,12 @@ class SoftParticles:
             self.peak = max(self.peak, energy)
 
     def stiffen_core(self) -> None:
-        """A rigid core moves as one: its particles take their common rigid motion."""
+        """Make a rigid core move as a whole: its particles take their common rigid motion."""
         if (self.group == RIGID_CORE).any():
             self.move(RIGID_CORE, keep=0.0, old=self.motion(RIGID_CORE))
 
     def highest_energy(self) -> float:
-        """Largest kinetic energy of the strain motion since this was last called [J], with scaled inertia."""
+        """Largest kinetic energy of the strain motion since the previous call [J], with scaled inertia."""
         highest, self.highest = self.highest, 0.0
         return highest
 
@@ -331,7 +333,7 @@ class SoftParticles:
         self.move(-1, keep=1.0, old=motion, velocity=motion.velocity + increment[:3], spin=motion.spin + increment[3:])
 
     def material(self) -> MaterialState:
-        """Displacement and stress at the end; a rigid core carries no stress that is known, it is given as zero."""
+        """Displacement and stress at the end; the unknown stress of a rigid core is given as zero."""
         x, F = self.given(self.x), self.given(self.F)
         J = np.linalg.det(F)
         sigma = voigt(corotated_stress(F, rotations(F), J, self.mu / self.volume, self.lam / self.volume))
@@ -339,7 +341,7 @@ class SoftParticles:
 
 
 def state_at(body: SoftBody, point: Array, state: int) -> Array:
-    """1 where all nodes around a point have `state`, 0 where none has, trilinear between, shape (n,)."""
+    """1 where all nodes around a point have `state`, 0 where none has, trilinear in between, shape (n,)."""
     soft = body.interior
     mark = soft.node_state == state
     if not mark.any():
@@ -351,26 +353,26 @@ def state_at(body: SoftBody, point: Array, state: int) -> Array:
 
 
 def extension(planes: Array, low: float, high: float) -> tuple[int, int]:
-    """How many planes are needed before and behind, so that what lies between low and high is MARGIN cells inside."""
+    """Number of planes to add in front and behind, so that low and high lie MARGIN cells inside."""
     before = np.ceil(max(planes[0] - low, 0.0) / (planes[1] - planes[0]))
     behind = np.ceil(max(high - planes[-1], 0.0) / (planes[-1] - planes[-2]))
     return MARGIN + int(before), MARGIN + int(behind)
 
 
 def extended(planes: Array, before: int, behind: int) -> Array:
-    """Node planes with more of them on both sides, as far apart as the outermost."""
+    """Node planes with additional planes on both sides, at the spacing of the outermost ones."""
     low = planes[0] - (planes[1] - planes[0]) * np.arange(before, 0, -1)
     high = planes[-1] + (planes[-1] - planes[-2]) * np.arange(1, behind + 1)
     return np.concatenate([low, planes, high])
 
 
 def numbers(planes: Array, place: Array) -> Array:
-    """The planes' numbers at some places, linear between two planes."""
+    """Plane indices of some places, linear between two planes."""
     return np.interp(place, planes, np.arange(len(planes)))
 
 
 def sizes(planes: Array, place: Array) -> Array:
-    """Size of the smallest of the cell at each place and its neighbours [m]: a particle's stencil reaches there."""
+    """Smallest size among the cell at each place and its neighbours [m], within reach of a particle's stencil."""
     side = np.diff(planes)
     least = np.minimum(side, np.minimum(np.append(side[1:], np.inf), np.insert(side[:-1], 0, np.inf)))
     return np.asarray(least[np.clip(np.searchsorted(planes, place, side="right") - 1, 0, len(planes) - 2)])

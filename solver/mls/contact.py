@@ -1,14 +1,14 @@
-"""Contact of soft bodies with each other and with rigid ones, at their true surfaces; and bonds.
+"""Contact of soft bodies with each other and with rigid bodies, at their true surfaces; and bonds.
 
 Points of one surface feel the signed distance of the other body, as in the implicit method and by the same law
-(solver/contact): a normal spring and Coulomb friction. A soft body is touched where its particles carry the nodes of
-its background grid, and its particles take the forces in the same shares. Near rest springs are stiffened until the
-mean penetration is the one that is aimed at. What is stiffer than explicit steps allow acts late: a point is pushed as
-if it were deeper, which grows over CLOSING_SECONDS to what the stiffness lacks, an augmented Lagrangian [A91] whose
-multipliers follow the relaxation. A point that comes out loses it faster than it grew, or what has rolled on would be
-pushed from behind.
+(solver/contact): a normal spring and Coulomb friction. Contact acts on a soft body where its particles carry the nodes
+of its background grid, and its particles take the forces in the same shares. Near rest springs are stiffened until the
+mean penetration reaches its target. Stiffness beyond the limit of explicit steps acts with a delay: a point is pushed
+as if it were deeper, by an offset that grows over CLOSING_SECONDS to make up for the missing stiffness, an augmented
+Lagrangian [A91] whose multipliers follow the relaxation. A point that comes out loses its offset faster than it grew,
+otherwise a body that has rolled on would be pushed from behind.
 
-Which points are near another body is looked up once bodies have moved by SLACK.
+The set of points near another body is updated once bodies have moved by SLACK.
 
 [A91] Alart, Curnier: A mixed formulation for frictional contact problems prone to Newton like solution methods. Comput.
 Methods Appl. Mech. Engng. 92, 1991.
@@ -36,18 +36,18 @@ from solver.model.bodies import Model
 from solver.model.soft import SoftSystem
 from solver.model.state import PointMemory, State, start_state
 
-STABLE = 0.5  # stiffness of contact times the squared step and the mobility of what it acts on [-]; 4 is the limit
-CLOSING_SECONDS = 0.04  # in which an excess of penetration fades by e; coming to rest takes ten times as long
+STABLE = 0.5  # contact stiffness times squared step times mobility of the point that it acts on [-]; 4 is the limit
+CLOSING_SECONDS = 0.04  # time in which excess penetration fades by e; coming to rest takes ten times as long
 FADING_SECONDS = 0.4  # time constant with which the largest stiffness of a contact fades
-SLACK = 0.5  # smallest cells that bodies may move before near points are looked up again
-RELEASE = 3.0  # how much of its offset a point loses over the way by which it comes out [-]
-AROUND = 4.0  # cells around near points whose nodes are carried along
+SLACK = 0.5  # motion of bodies, in smallest cells, after which near points are looked up again
+RELEASE = 3.0  # offset that a point loses, over the distance by which it comes out [-]
+AROUND = 4.0  # cells around near points whose nodes are updated in each step
 STICK_SPEED = 1e-4  # a point at its friction limit that moves slower than this [m/s] has stopped: mu_s holds again
 
 
 @dataclass(eq=False, slots=True)
 class PairTouch:
-    """One ordered pair of bodies: points of the first that are near the second, and what they have felt."""
+    """One ordered pair of bodies: points of the first body that are near the second, and their forces."""
 
     pair: Pair
     memory: PointMemory
@@ -56,15 +56,15 @@ class PairTouch:
     counts: NDArray[np.bool_]
     """Points that count as contact at all, shape (n,)."""
     allowed: Array
-    """Largest stiffness of each point's spring that the steps take [N/m], shape (n,)."""
+    """Largest stable stiffness of each point's spring [N/m], shape (n,)."""
     stiffness: Array
-    """Normal stiffness that each point's force comes to [N/m], shape (n,)."""
+    """Normal stiffness that each point's force reaches [N/m], shape (n,)."""
     offset: Array
-    """How far out of the other body each point is pushed besides its penetration [m], shape (n,)."""
+    """Depth added to each point's penetration [m], shape (n,)."""
     impulse: Array
-    """On each point since last handed over [N s], shape (n, 3)."""
+    """Impulse on each point since the last call of `hand_over` [N s], shape (n, 3)."""
     load: Array
-    """Normal part of it [N s], shape (n,)."""
+    """Normal part of the impulse [N s], shape (n,)."""
     normal: Array
     """Last contact normal of each point, shape (n, 3)."""
     gap: Array
@@ -76,11 +76,11 @@ class PairTouch:
     touched: NDArray[np.bool_]
     """Points that touched in the last step, shape (n,)."""
     most: float = 0.0
-    """Largest stiffness of all points that touched at once, fading [N/m]."""
+    """Largest stiffness of all points that touched at once, fading over time [N/m]."""
 
     @classmethod
     def of(cls, pair: Pair, allowed: Array) -> "PairTouch":
-        """Nothing near yet."""
+        """A pair without near points."""
         count = len(pair.area)
         none = np.zeros(0, dtype=np.int64)
         memory = replace(pair.fresh_memory(), stiffness=np.minimum(pair.stiffness, allowed))
@@ -91,7 +91,7 @@ class PairTouch:
         )  # fmt: skip
 
     def stiffen(self, target: float, share: float) -> None:
-        """Stiffen the pair if its mean penetration is more than `target` [m], by a share of what that takes."""
+        """Stiffen the pair if its mean penetration exceeds `target` [m], by a share of the necessary factor."""
         on = self.load > 0.0
         if not on.any():
             return
@@ -101,8 +101,8 @@ class PairTouch:
             self.memory = replace(self.memory, stiffness=np.minimum(self.stiffness, self.allowed))
 
     def follow(self, gap: Array, dt: float) -> None:
-        """Advance the offsets of the near points by dt [s] towards what their springs lack; `gap` (k,) is theirs now
-        [m]."""
+        """Advance the offsets of the near points by dt [s] towards the force that their springs lack; `gap` (k,) are
+        their current gaps [m]."""
         near, spring = self.near, self.memory.stiffness
         lacking = (self.stiffness / spring - 1.0)[near] * np.maximum(-gap, 0.0)
         before = self.offset[near]
@@ -116,18 +116,18 @@ class PairTouch:
 
 @dataclass(eq=False, slots=True)
 class BondTouch:
-    """A bond and what it has transmitted."""
+    """A bond and its transmitted impulse."""
 
     bond: BondedPair
-    """With the springs that steps can take."""
+    """The bond, with springs that are stable for the steps."""
     offset: Array
-    """How far its ends are pulled together besides their stretch [m], shape (k, 3)."""
+    """Displacement added to the stretch in pulling its ends together [m], shape (k, 3)."""
     impulse: Array = field(default_factory=lambda: np.zeros((0, 3)))
-    """On the first body, point by point since last handed over [N s], shape (k, 3)."""
+    """Impulse on the first body since the last call of `hand_over`, point by point [N s], shape (k, 3)."""
 
 
 class SurfaceContacts:
-    """All pairs of bodies of which one is soft."""
+    """All pairs of bodies with at least one soft body."""
 
     def __init__(
         self, model: Model, system: SoftSystem, soft: Mapping[int, SoftParticles], rigid: RigidBodies,
@@ -151,13 +151,14 @@ class SurfaceContacts:
         self.acting: list[Acting] = []
 
     def _allowed(self, pair: Pair, config: SolverConfig) -> Array:
-        """Largest normal stiffness of each point of a pair [N/m] that steps of this length can take, shape (n,)."""
+        """Largest normal stiffness of each point of a pair [N/m] that is stable for steps of this length, shape
+        (n,)."""
         own = self.soft[pair.a].crowded_mobility if pair.a in self.soft else np.zeros(len(pair.area))
         crowded = own + self._crowded(pair.b, self.model.bodies[pair.a].vertices)
         return np.asarray(STABLE / config.mls_step_seconds**2 / crowded)
 
     def _crowded(self, index: int, points: Array) -> Array:
-        """Velocity of a body's surface [m/s] by an impulse of 1 N s at each of those points (n, 3) that lie within a
+        """Velocity of a body's surface [m/s] for an impulse of 1 N s at each of those points (n, 3) that lie within a
         cell, shape (n,)."""
         if index not in self.soft:
             return np.full(len(points), 1e-12)
@@ -166,7 +167,7 @@ class SurfaceContacts:
         return np.asarray(crowd * one.mobility.max())
 
     def _explicit(self, bond: BondedPair, config: SolverConfig) -> BondTouch:
-        """A bond whose points are no stiffer than steps can take."""
+        """A bond whose stiffness per point is limited to the stable one."""
         dt = config.mls_step_seconds
         mobility = sum(self._crowded(side.body, bond.a.rest) for side in (bond.a, bond.b))
         stiffness = np.minimum(bond.stiffness, STABLE / dt**2 / mobility)
@@ -174,7 +175,7 @@ class SurfaceContacts:
         return BondTouch(replace(bond, stiffness=share * stiffness), np.zeros((len(stiffness), 3)))
 
     def act(self, dt: float) -> None:
-        """Find what touches and give the impulses of dt [s] to the bodies."""
+        """Find the contacts and apply the impulses of dt [s] to the bodies."""
         self._carry(dt)
         self.acting = [*self._touching(dt), *self._bonded(dt)]
         for one in self.acting:
@@ -207,10 +208,10 @@ class SurfaceContacts:
         ]
         return 2.0 * max(speeds, default=0.0)
 
-    # where bodies are
+    # positions of the bodies
 
     def _carry(self, dt: float) -> None:
-        """Renew where the nodes near contacts are, and at times which points are near."""
+        """Update the positions of the nodes near contacts, and from time to time the sets of near points."""
         self.moved += dt * self.speed()
         if self.moved > self.slack:
             self._look_up()
@@ -238,7 +239,7 @@ class SurfaceContacts:
         for index in self.soft:
             self._carry_all(index)
             self._smooth(self.query.soft_of[index].near_surface)
-        self.before[stale] = self.state.x[stale]  # where nothing touched, nothing slides
+        self.before[stale] = self.state.x[stale]  # nothing slides where nothing touched
         surfaces = {i: self.query.surface(self.state, i) for i in {t.pair.a for t in self.touches}}
         places: dict[int, list[Array]] = {index: [] for index in self.soft}
         chosen: dict[int, list[NDArray[np.integer]]] = {index: [] for index in self.soft}
@@ -273,7 +274,7 @@ class SurfaceContacts:
             self._choose_nodes(index, np.concatenate([np.zeros((0, 3)), *places[index]]), chosen[index])
 
     def _choose_nodes(self, index: int, places: Array, chosen: list[NDArray[np.integer]]) -> None:
-        """The nodes of a body that are carried along in every step: around some places, and others."""
+        """Choose the nodes of a body that are updated in every step: those around some places, and others."""
         grid = self.query.soft_of[index]
         first = grid.nodes.start
         every = [np.asarray(one, dtype=np.int64) - first for one in chosen]
@@ -289,7 +290,7 @@ class SurfaceContacts:
             self.carried[index] = np.unique(np.concatenate(every)).astype(np.int32)
 
     def _cell_at(self, index: int, places: Array) -> float:
-        """Largest side of a cell at some places [m], by the start pose."""
+        """Largest side of a cell at some places of the start pose [m]."""
         here = self.query._undeformed(index, self.state, places)
         sides = [
             np.diff(p)[np.clip(np.searchsorted(p, here[:, a], side="right") - 1, 0, len(p) - 2)].max()
@@ -298,7 +299,7 @@ class SurfaceContacts:
         return float(max(sides))
 
     def _gaps(self, touch: PairTouch, points: Array, index: IntArray) -> Array:
-        """Gap of some points, in front of a rigid body 0 where its samples end."""
+        """Gaps of some points; in front of a rigid body 0 where its samples end."""
         if not len(points):
             return np.zeros(0)
         gap, *_ = self._locate(touch, points, index)
@@ -306,7 +307,8 @@ class SurfaceContacts:
         return np.where(far, np.inf if touch.pair.b in self.soft else 0.0, gap)
 
     def _locate(self, touch: PairTouch, points: Array, index: IntArray) -> tuple[Array, Array, Array, IntArray, Array]:
-        """Gap, normal and material point of points (k, 3) in body b, and the nodes and weights of what they push."""
+        """Gap, normal and material point of points (k, 3) in body b, and the nodes and weights of the places that they
+        push."""
         b, count = touch.pair.b, len(points)
         body, state, grid = self.model.bodies[b], self.state, self.model.bodies[b].distance
         every = np.arange(count, dtype=np.int32)
@@ -332,11 +334,11 @@ class SurfaceContacts:
         return gap, normal, material, node, weight
 
     def _undeformed(self, index: int, points: Array) -> Array:
-        """Where points would be in a soft body's start pose, had it only moved rigidly [m]."""
+        """Places of points in a soft body's start pose, assuming that the body has only moved rigidly [m]."""
         one = self.soft[index]
         return points if one.body.fixed else (points - one.center) @ one.rotation + one.start_center
 
-    # what they do to each other
+    # interaction of the bodies
 
     def _touching(self, dt: float) -> Iterator[Acting]:
         for touch in self.touches:
@@ -346,7 +348,7 @@ class SurfaceContacts:
                     yield found
 
     def _points(self, index: int, chosen: IntArray, x: Array, pose: tuple[Array, Array] | None) -> Array:
-        """Surface points of a body by their numbers [m], shape (k, 3)."""
+        """Surface points of a body by index [m], shape (k, 3)."""
         if index in self.soft:
             grid = self.query.soft_of[index]
             return np.asarray(np.einsum("ka,kai->ki", grid.surface_weight[chosen], x[grid.surface_node[chosen]]))
@@ -378,7 +380,7 @@ class SurfaceContacts:
         node, weight, material = node[on], weight[on], material[on]
         friction = touch.pair.friction.at(index, material)
         force, _, anchor, sliding = point_forces(friction, touch.memory, index, pushed, normal, slip)
-        # with a share that changed with each point that comes or goes, what lies on a slope would creep
+        # if the share changed with each point that comes or goes, a body on a slope would creep
         touch.most = max(float(touch.memory.stiffness[index].sum()), touch.most * (1.0 - dt / FADING_SECONDS))
         force *= self._share(a, b, touch.most, dt)
         touch.memory.anchor[index] = anchor
@@ -398,14 +400,14 @@ class SurfaceContacts:
         return Acting(a, b, points, force, normal[:, None], load, rolling)
 
     def _share(self, a: int, b: int, stiffness: float, dt: float) -> float:
-        """Share of the springs of a pair [N/m] that a step of dt [s] takes: together they may not throw a body. As a
-        whole a soft one moves with its true mass, whatever its inertia against strain."""
+        """Share of the springs of a pair [N/m] that a step of dt [s] allows: together they must not throw a body. As a
+        whole a soft body moves with its true mass, whatever its inertia against strain."""
         mobility = sum(1.0 / self.model.bodies[i].mass for i in (a, b) if not self.model.bodies[i].fixed)
         return min(1.0, STABLE / max(dt**2 * stiffness * mobility, 1e-300))
 
     def _keep_sides(self, touch: PairTouch, gap: Array, normal: Array, slip: Array) -> None:
-        """Let points that have passed the middle of something thin since the last step count as on the side where they
-        came in; `gap` (k,) and `normal` (k, 3) of the near points are changed in place."""
+        """Treat points that have passed the middle of a thin body since the last step as still on the side where they
+        entered; modifies `gap` (k,) and `normal` (k, 3) of the near points in place."""
         before = touch.normal[touch.near]
         passed = touch.touched[touch.near] & (np.einsum("ki,ki->k", normal, before) < 0.0)
         gap[passed] = (touch.gap[touch.near] + np.einsum("ki,ki->k", slip, before))[passed]
@@ -421,7 +423,7 @@ class SurfaceContacts:
         return np.asarray(now - arm @ rotation.T - center)
 
     def _push_soft(self, index: int, node: NDArray[np.integer], weight: Array, impulse: Array) -> None:
-        """Give impulses (k, 3) at points to the nodes (k, 8) that move them, in the shares `weight` (k, 8)."""
+        """Apply impulses (k, 3) at points to the nodes (k, 8) that move them, in the shares `weight` (k, 8)."""
         nodes = self.query.soft_of[index].nodes
         chosen, at = np.unique(node, return_inverse=True)
         given = (weight[:, :, None] * impulse[:, None, :]).reshape(-1, 3)
@@ -441,8 +443,8 @@ class SurfaceContacts:
         for one in self.bonds:
             bond = one.bond
             position, stretch = bond.a.position(self.model, self.state), bond.stretch(self.model, self.state)
-            # pulled together until nothing is left of the stretch: a spring that is soft enough for a step would leave
-            # millimetres where few points of many carry a load
+            # pulled together until the stretch vanishes: a spring that is soft enough for a step would leave
+            # millimetres if few of many points carry the load
             one.offset += dt / CLOSING_SECONDS * stretch
             force = -bond.stiffness[:, None] * (stretch + one.offset)
             one.impulse = one.impulse + dt * force if len(one.impulse) else dt * force
@@ -453,13 +455,13 @@ class SurfaceContacts:
             yield Acting(bond.a.body, bond.b.body, position, force, every, np.ones(len(force)))
 
     def stiffen(self, moving: bool, seconds: float) -> None:
-        """Stiffen pairs whose mean penetration in the last `seconds` was more than is aimed at; while a body is
-        `moving`, only those where it was more than is safe."""
+        """Stiffen pairs whose mean penetration in the last `seconds` exceeded its target; while a body is `moving`,
+        only pairs whose penetration exceeded the safe depth."""
         for touch in self.touches:
             target = max(touch.pair.safe_depth, self.target) if moving else self.target
             touch.stiffen(target, seconds / CLOSING_SECONDS)
 
-    # what is told
+    # report
 
     def hand_over(self, seconds: float) -> ContactReport:
         """Mean forces since the last call; resets the sums."""

@@ -1,6 +1,6 @@
-"""Takes energy from pairs of bodies that touch or are bonded, by exchanges between their rigid motions.
+"""Removes energy from pairs of bodies that touch or are bonded, by exchanges between their rigid motions.
 
-A dashpot along the contact's normals damps the bounce of one on the other critically, and rolling resistance is a
+A dashpot along the contact's normals critically damps the bounce of one body on the other, and rolling resistance is a
 torque of at most b N. Both vanish at rest.
 """
 
@@ -27,11 +27,11 @@ class Acting:
     a: int
     b: int
     position: Array
-    """[m], shape (k, 3)."""
+    """Positions of the points [m], shape (k, 3)."""
     force: Array
-    """On a [N], shape (k, 3)."""
+    """Forces on a [N], shape (k, 3)."""
     direction: Array
-    """In which motion is damped: G^T n n^T G is summed over these unit vectors (k, j, 3) of each point."""
+    """Directions in which motion is damped: G^T n n^T G is summed over these unit vectors (k, j, 3) of each point."""
     load: Array
     """Weights of the points [N], shape (k,)."""
     rolling: float = 0.0
@@ -49,13 +49,13 @@ class PairDamping:
         self.coefficient = {
             (a, b): dashpot_coefficient(model, a, b, config) for a, b in {(min(p.key), max(p.key)) for p in pairs}
         }
-        """Of the dashpot of a pair, lower index first [N s/m]."""
+        """Dashpot coefficient of a pair, lower index first [N s/m]."""
         for bond in bonds:
             key = min(bond.a.body, bond.b.body), max(bond.a.body, bond.b.body)
             self.coefficient[key] = bond_damping(bond, model, config)
 
     def damp(self, acting: Sequence[Acting], dt: float) -> None:
-        """Take what dashpots and rolling resistance take in dt [s] where bodies act on each other."""
+        """Apply dashpots and rolling resistance over dt [s] where bodies act on each other."""
         by_pair: dict[tuple[int, int], list[Acting]] = {}
         for one in acting:
             by_pair.setdefault((min(one.a, one.b), max(one.a, one.b)), []).append(one)
@@ -63,7 +63,8 @@ class PairDamping:
             self._damp_pair(a, b, some, dt)
 
     def _motion(self, index: int) -> tuple[Array, Array, Array]:
-        """Centre [m], velocity (V, w) and inverse mass (6, 6) of the rigid motion of a body; a fixed one has none."""
+        """Centre [m], velocity (V, w) and inverse mass (6, 6) of the rigid motion of a body; zero inverse mass for a
+        fixed body."""
         if self.model.bodies[index].fixed:
             return np.zeros(3), np.zeros(6), np.zeros((6, 6))
         if index in self.rigid.index:
@@ -96,7 +97,7 @@ class PairDamping:
         mobility, before, moves = np.zeros((6, 6)), np.zeros(6), []
         for index, sign in ((a, 1.0), (b, -1.0)):
             center, velocity, inverse = self._motion(index)
-            shift = np.eye(6)  # motion at the middle from that at the centre
+            shift = np.eye(6)  # motion at the middle from the motion at the centre
             shift[:3, 3:] = -cross_matrix((middle - center)[None])[0]
             mobility += shift @ inverse @ shift.T
             before += sign * shift @ velocity

@@ -1,12 +1,12 @@
-"""Drop to rest with explicit MLS-MPM: the step, the damping on the way to rest, and when it stops.
+"""Drop to rest with explicit MLS-MPM: the step, the damping on the way to rest, and the stopping criteria.
 
-Every soft body has particles and a grid of its own (body.py); bodies meet at their surfaces (contact.py). One step:
+Every soft body has its own particles and grid (body.py); bodies interact at their surfaces (contact.py). One step:
 
     rigid bodies push each other -> surfaces push each other -> particles to grids and back [H18] -> rigid bodies move
 
-The motion of a free body as a whole (falling, sliding, rolling) is never damped. What is damped: the strain motion of
-every soft body, by kinetic damping [B99] (at each peak of its kinetic energy relative to its rigid motion that part
-is taken away: the peak is where it passes its equilibrium), and the bounce of a touching pair.
+The motion of a free body as a whole (falling, sliding, rolling) is never damped. Damped are the strain motion of every
+soft body, by kinetic damping [B99] (the kinetic energy relative to the rigid motion is removed at each of its peaks,
+where the body passes its equilibrium), and the bounce of a touching pair.
 
 [H18] Hu et al.: A moving least squares material point method ... SIGGRAPH 2018.
 [B99] Barnes: Form finding and analysis of tension structures by dynamic relaxation. Int. J. Space Struct. 14, 1999.
@@ -33,23 +33,23 @@ from solver.model.state import best_rigid_motion
 from solver.rest import Progress, RestMonitor, Signals
 from solver.result import FinalState, RestBody, SettledModel, build_result, carried, has_left
 
-STEP_SHARE = 0.5  # of the step that material could take: contact may be four times as stiff
-LEAST_CELLS = 2.0  # across a contact, for its area to be resolved
+STEP_SHARE = 0.5  # of the longest step for the material: contact may be four times as stiff
+LEAST_CELLS = 2.0  # least cells across a contact for its area to be resolved
 LEAST_PARTICLES, PER_CELL = 3.0, 2.0
-"""Through a body, so that it can bend; through a cell [-]."""
-PEAK_DROP = 0.02  # a kinetic energy this much below its largest value has passed its peak [-]
+"""Least number of particles through a body, so that it can bend; particles through a cell [-]."""
+PEAK_DROP = 0.02  # relative drop below the largest kinetic energy that marks a passed peak [-]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Momentum:
-    """Of one body."""
+    """Momentum of one body."""
 
     center: Array
-    """Of mass [m], shape (3,)."""
+    """Centre of mass [m], shape (3,)."""
     linear: Array
-    """[kg m/s], shape (3,)."""
+    """Linear momentum [kg m/s], shape (3,)."""
     angular: Array
-    """About the centre [kg m^2/s], shape (3,)."""
+    """Angular momentum about the centre [kg m^2/s], shape (3,)."""
 
 
 class ExplicitDrop:
@@ -92,7 +92,7 @@ class ExplicitDrop:
         return min(one.cell for one in self.soft.values())
 
     def run(self, progress: Progress | None) -> SettledModel:
-        """Intervals until quiet, left, or out of budget."""
+        """Run intervals until the bodies are quiet or have left, or the steps are used up."""
         while True:
             report = self._interval(progress)
             self.recorder.note(self.time, self._bodies)
@@ -107,7 +107,7 @@ class ExplicitDrop:
             return self._result(verdict, report)
 
     def _interval(self, progress: Progress | None) -> ContactReport:
-        """Steps over one interval, and what acted in it."""
+        """Take the steps of one interval; returns the mean forces in it."""
         seconds = self.config.mls_interval_seconds
         before = self._momenta()
         left, steps = seconds, 0
@@ -124,7 +124,7 @@ class ExplicitDrop:
         return self.contacts.hand_over(seconds)
 
     def _longest_step(self) -> float:
-        """CFL: neither a wave nor a body crosses more than a share of a cell [s]."""
+        """Longest step by CFL: neither a wave nor a body crosses more than a share of a cell [s]."""
         return min(self.config.mls_step_seconds, self.config.mls_cfl * self.cell / max(self.contacts.speed(), 1e-12))
 
     def step(self, dt: float) -> None:
@@ -143,7 +143,7 @@ class ExplicitDrop:
         self.rigid.move(dt)
 
     def _refuse_overlap(self) -> None:
-        """ModelError where bodies begin inside each other."""
+        """Raise ModelError if bodies begin inside each other."""
         (a, b), gap = self.contacts.deepest()
         if -gap > self.config.start_overlap:
             raise ModelError(
@@ -152,8 +152,8 @@ class ExplicitDrop:
             )
 
     def _refuse_coarse(self) -> None:
-        """ModelError for a body that steps would not see bend: fewer than three particles across all of it. Its surface
-        may be the part of it that can be touched, so it is the particles that count."""
+        """Raise ModelError for a body with fewer than three particles across, whose bending would not be resolved. Its
+        surface may be only its touchable part, so the particles count."""
         for _, body in self.model.soft_bodies:
             for axis, planes in enumerate(body.interior.planes):
                 number = np.arange(len(planes))
@@ -169,7 +169,7 @@ class ExplicitDrop:
                     )
 
     def _momenta(self) -> dict[int, Momentum]:
-        """Of every watched body."""
+        """Momenta of all watched bodies."""
         out = {}
         for i in self.watched:
             if i in self.soft:
@@ -181,8 +181,8 @@ class ExplicitDrop:
         return out
 
     def _signals(self, before: dict[int, Momentum], after: dict[int, Momentum], seconds: float, steps: int) -> Signals:
-        """Rest signals of an interval. The unbalanced force on a body is the change of its momentum over the time, so
-        nothing that acted on it is left out. The largest of several is a NaN if one of them is."""
+        """Rest signals of an interval. The unbalanced force on a body is its change of momentum over the time, so it
+        includes every force. The largest of several values is NaN if one of them is."""
         linear = angular = force_worst = torque_worst = np.float64(0.0)
         for i in self.watched:
             linear = np.maximum(linear, np.linalg.norm(after[i].linear) / self.mass[i])
@@ -198,8 +198,8 @@ class ExplicitDrop:
         center = np.sum([self.mass[i] * after[i].center for i in self.watched], axis=0) / sum(self.mass.values())
         box = np.concatenate([points.min(axis=0), points.max(axis=0)])
         fastest = max(one.fastest for one in self.soft.values())
-        # scaled inertia slows strain: what moves slowly by that is at rest only once the energy is as small as that of
-        # what is carried at the same speed
+        # scaled inertia slows strain: such a motion only counts as rest once its energy is as small as that of a rigid
+        # motion at the same speed
         energy = sum(one.highest_energy() for one in self.soft.values())
         fastest = max(fastest, float(np.sqrt(2.0 * energy / sum(self.mass.values()))))
         return Signals(
@@ -216,7 +216,7 @@ class ExplicitDrop:
         )
 
     def _left(self, report: ContactReport) -> bool:
-        """A free body has left everything that could carry it."""
+        """Return whether a free body has left everything that could carry it."""
         pairs = report.pairs()
         if self.rigid.contacts is not None:
             pairs |= set(zip(self.rigid.contacts.a.tolist(), self.rigid.contacts.b.tolist(), strict=True))
@@ -227,7 +227,7 @@ class ExplicitDrop:
         return False
 
     def _bodies(self) -> tuple[RestBody, ...]:
-        """Where every body is."""
+        """The state of every body."""
         out = []
         for i, body in enumerate(self.model.bodies):
             if isinstance(body, RigidBody):
@@ -262,7 +262,7 @@ class ExplicitDrop:
         return replace(result, certificate=certificate, material=material)
 
     def _unresolved(self, final: FinalState) -> list[str]:
-        """A warning for each contact that is smaller than cells can tell."""
+        """A warning for each contact that is too small for its cells."""
         soft = {one.body.name for one in self.soft.values()}
         return [
             f"the contact of {row.a} and {row.b}, {1e4 * row.area_m2:.2g} cm2, is less than {LEAST_CELLS:g} cells of "
@@ -297,5 +297,5 @@ class ExplicitDrop:
 
 
 def joined(one: PointForces, other: PointForces) -> PointForces:
-    """Both after each other."""
+    """The forces of both, one after the other."""
     return PointForces(*(np.concatenate([getattr(one, f.name), getattr(other, f.name)]) for f in fields(PointForces)))

@@ -1,7 +1,7 @@
 """Rigid bodies between the grid's steps: their motion, and their contact with each other.
 
-Contact between rigid bodies is the penalty law of solver.contact (springs at surface points, remembered friction,
-rolling resistance), taken by one linearly implicit Euler step per substep [B98]: with K = -df/dx of the springs and
+Contact between rigid bodies is the penalty law of solver.contact (springs at surface points, friction with memory,
+rolling resistance), applied by one linearly implicit Euler step per substep [B98]: with K = -df/dx of the springs and
 damping beta K,
 
     (M + dt (dt + beta) K) (q' - q) = dt (f(x + dt q) - beta K q)
@@ -30,7 +30,7 @@ from solver.model import soft as soft_system
 from solver.model.bodies import Model, RigidBody, free_motions
 from solver.model.state import ContactMemory, State, cross_matrix, rotate, start_state
 
-NEAR = 0.02  # rigid bodies whose spheres are farther apart than this [m] are not looked up
+NEAR = 0.02  # rigid bodies whose bounding spheres are farther apart than this [m] are not checked
 
 
 class RigidBodies:
@@ -61,18 +61,18 @@ class RigidBodies:
         return out
 
     def velocity(self, index: int) -> Array:
-        """(V, w), shape (6,); zero for a fixed body."""
+        """Velocity (V, w), shape (6,); zero for a fixed body."""
         if self.model.bodies[index].fixed:
             return np.zeros(6)
         return np.concatenate([self.state.velocity[index], self.state.angular_velocity[index]])
 
     def set_velocity(self, index: int, q: Array) -> None:
-        """Replace (V, w), as far as the body may move."""
+        """Set (V, w), restricted to the motions that the body may do."""
         q = q * free_motions(self.bodies[index])
         self.state.velocity[index], self.state.angular_velocity[index] = q[:3], q[3:]
 
     def accelerate(self, dt: float) -> None:
-        """Gravity, and the forces that rigid bodies put on each other."""
+        """Apply gravity and the forces between rigid bodies."""
         for i in self.free:
             movable = free_motions(self.bodies[i])
             self.state.velocity[i] = self.state.velocity[i] + dt * self.model.gravity * movable[:3]
@@ -81,7 +81,7 @@ class RigidBodies:
             self._push(dt)
 
     def _near(self, a: int, b: int) -> bool:
-        """Whether the sphere around a comes near the sphere, or the standing box, around b."""
+        """Return whether the sphere around a comes near the sphere, or the fixed box, around b."""
         one, two = self.model.bodies[a], self.model.bodies[b]
         if one.fixed:
             return self._near(b, a) if not two.fixed else False
@@ -94,8 +94,8 @@ class RigidBodies:
         return gap < NEAR
 
     def _push(self, dt: float) -> None:
-        """One linearly implicit step of the springs between rigid bodies."""
-        # springs are looked up where the bodies would be at the end of the step, so slip is that of this step
+        """Take one linearly implicit step of the springs between rigid bodies."""
+        # springs are evaluated at the predicted end of the step, so slip is that of this step
         ahead = self.state.copy()
         self._move(ahead, dt)
         contacts = self.query.find(ahead, self.query.begin(self.state, dt))
@@ -142,7 +142,7 @@ class RigidBodies:
             self.set_velocity(i, after[row[i] : row[i] + 6])
 
     def move(self, dt: float) -> None:
-        """Positions and rotations after the step; the angular momentum of a free turn is kept."""
+        """Update positions and rotations by the step; a free turn keeps its angular momentum."""
         self._move(self.state, dt)
 
     def _move(self, state: State, dt: float) -> None:
@@ -160,7 +160,7 @@ class RigidBodies:
 
 
 def acted(contacts: Contacts, force: Array) -> Contacts:
-    """The contacts with the forces (k, 3) [N] that an implicit step came to."""
+    """The contacts with the forces (k, 3) [N] that result from an implicit step."""
     ends = np.cumsum([len(t.point) for t in contacts.active])
     parts = np.split(force, ends[:-1])
     active = tuple(replace(t, force=part) for t, part in zip(contacts.active, parts, strict=True))
@@ -168,8 +168,9 @@ def acted(contacts: Contacts, force: Array) -> Contacts:
 
 
 def _end_anchors(contacts: Contacts, ahead: Array) -> ContactMemory:
-    """Memory with friction's anchors at the end of a step: of points that stick they follow where the step led, which
-    is `ahead` (k, 3) [m] of where the springs were looked up; else a body would creep to make up for the difference."""
+    """Memory with friction's anchors at the end of a step: anchors of sticking points follow the step's result, which
+    is `ahead` (k, 3) [m] of the place where the springs were evaluated; otherwise a body would creep to make up for the
+    difference."""
     first, points = 0, dict(contacts.memory.points)
     for t in contacts.active:
         more = ahead[first : first + len(t.point)]
@@ -183,7 +184,8 @@ def _end_anchors(contacts: Contacts, ahead: Array) -> ContactMemory:
 
 
 def rigid_pairs(model: Model, config: SolverConfig) -> list[Pair]:
-    """Ordered pairs of rigid bodies of which one can move; three points carry the weight at the penetration target."""
+    """Ordered pairs of rigid bodies with at least one movable body; three points carry the weight at the penetration
+    target."""
     gravity = max(float(np.linalg.norm(model.gravity)), 1.0)
     out = []
     for (a, one), (b, two) in permutations(model.rigid_bodies, 2):
@@ -209,7 +211,7 @@ class ContactReport:
         return {(min(key), max(key)) for key in found}
 
     def forces(self) -> PointForces:
-        """Every force of a contact or bond, point by point."""
+        """All forces of contacts and bonds, point by point."""
         some = [(*t.pair.key, t.position, t.force, False) for t in self.touching]
         some += [(bond.a.body, bond.b.body, position, force, True) for bond, position, force, _ in self.bonded]
         count = [len(one[3]) for one in some]

@@ -1,12 +1,12 @@
-"""Bending of a trilinear cell with the stiffness of the plate it stands for.
+"""Gives a bent trilinear cell the stiffness of the plate that it represents.
 
-Bent along i with its deflection along j, a trilinear cell cannot curve: beside the normal strain, linear in xi_j, it
-shows a shear strain linear in xi_i that a plate does not have; with the mean dilatation its normal part has the modulus
-2 mu and knows no lateral strain; and the particles, at the middles of the octants, see a quarter of the second moments
-less than there is. Let q_ij = f_i . a_ij be the amplitude of that mode, f_i the mean deformation gradient along i and
-a_ij the coefficient of xi_i xi_j in x, and e_ij = (2 / h_i) q_ij its strain. With m_j = sum_p V_p mu_p (xi_j - mean)^2
-and n_j = m_j + sum_p V_p mu_p / 12 (1/12: an octant's own second moment) a deflection along j, the other axes being i
-and k, has the energies
+Bent along i with its deflection along j, a trilinear cell cannot curve: in addition to the normal strain, linear in
+xi_j, it has a shear strain linear in xi_i that a plate does not have; with the mean dilatation its normal part has the
+modulus 2 mu and no lateral strain; and the particles, at the middles of the octants, miss a quarter of the second
+moments. Let q_ij = f_i . a_ij be the amplitude of that mode, f_i the mean deformation gradient along i and a_ij the
+coefficient of xi_i xi_j in x, and e_ij = (2 / h_i) q_ij its strain. With m_j = sum_p V_p mu_p (xi_j - mean)^2 and n_j =
+m_j + sum_p V_p mu_p / 12 (1/12: an octant's own second moment) a deflection along j, the other axes being i and k, has
+the energies
 
     cell:  m_j (e_ij^2 + e_kj^2) + 1/2 (2 / h_j)^2 (m_i q_ij^2 + m_k q_kj^2)
     plate: n_j / (1 - nu) (e_ij^2 + e_kj^2 + 2 nu e_ij e_kj)
@@ -15,8 +15,8 @@ The difference is an energy of the cell's modes, E_relief = -1/2 sum c_ij q_ij^2
 
     c_ij = (2 / h_j)^2 m_i + 2 (2 / h_i)^2 (m_j - n_j / (1 - nu)) ,   d_j = -2 nu / (1 - nu) (2 / h_i) (2 / h_k) n_j
 
-This is assumed-strain stabilisation chosen for bending [BB93], for any nu and ratio of sides. It is a polynomial of the
-node positions, so its forces are exact and turn with the cell.
+This is assumed-strain stabilisation for bending [BB93], for any nu and aspect ratio. It is a polynomial of the node
+positions, so its forces are exact and turn with the cell.
 
 With layers the same three moduli are those of the elasticity tensor C in the cell's axes: G = C_ijij for the shear; D =
 C - lambda (mean dilatation) for the normal part, coupled between e_ij and e_kj where D_iikk is not zero; and Q, the
@@ -26,10 +26,10 @@ stiffness under plane stress (no stress on the faces normal to j), for the plate
     d_j = (2 / h_i) (2 / h_k) (D_ik v_j - Q_ik n'_j)
 
 with v_j = sum_p V_p (xi_j - mean)^2 and n'_j = v_j + sum_p V_p / 12. Layers oblique to the cell couple the modes with
-each other, which this leaves out; where that would take too much, solver/tl/ghost.py gives less.
+each other, which is neglected here; where the relief would be too large, solver/tl/ghost.py reduces it.
 
 Only cells full of one material take part. In a cut cell the same modes are not bending alone: the nodes on its empty
-side hang on the shear that would be taken away.
+side are held by the shear that would be removed.
 
 [BB93] Belytschko, Bindeman: Assumed strain stabilization of the eight node hexahedral element. CMAME 105, 1993.
 """
@@ -39,7 +39,7 @@ from numpy.typing import NDArray
 
 from solver.model.layers import stiffness
 
-EVEN = 0.01  # of half a cell: how far the particles' mean and second moments may be from those of a full, uniform cell
+EVEN = 0.01  # of half a cell: tolerance of the particles' mean and second moments for a full, uniform cell
 MODES = ((1, 0), (2, 0), (0, 1), (2, 1), (0, 2), (1, 2))
 """(i, j) of the columns of c: bent along i, deflected along j; columns 2 j and 2 j + 1 are coupled by d_j."""
 

@@ -14,8 +14,8 @@ from solver.box import bounds
 from solver.errors import ModelError
 from solver.model.layers import Layers
 
-LEAST_GRAVITY = 1e-12  # [m/s^2], so that what is measured by weights stays finite where nothing pulls
-FREE, HELD, CORE = 0, 1, 2  # node states: free, held by the world, moving with the body's own rigid core
+LEAST_GRAVITY = 1e-12  # [m/s^2], so that ratios to weights stay finite without gravity
+FREE, HELD, CORE = 0, 1, 2  # node states: free, held by the world, moving with the rigid core of the body
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -25,17 +25,18 @@ class SignedDistance:
     origin: NDArray[np.float64]
     """Position of sample (0, 0, 0) [m], shape (3,)."""
     spacing: float
-    """Distance of neighbouring samples [m]."""
+    """Distance between neighbouring samples [m]."""
     values: NDArray[np.float32]
     """Signed distances [m], shape (nx, ny, nz), each side at least 3."""
 
     def at(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Distances of points (n, 3) of the start pose, trilinear between samples; outside those of the border [m]."""
+        """Distances at points (n, 3) of the start pose, trilinear between samples; outside, the distance at the border
+        [m]."""
         index = ((points - self.origin) / self.spacing).T
         return np.asarray(map_coordinates(self.values, index, order=1, mode="nearest", output=np.float64), np.float64)
 
     def outward(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Unit gradient at points (n, 3), by central differences; zero where it has none."""
+        """Unit gradient at points (n, 3), by central differences; zero where the gradient vanishes."""
         step = self.spacing
         gradient = np.stack([self.at(points + step * e) - self.at(points - step * e) for e in np.eye(3)], axis=1)
         size = np.linalg.norm(gradient, axis=1, keepdims=True)
@@ -63,7 +64,7 @@ class Interior:
     loaded: bool
     """True: the given shape is already in balance with the body's own weight (a scan at rest)."""
     layers: Layers | None = None
-    """Where the material has layers: E and nu are then those across them."""
+    """Layers of the material, if it has any: E and nu are then those across the layers."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -72,23 +73,23 @@ class _CommonBody:
 
     name: str
     fixed: bool
-    """Does not move as a whole: a rigid one stands still, a soft one is clamped at its HELD nodes."""
+    """The body does not move as a whole: a rigid body is fixed, a soft one is clamped at its HELD nodes."""
     vertices: NDArray[np.float64]
     """Surface points [m], shape (n, 3)."""
     faces: NDArray[np.int32]
     """Triangles, counter-clockwise from outside, shape (m, 3)."""
     distance: SignedDistance
     mass: float
-    """[kg]; > 0 for a free body."""
+    """Mass [kg]; > 0 for a free body."""
     center_of_mass: NDArray[np.float64]
-    """[m], shape (3,)."""
+    """Centre of mass [m], shape (3,)."""
     static_friction: float
     dynamic_friction: float
     rolling_resistance: float
     """Length b of the resisting torque b * N [m]."""
     face_friction: NDArray[np.float64] | None = field(default=None, kw_only=True)
-    """Static and dynamic friction and rolling resistance of each face where they differ, in place of the three above,
-    shape (m, 3)."""
+    """Static and dynamic friction and rolling resistance of each face, in place of the three values above, if they
+    differ between faces, shape (m, 3)."""
     velocity: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3), kw_only=True)
     """Start velocity [m/s], shape (3,)."""
     angular_velocity: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3), kw_only=True)
@@ -121,8 +122,9 @@ class _CommonBody:
 
     @property
     def friction_rows(self) -> NDArray[np.float64]:
-        """Static and dynamic friction [-], rolling resistance length [m]: of every point (n, 3), or of all (1, 3). A
-        point between faces that differ has their mean by area: so its own share of the surface has."""
+        """Static and dynamic friction [-] and rolling resistance length [m] of each point (n, 3), or of all points (1,
+        3). A point between faces with different values has their mean by area, weighted like its share of the
+        surface."""
         own = np.array([[self.static_friction, self.dynamic_friction, self.rolling_resistance]])
         if self.face_friction is None:
             return own
@@ -130,9 +132,9 @@ class _CommonBody:
         area = np.repeat(np.linalg.norm(np.cross(b - a, c - a), axis=1), 3)
         corner, rows = self.faces.ravel(), np.repeat(self.face_friction, 3, axis=0)
         some = np.repeat(own, len(self.vertices), axis=0)
-        some[corner] = rows  # of one of its faces
+        some[corner] = rows  # values of one of its faces
         share = area / np.maximum(np.bincount(corner, area, len(some)), np.finfo(float).tiny)[corner]
-        # differences from that one, so that equal rows give the same bytes
+        # differences from those values, so that equal rows give the same bytes
         change = share[:, None] * (rows - some[corner])
         return some + np.stack([np.bincount(corner, change[:, k], len(some)) for k in range(3)], axis=1)
 
@@ -142,9 +144,9 @@ class RigidBody(_CommonBody):
     """A body that keeps its shape."""
 
     inertia: NDArray[np.float64]
-    """About the centre of mass, world axes [kg m^2], shape (3, 3)."""
+    """Inertia about the centre of mass, world axes [kg m^2], shape (3, 3)."""
     vertical: bool = field(default=False, kw_only=True)
-    """Guided: moves along z alone, its x, y and rotation are held."""
+    """Guided: moves only along z; its x, y and rotation are held."""
 
     def __post_init__(self) -> None:
         _CommonBody.__post_init__(self)
@@ -171,7 +173,7 @@ VERTICAL = np.array([False, False, True, False, False, False])
 
 
 def free_motions(body: Body) -> NDArray[np.bool_]:
-    """Which of translation and rotation along and about x, y, z a body may do, shape (6,)."""
+    """Mask of the translations and rotations along and about x, y, z that a body may do, shape (6,)."""
     return VERTICAL if isinstance(body, RigidBody) and body.vertical else np.ones(6, dtype=bool)
 
 
@@ -213,13 +215,13 @@ def _check_interior(name: str, fixed: bool, soft: Interior) -> None:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Model:
-    """All bodies and what acts on them."""
+    """All bodies and the loads on them."""
 
     bodies: tuple[Body, ...]
     gravity: NDArray[np.float64]
-    """[m/s^2], shape (3,)."""
+    """Gravity [m/s^2], shape (3,)."""
     friction_pairs: tuple[tuple[str, str, float, float], ...] = ()
-    """(body, body, mu_s, mu_d) where the pair differs from the geometric mean of the two."""
+    """(body, body, mu_s, mu_d) for pairs that differ from the geometric mean of the two."""
     bonds: tuple[tuple[str, str], ...] = ()
     """Pairs of bodies that stay bonded where they touch at the start."""
 
@@ -251,27 +253,27 @@ class Model:
 
     @property
     def rigid_bodies(self) -> list[tuple[int, RigidBody]]:
-        """With their indices."""
+        """The rigid bodies with their indices."""
         return [(i, b) for i, b in enumerate(self.bodies) if isinstance(b, RigidBody)]
 
     @property
     def soft_bodies(self) -> list[tuple[int, SoftBody]]:
-        """With their indices."""
+        """The soft bodies with their indices."""
         return [(i, b) for i, b in enumerate(self.bodies) if isinstance(b, SoftBody)]
 
     def bonded(self, a: Body, b: Body) -> bool:
-        """Whether two bodies are bonded to each other."""
+        """Return whether two bodies are bonded to each other."""
         return any({one, two} == {a.name, b.name} for one, two in self.bonds)
 
     def given_friction(self, a: Body, b: Body) -> tuple[float, float] | None:
-        """(mu_s, mu_d) that was set for a pair, if there is any."""
+        """(mu_s, mu_d) set explicitly for a pair, if any."""
         for one, two, mu_s, mu_d in self.friction_pairs:
             if {one, two} == {a.name, b.name}:
                 return mu_s, mu_d
         return None
 
     def friction(self, a: Body, b: Body) -> tuple[float, float]:
-        """(mu_s, mu_d) of a pair: as given, else the geometric means."""
+        """(mu_s, mu_d) of a pair: as set explicitly, else the geometric means."""
         return self.given_friction(a, b) or (
             float(np.sqrt(a.static_friction * b.static_friction)),
             float(np.sqrt(a.dynamic_friction * b.dynamic_friction)),

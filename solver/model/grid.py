@@ -1,4 +1,4 @@
-"""Background grids: graded node planes, and where a point lies between them.
+"""Background grids: graded node planes.
 
 A grid is the tensor product of three increasing lists of node planes. Grading keeps cells small under the contact and
 lets them grow geometrically away from it, so that the far field costs little.
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from solver.errors import ModelError
 
-PLACES = 2000  # where a wanted spacing is looked at along an axis
+PLACES = 2000  # number of places along an axis at which the wanted spacing is evaluated
 
 
 def graded_planes(
@@ -46,10 +46,10 @@ def sized_planes(
     size: NDArray[np.float64],
     growth: float,
 ) -> NDArray[np.float64]:
-    """Node planes that cover [low, high] exactly, spaced as wanted in some intervals and growing away from them.
+    """Node planes that cover [low, high] exactly, with the wanted spacing in some intervals and growing away from them.
 
-    `size` [m] is the largest spacing between `begin` and `end` [m], all of shape (k,); elsewhere what the nearest of
-    these intervals allow, growing from cell to cell by the ratio `growth`. Returns increasing coordinates, first = low,
+    `size` [m] is the largest spacing between `begin` and `end` [m], all of shape (k,); elsewhere the spacing grows from
+    that of the nearest intervals from cell to cell by the ratio `growth`. Returns increasing coordinates, first = low,
     last = high. Raises ModelError for an empty range.
     """
     if not (high > low and growth > 1.0 and (size > 0.0).all()):

@@ -1,17 +1,19 @@
 """Layered material: transversely isotropic about the normal of its layers.
 
-Five constants: across the layers E_t and nu_tp (what the layers widen by when pressed together), in the layers E_p and
-nu_p, and G_t, the shear modulus between them; nu_pt = nu_tp E_p / E_t follows from symmetry [B09, Sec. 3.2.14].
+Five constants: across the layers E_t and nu_tp (lateral strain of the layers under pressure across them), in the layers
+E_p and nu_p, and G_t, the shear modulus between them; nu_pt = nu_tp E_p / E_t follows from symmetry [B09, Sec. 3.2.14].
 
-The energy is that of the largest isotropic material inside it, fixed-corotated, and of what the layers add:
+The energy is the sum of the energy of the largest isotropic material contained in it, fixed-corotated, and a part added
+by the layers:
 
     psi = mu |F - R|^2 + lambda / 2 (J - 1)^2 + 1/2 [a w] K [a w]^T + 1/2 k_d |d|^2 + 1/2 k_s |s|^2
 
-with a the stretch of the layers' area (sum of their two principal stretches, less 2), w that of the distance between
-them, d the distortion within them (difference of the principal stretches) and s the slip of layers over each other.
-All four follow the layers as they lie now (kernels/layers.py), so layers that slip far keep their length. mu, lambda
-are such that K, k_d and k_s have no negative part: the energy is never negative and zero for rotations alone. At small
-strain it is the law of transverse isotropy; with isotropic constants K, k_d and k_s vanish and the rest is theirs.
+with a the stretch of the layers' area (sum of their two principal stretches, minus 2), w the stretch of the distance
+between them, d the distortion within them (difference of the principal stretches) and s the slip of layers over each
+other. All four follow the current orientation of the layers (kernels/layers.py), so layers that slip far keep their
+length. mu, lambda are such that K, k_d and k_s have no negative part: the energy is never negative, and zero only for
+rotations. At small strain it is the law of transverse isotropy; with isotropic constants K, k_d and k_s vanish and the
+isotropic energy remains.
 
 [B09] Bower: Applied Mechanics of Solids. CRC Press 2009.
 """
@@ -23,13 +25,14 @@ import numpy as np
 from solver.arrays import Array
 from solver.errors import ModelError
 
-ISOTROPIC = 1e-9  # constants that differ relatively by less are the isotropic ones: rounding of what was given
-UNIT = 1e-6  # of a normal's length
+ISOTROPIC = 1e-9  # relative difference below which constants are isotropic: rounding of the input
+UNIT = 1e-6  # tolerance of a normal's length
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Layers:
-    """The other constants of material points whose E and nu are those across layers; isotropic ones repeat E and nu."""
+    """The remaining constants of material points whose E and nu are those across layers; isotropic points repeat E and
+    nu."""
 
     youngs_modulus: Array
     """Young's moduli E_p in the layers [Pa], shape (p,)."""
@@ -58,9 +61,9 @@ class Layers:
 def split(across: Array, poisson: Array, layers: Layers) -> tuple[Array, Array, Array]:
     """mu, lambda [Pa] (p,) of the isotropic part, and K_aa, K_aw, K_ww, k_d, k_s [Pa] of the layers, shape (p, 5).
 
-    In terms of a and w the stiffness is that of C_11 + C_12, C_13 and C_33; an isotropic material has there mu [1, 0;
-    0, 2] + lambda [1, 1; 1, 1]. mu is the smallest shear modulus, or half of the least that K can spare, which keeps K
-    definite; lambda is C_13 where K can spare that.
+    In terms of a and w the stiffness consists of C_11 + C_12, C_13 and C_33; for an isotropic material it is mu [1, 0;
+    0, 2] + lambda [1, 1; 1, 1]. mu is the smallest shear modulus, or half of the smallest amount that K can spare,
+    which keeps K definite; lambda is C_13 if K can spare it.
     """
     along, in_plane, shear = layers.youngs_modulus, layers.poisson_ratio, layers.shear_modulus
     s_aa, s_aw, s_ww = 2.0 * (1.0 - in_plane) / along, -2.0 * poisson / across, 1.0 / across
@@ -86,7 +89,7 @@ def split(across: Array, poisson: Array, layers: Layers) -> tuple[Array, Array, 
 
 def shear_modulus_across(mu: Array, lam: Array, added: Array) -> Array:
     """E_t / (2 (1 + nu_tp)) [Pa] of `split` constants (p,), (p,), (p, 5): mu of an isotropic material, and for layers
-    what it would be of one that is as stiff as they are across, shape (p,)."""
+    the mu of an isotropic material with the same stiffness across, shape (p,)."""
     k_aa, k_aw, k_ww = added[:, 0] + mu + lam, added[:, 1] + lam, added[:, 2] + 2.0 * mu + lam
     across, poisson = k_ww - k_aw**2 / k_aa, 0.5 * k_aw / k_aa
     return across / (2.0 * (1.0 + poisson))

@@ -1,8 +1,8 @@
 """All soft bodies of a model as one set of cells, nodes and particles.
 
-Cells without material near a body's surface are filled with a very weak fictitious material (finite cell method
-[P07]): it carries the displacement field smoothly past the surface, so that surface points and contact queries always
-lie in a valid cell, and it gives nodes that see only a sliver of material a bounded stiffness.
+Cells without material near a body's surface are filled with a very weak fictitious material (finite cell method [P07]):
+it carries the displacement field smoothly past the surface, so that surface points and contact queries always lie in a
+valid cell, and it gives nodes with only a sliver of material a bounded stiffness.
 
 [P07] Parvizian, Duester, Rank: Finite cell method. Computational Mechanics 41, 2007.
 """
@@ -27,23 +27,23 @@ FULL_OCTANT = 0.999  # a particle with this share of its octant needs no fictiti
 
 @dataclass(frozen=True, eq=False, slots=True)
 class BodyGrid:
-    """Where one body's grid lies in the common arrays."""
+    """Position of one body's grid in the common arrays."""
 
     index: int
     """Index of the body in the model."""
     planes: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
     cell_id: NDArray[np.int32]
-    """Global cell per grid cell, -1 where there is none, shape (kx - 1, ky - 1, kz - 1)."""
+    """Global cell for each grid cell, -1 if there is none, shape (kx - 1, ky - 1, kz - 1)."""
     nodes: slice
     """Its nodes in the common arrays."""
     particles: slice
     """Its particles in the common arrays."""
     surface_node: NDArray[np.int32]
-    """Nodes of the cell that holds each surface vertex, shape (n, 8)."""
+    """Nodes of the cell that contains each surface vertex, shape (n, 8)."""
     surface_weight: NDArray[np.float64]
-    """Shape values there, shape (n, 8)."""
+    """Shape values of these nodes, shape (n, 8)."""
     near_surface: NDArray[np.int32]
-    """Nodes of the cells at most one cell from a surface vertex: where contact queries end up, shape (k,)."""
+    """Nodes of the cells at most one cell away from a surface vertex, where contact queries end, shape (k,)."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -56,11 +56,11 @@ class SoftSystem:
     mass: NDArray[np.float64]
     """Lumped node masses [kg], shape (n,)."""
     held: NDArray[np.bool_]
-    """Nodes that stand still, shape (n,)."""
+    """Mask of the fixed nodes, shape (n,)."""
     core: NDArray[np.int32]
     """Model index of the body whose rigid core the node belongs to, -1 for none, shape (n,)."""
     gravity_share: NDArray[np.float64]
-    """1 where the node's weight acts on the field, 0 for a loaded body, shape (n,)."""
+    """1 if the node's weight acts on the field, 0 for a loaded body, shape (n,)."""
     cell_node: NDArray[np.int32]
     """Nodes of each cell, local index 4 i + 2 j + k, shape (c, 8)."""
     cell_size: NDArray[np.float64]
@@ -78,11 +78,11 @@ class SoftSystem:
     mu: NDArray[np.float64]
     """Shear modulus [Pa], of the isotropic part of a layered material, shape (p,)."""
     lam: NDArray[np.float64]
-    """First Lame parameter [Pa] likewise, shape (p,)."""
+    """First Lame parameter [Pa], of the isotropic part of a layered material, shape (p,)."""
     added: NDArray[np.float64]
     """Additional constants of layers [Pa], solver/model/layers.py, shape (p, 5)."""
     frame: NDArray[np.float64]
-    """Directions of the layers and their normal, columns of a rotation by rows, shape (p, 9)."""
+    """Directions of the layers and their normal as columns of a rotation, stored by rows, shape (p, 9)."""
     layered: NDArray[np.int32]
     """Cells with layers, shape (k,)."""
     real: NDArray[np.bool_]
@@ -107,7 +107,7 @@ def build(model: Model) -> SoftSystem:
 
 
 def _padded(soft: Interior) -> Interior:
-    """Add planes beyond every side of the grid that is not held as a whole, so that the field can extend past the
+    """Add planes beyond every side of the grid that is not entirely held, so that the field can extend past the
     surface."""
     planes, before, after = [], [], []
     for axis, p in enumerate(soft.planes):
@@ -183,7 +183,8 @@ class _LocalGrid:
 def constants(
     soft: Interior,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """mu, lambda [Pa] (p,), what layers add [Pa] (p, 5) and their frames (p, 9) of the material points."""
+    """mu, lambda [Pa] (p,), additional constants of layers [Pa] (p, 5) and layer frames (p, 9) of the material
+    points."""
     if soft.layers is None:
         count = len(soft.position)
         mu, lam = lame(soft.youngs_modulus, soft.poisson_ratio)
@@ -195,8 +196,7 @@ def constants(
 def locate(
     planes: tuple[NDArray[np.float64], ...], points: NDArray[np.float64]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Flat grid cell and local coordinates (0..1) of points (n, 3); raises ModelError for a point outside of the
-    grid."""
+    """Flat grid cell and local coordinates (0..1) of points (n, 3); raises ModelError for a point outside the grid."""
     index = np.empty(points.shape, dtype=np.int64)
     local = np.empty(points.shape)
     for axis, p in enumerate(planes):
@@ -238,7 +238,7 @@ def _fictitious(
     flat: NDArray[np.int64],
     local: NDArray[np.float64],
 ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
-    """Cell, local position and missing volume of the octants that material does not fill."""
+    """Cell, local position and missing volume of the octants that are not filled by material."""
     sizes = np.stack(np.meshgrid(*[np.diff(p) for p in soft.planes], indexing="ij"), axis=-1).reshape(-1, 3)
     octant_volume = sizes.prod(axis=1) / 8.0
     octant = (local >= 0.5) @ np.array([4, 2, 1])
@@ -252,7 +252,8 @@ def _fictitious(
 
 
 def _join(grids: list[_LocalGrid]) -> SoftSystem:
-    """Number cells, nodes and particles through; particles sorted by cell (stable, so the order is reproducible)."""
+    """Number cells, nodes and particles consecutively; particles are sorted by cell (stable, so the order is
+    reproducible)."""
     bodies, parts = [], []
     cell_offset = node_offset = particle_offset = 0
     for grid in grids:
@@ -325,7 +326,7 @@ def _join(grids: list[_LocalGrid]) -> SoftSystem:
 def _around(
     grid: NDArray[np.int64], number: NDArray[np.int32], offsets: np.ndindex, shift: int, base: int
 ) -> NDArray[np.int32]:
-    """Numbers found at grid + offset + shift, plus `base`; -1 outside or where there is none."""
+    """Numbers found at grid + offset + shift, plus `base`; -1 outside or if there is none."""
     columns = []
     for offset in offsets:
         at = grid + offset + shift

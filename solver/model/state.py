@@ -1,4 +1,4 @@
-"""The changing part of a simulation: node positions, rigid poses, their velocities, and what contacts remember.
+"""The changing part of a simulation: node positions, rigid poses, their velocities, and the memory of contacts.
 
 Degrees of freedom: three per free node, six (translation, rotation about the centre of mass) per moving frame. A
 frame is a free rigid body or the rigid core of a soft body; core nodes follow their frame.
@@ -26,27 +26,27 @@ class PointMemory:
     sliding: NDArray[np.bool_]
     """Points that slid at the end of the last step, shape (n,)."""
     material_point: NDArray[np.float64]
-    """Where in the start pose of a soft partner each point was last [m], NaN where it was nowhere, shape (n, 3)."""
+    """Last place of each point in the start pose of a soft partner [m], NaN if it was nowhere, shape (n, 3)."""
     superfluous: NDArray[np.bool_]
-    """Points that did not count in the last step, since a soft partner's own points did, shape (n,)."""
+    """Points that did not count in the last step, because a soft partner's own points did, shape (n,)."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ContactMemory:
-    """Memory of all contacts at a state. A value: a step makes a new one and edits none."""
+    """Memory of all contacts in a state. A value: a step makes a new one and edits none."""
 
     points: Mapping[tuple[int, int], PointMemory] = field(default_factory=dict)
-    """By pair: the body of the points, the body that they touch."""
+    """Memory by pair: the body of the points, the body that they touch."""
     rolling_torque: Mapping[tuple[int, int], NDArray[np.float64]] = field(default_factory=dict)
     """Elastic part of the torque against rolling per pair of bodies [N m], shape (3,)."""
     touched: frozenset[int] = frozenset()
     """Bodies in contact or bonded at the end of the last step."""
     stiffened: tuple[tuple[int, NDArray[np.float64]], ...] = ()
     """Bodies whose contacts have become stiffer since the last step, and the unit normals there. The next step brings
-    positions into balance with that, which is no motion."""
+    positions into balance with the new stiffness, which is not motion."""
 
     def stiffen(self, pair: tuple[int, int], factor: float) -> "ContactMemory":
-        """With a stiffer pair; anchors give way, so that friction stays as it is."""
+        """A copy with a stiffer pair; its anchors shrink, so that friction stays the same."""
         old = self.points[pair]
         new = replace(old, stiffness=factor * old.stiffness, anchor=old.anchor / factor)
         return replace(self, points={**self.points, pair: new})
@@ -54,7 +54,7 @@ class ContactMemory:
 
 @dataclass(eq=False, slots=True)
 class State:
-    """Mutable arrays; `copy` before a step that may be taken back."""
+    """Mutable arrays; `copy` before a step that may be undone."""
 
     x: NDArray[np.float64]
     """Node positions [m], shape (n, 3)."""
@@ -65,9 +65,9 @@ class State:
     center: NDArray[np.float64]
     """Position of the frame's reference point (centre of mass) per model body [m], shape (b, 3)."""
     velocity: NDArray[np.float64]
-    """[m/s], shape (b, 3)."""
+    """Velocity of the frame's reference point [m/s], shape (b, 3)."""
     angular_velocity: NDArray[np.float64]
-    """World axes [rad/s], shape (b, 3)."""
+    """Angular velocity of the frame, world axes [rad/s], shape (b, 3)."""
     polar: NDArray[np.float64]
     """Warm start of the particles' rotations, row-major, shape (p, 9)."""
     time: float = 0.0
@@ -87,14 +87,14 @@ class State:
         self.angular_velocity[:] = other.angular_velocity
 
     def stop(self) -> None:
-        """Everything stands still."""
+        """Set all velocities to zero."""
         self.v[:] = 0.0
         self.velocity[:] = 0.0
         self.angular_velocity[:] = 0.0
 
 
 def start_state(model: Model, soft: SoftSystem, memory: ContactMemory | None = None) -> State:
-    """Everything in its start pose with the bodies' start velocities; `memory` is that of contacts before any step."""
+    """The start pose with the bodies' start velocities; `memory` is the memory of contacts before any step."""
     count = len(model.bodies)
     velocity = np.array([b.velocity for b in model.bodies]).reshape(count, 3)
     angular = np.array([b.angular_velocity for b in model.bodies]).reshape(count, 3)

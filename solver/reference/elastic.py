@@ -1,4 +1,4 @@
-"""Elastic energy, its layers and material damping from their definitions, by singular values: twins of the kernels.
+"""Elastic energy, layers and material damping from their definitions, by singular values: twins of the kernels.
 
 Fixed-corotated elasticity of one deformation gradient, from its definition.
 
@@ -30,7 +30,7 @@ from solver.arrays import Array
 Matrix = NDArray[np.float64]
 
 CORNERS = np.array(list(product((0.0, 1.0), repeat=3)))  # of a unit cell, local node 4 i + 2 j + k
-AMBIGUOUS = 1e-3  # of |S|^3: det(tr(S) I - S) below which F has no rotation of its own, so it is taken as held
+AMBIGUOUS = 1e-3  # of |S|^3: det(tr(S) I - S) below which the rotation of F is undetermined, so it is kept constant
 BENT = ((1, 0), (2, 0), (0, 1), (2, 1), (0, 2), (1, 2))  # (i, j): bent along i, deflected along j
 
 
@@ -56,8 +56,8 @@ def stress(F: Matrix, mu: float, lam: float) -> Matrix:
 def layered_energy(F: Matrix, mu: float, lam: float, added: NDArray[np.float64], normal: NDArray[np.float64]) -> float:
     """Energy density [J/m^3] at a deformation gradient (3, 3); `added` holds K_aa, K_aw, K_ww, k_d, k_s [Pa].
 
-    The principal stretches of the layers are the singular values of F on their plane; w is the distance of neighbouring
-    layers, 1 / |F^-T n|, and s what of F n lies in them.
+    The principal stretches of the layers are the singular values of F on their plane; w is the distance between
+    neighbouring layers, 1 / |F^-T n|, and s the part of F n in their plane.
     """
     plane = np.linalg.svd(normal[None])[2][1:].T
     first, second = np.linalg.svd(F @ plane)[1]
@@ -85,20 +85,20 @@ class Cell:
     """A trilinear cell and the particles in it."""
 
     size: Array
-    """[m], shape (3,)."""
+    """Edge lengths [m], shape (3,)."""
     xi: Array
-    """Particles in 0..1, shape (p, 3)."""
+    """Positions of the particles in the cell, 0..1, shape (p, 3)."""
     volume: Array
-    """V [m^3], shape (p,)."""
+    """Volumes V [m^3], shape (p,)."""
     mu: Array
-    """[Pa], shape (p,)."""
+    """Shear moduli [Pa], shape (p,)."""
     lam: Array
-    """[Pa], shape (p,)."""
+    """First Lame parameters [Pa], shape (p,)."""
     relief: Array
     """c_ij in the order of BENT, then d_j [N/m], shape (9,)."""
 
     def gradients(self, xi: Array) -> Array:
-        """Of the eight shape functions at a particle [1/m], shape (8, 3)."""
+        """Gradients of the eight shape functions at a particle [1/m], shape (8, 3)."""
         factor = np.where(CORNERS == 1.0, xi, 1.0 - xi)
         slope = (2.0 * CORNERS - 1.0) / self.size
         columns = [slope[:, d] * np.delete(factor, d, axis=1).prod(axis=1) for d in range(3)]

@@ -1,7 +1,7 @@
 """Transfers of the moving-least-squares material point method, as plain sums over particles and nodes.
 
-Quadratic B-splines N in the number of the node planes, along each axis; of a particle's weights the middle is
-Xm = sum_i N_i X_i and the spread D = sum_i N_i (X_i - Xm)^2:
+Quadratic B-splines N in the plane index along each axis; for the weights of a particle the middle is Xm = sum_i N_i X_i
+and the spread D = sum_i N_i (X_i - Xm)^2:
 
     m_i v_i = sum_p N_i [m_p u_p + (m_p C_p - dt V_p P_p F_p^T D^-1)(x_i - xm_p)]                    [H18]
     u_p = sum_i N_i v_i,  C_p = sum_i N_i v_i (x_i - xm_p)^T D^-1
@@ -22,7 +22,7 @@ from solver.reference.elastic import stress
 
 @dataclass(frozen=True, eq=False, slots=True)
 class GridFrame:
-    """Node planes along three axes of a frame that stands in the world: X = R^T (x - c) + c0."""
+    """Node planes along three axes of a frame in the world: X = R^T (x - c) + c0."""
 
     planes: Sequence[Array]
     rotation: Array
@@ -43,7 +43,7 @@ def spline(distance: float) -> float:
 
 
 def near(x: Array, grid: GridFrame) -> tuple[list[tuple[int, float, Array]], Array, Array]:
-    """Number, weight and position of every node within reach of a particle; middle of the weights; D^-1, all in the
+    """Index, weight and position of every node within reach of a particle; middle of the weights; D^-1, all in the
     world."""
     here = grid.rotation.T @ (x - grid.center) + grid.start_center
     number = [float(np.interp(a, p, np.arange(len(p)))) for a, p in zip(here, grid.planes, strict=True)]

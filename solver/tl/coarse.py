@@ -1,14 +1,13 @@
 """A coarse space for the conjugate gradients: few trilinear modes per soft body, and the moving frames.
 
-Smoothing alone is slow in exactly the modes that matter here: a stiff light body that moves as a whole, a slab
-that gives way under a ball. The coarse space holds them: trilinear functions on a lattice of few cells per axis over
-each body's grid (they contain every rigid and affine motion) and the six motions of every frame. It is added to a
-smoother S as a second level [T05, Sec. 3]: z = S r + P (P^T A P)^-1 P^T r, with the exact Galerkin product, contacts
-included.
+Smoothing alone is slow in exactly the modes that matter here: a stiff light body that moves as a whole, a slab that
+deforms under a ball. The coarse space contains them: trilinear functions on a lattice of few cells per axis over each
+body's grid (they contain every rigid and affine motion) and the six motions of every frame. It is added to a smoother S
+as a second level [T05, Sec. 3]: z = S r + P (P^T A P)^-1 P^T r, with the exact Galerkin product, contacts included.
 
 [T05] Toselli, Widlund: Domain Decomposition Methods. Springer 2005.
 
-The contact points' part of the linear system: J^T T J by products with J, which has few entries.
+The contact points' part of the linear system: J^T T J by products with J, which is sparse.
 """
 
 from contextlib import suppress
@@ -29,8 +28,8 @@ from solver.model.soft import BodyGrid, SoftSystem, shape_values
 from solver.model.state import cross_matrix
 
 CELLS_PER_AXIS = 4  # 125 lattice nodes: the dense solve stays far below the cost of one fine product
-CELLS_PER_GRADED_AXIS = 6  # but along a graded grid's longer axes: halves the iterations
-GRADED = 1.5  # largest over smallest cell from which a grid counts as graded
+CELLS_PER_GRADED_AXIS = 6  # along a graded grid's longer axes: halves the iterations
+GRADED = 1.5  # ratio of largest to smallest cell from which a grid counts as graded
 LIFTS = (0.0, 1e-5, 1e-4, 1e-3, 1e-2)
 """Relative additions to the stiffness of rigid motions tried in turn [-]: single precision leaves up to 1e-5."""
 SHIFT = 1e-10  # relative diagonal shift that keeps lattice nodes with hardly any material solvable
@@ -38,19 +37,19 @@ SHIFT = 1e-10  # relative diagonal shift that keeps lattice nodes with hardly an
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ContactMap:
-    """J: displacement of each point's body relative to the other one, from displacements of nodes and frames."""
+    """J: displacement of each point's body relative to the other body, from displacements of nodes and frames."""
 
     nodes: sparse_matrices.csr_matrix
-    """The same weights for each direction, shape (k, n)."""
+    """The node weights, equal for each direction, shape (k, n)."""
     frames: Array
-    """Shape (k, 3, 6 b)."""
+    """The frames' part of J, shape (k, 3, 6 b)."""
     tangent: Array
     """T, force per relative displacement at each point, shape (k, 3, 3)."""
 
     @classmethod
     def of(cls, contacts: Contacts, nodes: int, place: dict[int, int], center: Array) -> "ContactMap":
-        """Of the points' own weights for nodes; `place` gives the frame of each rigid body, `center` (b, 3) those
-        frames' reference points [m]."""
+        """The map of the points, from their own weights for nodes; `place` gives the frame of each rigid body, `center`
+        (b, 3) the reference points of the frames [m]."""
         count = len(contacts.a)
         frames = np.zeros((count, 3, len(center), 6))
         for body, f in place.items():
@@ -61,7 +60,7 @@ class ContactMap:
         return cls(contacts.gather[:, :nodes], frames.reshape(count, 3, 6 * len(center)), contacts.tangent)
 
     def add_forces(self, force: Array, nodes: Array, frames: Array) -> None:
-        """Add J^T f of forces (k, 3) to those on nodes (n, 3) and frames (b, 6)."""
+        """Add J^T f for forces f (k, 3) to those on nodes (n, 3) and frames (b, 6)."""
         if nodes.size:
             nodes += self.nodes.T @ force
         if frames.size:
@@ -76,11 +75,11 @@ class ContactMap:
         self.add_forces(np.einsum("kij,kj->ki", self.tangent, relative), *out)
 
     def node_blocks(self) -> Array:
-        """Blocks of J^T T J on the diagonal of each node, shape (n, 9)."""
+        """Diagonal blocks of J^T T J for each node, shape (n, 9)."""
         return np.asarray(self.nodes.multiply(self.nodes).T @ self.tangent.reshape(-1, 9))
 
     def of_frames(self) -> tuple[Array, Array]:
-        """T J of the frames, shape (k, 3, 6 b), and J^T T J between them, shape (6 b, 6 b)."""
+        """T J of the frames, shape (k, 3, 6 b), and J^T T J between frames, shape (6 b, 6 b)."""
         pushed = np.asarray(self.tangent @ self.frames)
         return pushed, np.asarray(np.tensordot(self.frames, pushed, axes=((0, 1), (0, 1))))
 
@@ -98,7 +97,7 @@ class CoarseSpace:
     rows: tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.float64]]
     """P^T by rows: starts, nodes and weights."""
     every: dict[int, sparse.csr_matrix]
-    """P for all unknowns (displacements and frames) by number of frames."""
+    """P for all unknowns (displacements and frames), by number of frames."""
     inertia: sparse.csr_matrix
     """P^T M P, shape (m, m)."""
     ghost: sparse.csr_matrix
@@ -136,7 +135,7 @@ class CoarseSpace:
         return int(self.prolong.shape[1])
 
     def refresh(self, body: int, cell_tangent: NDArray[np.float32]) -> None:
-        """Rebuild the elastic Galerkin product of one soft body from the fine cells' tangents (c, 8, 8, 9)."""
+        """Recompute the elastic Galerkin product of one soft body from the fine cells' tangents (c, 8, 8, 9)."""
         cells, nodes = self.body_cells[body], self.body_nodes[body]
         blocks = self.blocks[cells]
         start = self.start[cells.start : cells.stop + 1]
@@ -150,7 +149,7 @@ class CoarseSpace:
         self.stiffness[inside, inside] = total.reshape(unknowns, unknowns)
 
     def turn(self, body: int, rotation: NDArray[np.float64]) -> None:
-        """Turn the elastic product of one soft body as a whole: R K_ab R^T per pair of lattice nodes."""
+        """Rotate the elastic product of one soft body as a whole: R K_ab R^T per pair of lattice nodes."""
         nodes = self.body_nodes[body]
         at = slice(3 * nodes.start, 3 * nodes.stop)
         count = nodes.stop - nodes.start
@@ -227,9 +226,9 @@ def build_coarse(soft: SoftSystem, ghost: sparse.csr_matrix) -> CoarseSpace:
 
 
 def _lattice(body: BodyGrid) -> tuple[list[NDArray[np.float64]], tuple[int, int, int]]:
-    """Planes of the body's grid, so that each fine cell lies in one coarse cell: equally spaced in the mean of their
-    number and their position. By number alone the lattice would lie where the cells are fine, by position alone where
-    they are coarse; the slow modes are in between."""
+    """Planes of the lattice over a body's grid, such that each fine cell lies in one coarse cell: equally spaced in the
+    mean of plane index and position. By index alone the lattice would concentrate where cells are fine, by position
+    alone where they are coarse; the slow modes are in between."""
     thin = int(np.argmin([p[-1] - p[0] for p in body.planes]))
     planes = []
     for axis, p in enumerate(body.planes):
@@ -260,12 +259,12 @@ def _corners(index: NDArray[np.int64], shape: tuple[int, int, int]) -> NDArray[n
 
 
 def factorised(matrix: NDArray[np.float64], frames: int) -> tuple[NDArray[np.float64], bool]:
-    """Cholesky factor of a matrix of which the lower triangle counts, its last 6 `frames` unknowns rigid motions.
+    """Cholesky factor of a matrix given by its lower triangle, whose last 6 `frames` unknowns are rigid motions.
 
-    Forces of a stiff core on the soft nodes around it come in single precision: what cancels between them and the
-    core's own stiffness may leave a rigid motion slightly negative. As it only preconditions, such motions are made
-    stiffer then, and where cells are so coarse that this does not help, everything. Raises UnstableStep where that does
-    not help either.
+    Forces of a stiff core on the soft nodes around it come in single precision: cancellation between them and the
+    core's own stiffness may leave a rigid motion slightly negative. Since the factor is only a preconditioner, such
+    motions are then made stiffer, and if cells are so coarse that this does not help, everything. Raises UnstableStep
+    if that does not help either.
     """
     split = len(matrix) - 6 * frames
     motions, everything = np.arange(split, len(matrix)), np.arange(len(matrix))
@@ -282,7 +281,7 @@ def factorised(matrix: NDArray[np.float64], frames: int) -> tuple[NDArray[np.flo
 
 
 class CoarseSolve:
-    """The dense Galerkin matrix of one Newton step, of which the lower triangle is kept, factorised."""
+    """The factorised dense Galerkin matrix of one Newton step, stored as its lower triangle."""
 
     def __init__(
         self,
@@ -294,7 +293,7 @@ class CoarseSolve:
         stiffness_scale: float,
         dt: float,
     ) -> None:
-        """`rolling` (W, T): W^T T W over all unknowns is added, as are the contacts', to elasticity and inertia."""
+        """`rolling` (W, T): W^T T W over all unknowns is added to elasticity and inertia, like the contacts."""
         self.space = space
         m, frames = space.count, len(frame_blocks)
         matrix = np.zeros((3 * m + 6 * frames, 3 * m + 6 * frames))

@@ -1,17 +1,16 @@
 """Ghost penalty: keeps cells with a sliver of material from folding.
 
-Where the surface leaves the cells around a node hardly any of their volume, contact loads that node and hardly any
-stiffness holds it. Each such node n is tied to the two behind it, n' and n'', on the grid line that leads deepest into
-the material. The energy of a tie is that of the jump at n' of the derivative of the displacement u along the line, over
-the area A that the line stands for [B10, B15]:
+Where the cells around a node contain hardly any material below the surface, contact loads that node and hardly any
+stiffness holds it. Each such node n is tied to the two nodes behind it, n' and n'', on the grid line that leads deepest
+into the material. The energy of a tie is that of the jump at n' of the derivative of the displacement u along the line,
+over the area A that the line represents [B10, B15]:
 
     E = gamma mu h A / 2 |[d u]|^2 ,   [d u] = (u_n - u_n') / a - (u_n' - u_n'') / b
 
-with a and b the distances of the nodes, h their mean and mu the smaller shear modulus of the material around n and n';
-of layers, E_t / (2 (1 + nu_tp)): contact presses them together, and as they slip easily, G_t is far too soft to keep a
-sliver from folding. The energy vanishes for every affine motion and is the same for a
-turned body. So it is a constant matrix G on node positions: its forces -G x have no resultant and no moment, and its
-tangent is G.
+with a and b the distances between the nodes, h their mean and mu the smaller shear modulus of the material around n and
+n'; for layers, E_t / (2 (1 + nu_tp)): contact presses them together, and as they slip easily, G_t is far too soft to
+keep a sliver from folding. The energy vanishes for every affine motion and does not change when a body turns. It is
+therefore a constant matrix G on node positions: its forces -G x have no resultant and no moment, and its tangent is G.
 
 A tie reaches over two cells, beyond the 27-point stencil of the elastic tangent, so G is kept apart from it.
 
@@ -19,11 +18,12 @@ A tie reaches over two cells, beyond the 27-point stencil of the elastic tangent
 [B15] Burman, Claus, Hansbo, Larson, Massing: CutFEM: discretizing geometry and partial differential equations. Int. J.
 Numer. Meth. Engng. 104, 2015.
 
-How much of the relief of bending a cell of layers can give away without losing its stiffness.
+Reduction of the relief of bending in cells of layers, so that they keep their stiffness.
 
-The relief (solver/model/bending.py) is derived for one mode at a time and for layers along the cell. Where they lie
-obliquely or turn within it, modes couple, and the whole of it would leave a mode without energy, or with less than
-none: such a cell buckles under nothing. So each cell gives the share that keeps LEFT of the energy of every mode.
+The relief (solver/model/bending.py) is derived for one mode at a time and for layers along the cell. If they lie
+obliquely or turn within the cell, modes couple, and the full relief would leave a mode with zero or negative energy:
+such a cell buckles without load. So each cell applies the share of the relief that keeps LEFT of the energy of every
+mode.
 """
 
 from dataclasses import replace
@@ -37,15 +37,15 @@ from solver.kernels import layers, tangents
 from solver.model.layers import shear_modulus_across
 from solver.model.soft import SoftSystem
 
-# [cells] of material around a node below which it is tied: a full cell at its corner is left alone, and so is a node
-# under a flat face of which an eighth of the cells is filled
+# [cells] material around a node below which it is tied: a node at the corner of a full cell is left alone, and so is a
+# node under a flat face with an eighth of its cells filled
 WEAK = 0.5
-# [-] of a node without material, less in proportion with more, so that depth is continuous in where the surface lies;
-# a tenth does not keep slivers from folding, a half takes twice as much from the depth of a dent
+# [-] gamma of a node without material, decreasing linearly with more material, so that depth is continuous in the
+# position of the surface; a tenth does not keep slivers from folding, a half reduces the depth of a dent twice as much
 GAMMA = 0.2
 ALONG = (4, 10, 12, 14, 16, 22)  # slots of the 27-point stencil on the grid lines through a node
-LEFT = 0.2  # of the energy of any motion at rest [-]: half of it may be lost once more as layers shear
-NO_STIFFNESS = 1e-6  # over a cell's largest: below it are its rigid motions, and single precision
+LEFT = 0.2  # of the energy of any motion at rest [-]: half of it may again be lost as layers shear
+NO_STIFFNESS = 1e-6  # over a cell's largest stiffness: below it are rigid motions and rounding in single precision
 
 
 def ghost_penalty(soft: SoftSystem) -> sparse.csr_matrix:
@@ -65,7 +65,7 @@ def ghost_penalty(soft: SoftSystem) -> sparse.csr_matrix:
 
 
 def _material_around(soft: SoftSystem) -> tuple[Array, Array]:
-    """Of each node the material in the cells around it [cells] and its mean modulus [Pa], shape (n,) both."""
+    """Material in the cells around each node [cells] and its mean modulus [Pa], shape (n,) both."""
     cell = np.repeat(np.arange(len(soft.cell_node)), np.diff(soft.cell_start))
     volume = np.where(soft.real, soft.volume, 0.0)
     count = len(soft.cell_node)
@@ -82,8 +82,8 @@ def _around(soft: SoftSystem, values: Array) -> Array:
 
 
 def _ties(soft: SoftSystem, support: Array) -> NDArray[np.int32]:
-    """Weak nodes with the two behind them, shape (k, 3): of the grid lines the one whose weaker node of the two has
-    the most material, if that is more than their own."""
+    """Weak nodes with the two nodes behind them, shape (k, 3): on the grid line whose weaker node of the two has the
+    most material, if that is more than that of the weak node itself."""
     weak = np.flatnonzero((support > 0.0) & (support < WEAK)).astype(np.int32)
     behind = soft.neighbour[weak][:, ALONG]
     beyond = np.where(behind >= 0, soft.neighbour[behind, ALONG], -1)
@@ -94,7 +94,7 @@ def _ties(soft: SoftSystem, support: Array) -> NDArray[np.int32]:
 
 
 def with_definite_relief(soft: SoftSystem) -> SoftSystem:
-    """The same system, with less relief in those cells of layers that cannot do with it."""
+    """The same system with reduced relief in the cells of layers that need it."""
     if not len(soft.layered):
         return soft
     whole = rest_stiffness(soft, np.zeros_like(soft.relief))
@@ -109,7 +109,7 @@ def with_definite_relief(soft: SoftSystem) -> SoftSystem:
 
 
 def rest_stiffness(soft: SoftSystem, relief: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Stiffness of the cells of layers at rest [N/m], with some relief (c, 9), shape (k, 24, 24)."""
+    """Stiffness of the cells of layers at rest [N/m], for given reliefs (c, 9), shape (k, 24, 24)."""
     cells = len(soft.cell_node)
     K = np.zeros((cells, 8, 8, 3, 3), dtype=np.float32)
     tangents.rest_tangents(

@@ -1,14 +1,14 @@
 """The linear system of one Newton step, matrix-free, and its solver.
 
 Unknowns in one array: node displacements (n, 3), then frame motions (b, 6: translation, rotation vector about the
-frame's centre). Held nodes and motions do not move; core nodes move with their frame. The matrix is symmetric positive
-semi-definite:
+frame's centre). Held nodes and held motions are zero; core nodes move with their frame. The matrix is symmetric
+positive semi-definite:
 
     (1 + beta / dt) K + G + M / dt^2 + J^T T J + W^T T_r W
 
 with G the ghost penalty (ghost.py), J the relative displacement of the contact points, W the relative rotation of pairs
-that resist rolling. What T lacks is that the limits of friction and of rolling resistance follow the normal force,
-which is not symmetric: without it Newton's iterations gain a factor of three to ten each (docs/physics.md).
+that resist rolling. T neglects that the limits of friction and of rolling resistance follow the normal force, a
+dependence that is not symmetric: without it Newton's iterations gain a factor of three to ten each (docs/physics.md).
 
 [N06] Nocedal, Wright: Numerical Optimization. 2nd ed., Springer 2006.
 [S94] Shewchuk: An introduction to the conjugate gradient method without the agonizing pain. 1994.
@@ -48,7 +48,7 @@ class Frames:
     arm: list[NDArray[np.float64]]
     """Positions of the core nodes relative to the frame's centre [m]."""
     movable: NDArray[np.bool_]
-    """Which translations and rotations are not held, shape (b, 6)."""
+    """Mask of the translations and rotations that are not held, shape (b, 6)."""
 
 
 class TangentSystem:
@@ -77,7 +77,7 @@ class TangentSystem:
         self.place = {body: f for f, body in enumerate(frames.index) if body not in soft_bodies}
         """Frame of each free rigid body."""
         self.nodes = 3 * len(soft.rest)
-        """Where the frames begin in the array of unknowns."""
+        """Offset of the frames in the array of unknowns."""
         self.size = self.nodes + 6 * len(frames.index)
         self.contact = ContactMap.of(contacts, len(soft.rest), self.place, frames.center)
         self.rolling = self._rolling_rows()
@@ -90,11 +90,11 @@ class TangentSystem:
         return out
 
     def _rolling_rows(self) -> list[tuple[NDArray[np.float64], scipy_sparse.csr_matrix]]:
-        """Tangent (3, 3) and rows of W (3, size) of each pair that resists rolling."""
+        """Tangent (3, 3) and rows of W (3, size) for each pair that resists rolling."""
         return [(r.tangent, self._turn_rows(r.a) - self._turn_rows(r.b)) for r in self.contacts.rolling]
 
     def _turn_rows(self, index: int) -> scipy_sparse.csr_matrix:
-        """Rotation vector of a body from the unknowns, shape (3, size)."""
+        """Map from the unknowns to the rotation vector of a body, shape (3, size)."""
         block, first = np.zeros((3, 0)), 0
         if index in self.contacts.spins:
             spin = self.contacts.spins[index]
@@ -110,7 +110,7 @@ class TangentSystem:
         return flat[: self.nodes].reshape(-1, 3), flat[self.nodes :].reshape(-1, 6)
 
     def expand(self, flat: Array) -> Array:
-        """The same motion with the core nodes filled in from their frames."""
+        """The same motion with the core nodes set from their frames."""
         if self.has_cores:
             flat = flat.copy()
             nodes, frames = self.split(flat)
@@ -120,7 +120,8 @@ class TangentSystem:
         return flat
 
     def reduce(self, flat: Array) -> Array:
-        """Forces, in place, with those of the core nodes moved to their frames; what is held drops out."""
+        """Reduce forces in place: those of core nodes are moved to their frames, and held degrees of freedom set to
+        zero."""
         nodes, frames = self.split(flat)
         if self.has_cores:
             for f, cores in enumerate(self.frames.core_nodes):
@@ -140,7 +141,7 @@ class TangentSystem:
         return out
 
     def prepare(self) -> None:
-        """Bring the preconditioner up to this system: once before the products."""
+        """Update the preconditioner to this system; call once before the products."""
         self.inverse = self._preconditioner()
 
     def multiply(self, direction: Array) -> Array:
@@ -166,7 +167,7 @@ class TangentSystem:
         return out
 
     def _preconditioner(self) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-        """Inverses of the 3x3 node blocks (n, 3, 3), zero where nodes are not free, and of the 6x6 frame blocks."""
+        """Inverses of the 3x3 node blocks (n, 3, 3), zero for nodes that are not free, and of the 6x6 frame blocks."""
         frames = self.frame_inertia.copy()
         more = np.zeros((len(self.soft.rest), 9))
         more[:, ::4] += self.elastic.ghost.diagonal()[:, None]
@@ -231,10 +232,11 @@ class TangentSystem:
 
 
 def conjugate_gradient(system: TangentSystem, right: Array, tolerance: float, limit: int) -> tuple[Array, int]:
-    """Solve system @ y = right, of a prepared system, until the preconditioned residual norm falls by `tolerance` [S94,
-    B3]; returns (y, iterations). Where the matrix is not positive (the relief of bending takes a little too much from
-    strained cells) y is what was found before, or the preconditioned right side: both descend [N06, Alg. 7.1]."""
-    add = blas.daxpy  # in place: numpy would make a copy of every term
+    """Solve system @ y = right, for a prepared system, until the preconditioned residual norm falls by `tolerance`
+    [S94, B3]; returns (y, iterations). If the matrix is not positive (the relief of bending may be slightly too large
+    in strained cells), y is the result so far, or the preconditioned right side: both are descent directions [N06, Alg.
+    7.1]."""
+    add = blas.daxpy  # in place: numpy would copy every term
     y, r = np.zeros_like(right), right.copy()
     z = system.precondition(r)
     p = z.copy()

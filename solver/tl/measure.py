@@ -1,11 +1,11 @@
 """Measurements after every implicit step, and the table of rolling resistance at the end.
 
-How far the grid's own stiffness keeps bodies from their depth: an estimate from the jumps of strain between cells.
+Estimate of the missing depth of bodies caused by the stiffness of the grid, from the jumps of strain between cells.
 
-A field of nodal averages of the cells' strains is nearer to the true one than the cells' own; the energy of the
-difference estimates that of the discretisation error e [Z87]. Equilibrium makes the potential least, so a grid that
-holds back the displacement leaves too much of it: Pi_h - Pi = |e|^2 / 2 in the energy norm [B96, Sec. 4.3.4]. With the
-depth d under a load F that gives dPi / dF = -d, thus for d ~ F^n, and as much for the error,
+A field of nodal averages of the cells' strains is closer to the true one than the cells' own strains; the energy of the
+difference estimates that of the discretisation error e [Z87]. Equilibrium minimises the potential, so a grid that
+restrains the displacement leaves too much of it: Pi_h - Pi = |e|^2 / 2 in the energy norm [B96, Sec. 4.3.4]. With the
+depth d under a load F that gives dPi / dF = -d, thus for d ~ F^n, and likewise for the error,
 
     d - d_h = (1 + n) / 2 |e|^2 / F ,   n between 2/3 (a sphere) and 1 (a layer, a flat punch).
 
@@ -13,10 +13,10 @@ depth d under a load F that gives dPi / dF = -d, thus for d ~ F^n, and as much f
 [Z87] Zienkiewicz, Zhu: A simple error estimator and adaptive procedure for practical engineering analysis. Int. J.
 Numer. Methods Eng. 24, 1987.
 
-Displacement and stress of the material at a state, point by point.
+Displacement and stress of the material in a state, point by point.
 
-What layers add to the isotropic stress is taken linearly, in the frame that the material has turned to:
-R (C_added : (S - I)) R^T / J.
+The stress that layers add to the isotropic stress is linear, in the rotated frame of the material: R (C_added : (S -
+I)) R^T / J.
 """
 
 import numpy as np
@@ -38,9 +38,9 @@ from solver.motion import MaterialState
 from solver.rest import Signals
 from solver.tl.step import StepReport, carried_weights
 
-LOAD_EXPONENT = 1.0  # n: the larger error of the two
+LOAD_EXPONENT = 1.0  # n: the value that gives the larger error
 COMPONENTS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
-SAME_MATERIAL = 1.05  # shear moduli within this factor share their averages: strain jumps where the material changes
+SAME_MATERIAL = 1.05  # shear moduli within this factor share averages: strain jumps where the material changes
 
 
 def measure(
@@ -53,7 +53,7 @@ def measure(
     state: State,
     report: StepReport,
 ) -> Signals:
-    """All signals of one accepted step; `watched` are the free bodies, or the soft ones where nothing is free."""
+    """All signals of one accepted step; `watched` are the free bodies, or the soft ones if nothing is free."""
     gravity = model.gravity
     soft_of = query.soft_of
     linear = angular = force_worst = torque_worst = 0.0
@@ -73,7 +73,7 @@ def measure(
         if model.bodies[i].fixed:
             continue
         force, torque = total_wrench(report.contacts, i, center)
-        movable = free_motions(model.bodies[i])  # what is held is in balance with what holds it
+        movable = free_motions(model.bodies[i])  # held degrees of freedom are in balance with their supports
         force, torque = (force + mass[i] * gravity) * movable[:3], torque * movable[3:]
         force_worst = max(force_worst, float(np.linalg.norm(force)) / scale[i])
         torque_worst = max(torque_worst, float(np.linalg.norm(torque)) / (scale[i] * 0.5 * model.bodies[i].size))
@@ -93,7 +93,7 @@ def measure(
 
 
 def particle_speed(soft: SoftSystem, state: State) -> float:
-    """Largest speed of a particle of material [m/s], 0 without soft bodies."""
+    """Largest speed of a material particle [m/s], 0 without soft bodies."""
     if not len(soft.cell_node):
         return 0.0
     real = soft.real.astype(np.int32)
@@ -125,7 +125,8 @@ def rolling_table(model: Model, contacts: Contacts) -> tuple[RollingRow, ...]:
 
 
 def depth_error(soft: SoftSystem, state: State, load: float) -> float:
-    """Estimate of how much deeper than on its grid a body that weighs `load` [N] would come to rest [m]."""
+    """Estimate of the additional depth at which a body that weighs `load` [N] would rest without discretisation error
+    [m]."""
     return 0.5 * (1.0 + LOAD_EXPONENT) * float(squared_error(soft, state).sum()) / load
 
 
@@ -162,7 +163,7 @@ def twice_energy(soft: SoftSystem, strain: NDArray[np.float64]) -> NDArray[np.fl
 
 
 def strains(soft: SoftSystem, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Deformation gradients and rotations (p, 3, 3) and volume ratios (p,) at a state."""
+    """Deformation gradients and rotations (p, 3, 3) and volume ratios (p,) in a state."""
     F, R, J = np.zeros((len(soft.volume), 9)), state.polar.copy(), np.ones(len(soft.volume))
     force = np.zeros((len(soft.cell_node), 8, 3))
     elastic.cell_forces(
@@ -198,7 +199,7 @@ def recovered(
 
 
 def material_states(soft: SoftSystem, state: State) -> dict[int, MaterialState]:
-    """Every soft body's material by the body's index in the model; fictitious particles are left out."""
+    """Material of every soft body, by the body's index in the model; without fictitious particles."""
     if not len(soft.volume):
         return {}
     F, R, J = strains(soft, state)

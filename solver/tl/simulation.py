@@ -1,6 +1,7 @@
-"""One simulation as it is stepped: how long a step is, what is measured after it, and where bodies are.
+"""One simulation, step by step: length of a step, measurements after it, and positions of bodies.
 
-A step depends on its arguments alone: what it takes over from those before it is the StepControl that they hand on.
+A step depends only on its arguments: everything that it inherits from earlier steps is in the StepControl passed on by
+them.
 """
 
 from collections.abc import Callable
@@ -25,9 +26,9 @@ from solver.tl.measure import measure
 from solver.tl.step import Stepper, StepReport
 
 Load = Callable[[float], NDArray[np.float64]]
-"""The time at which a step ends [s] -> the acceleration of each body besides gravity [m/s^2], shape (b, 3)."""
+"""Function of the end time of a step [s]: the acceleration of each body besides gravity [m/s^2], shape (b, 3)."""
 
-SHORTER = 0.1  # of a step that resolves elastic waves: what it may be shortened to in an impact
+SHORTER = 0.1  # of a step that resolves elastic waves: the shortest step in an impact
 STEP_GROWTH = 1.25  # growth of the step when Newton converges easily
 
 
@@ -36,16 +37,16 @@ class StepControl:
     """Step length and accuracy, carried over from step to step."""
 
     dt: float
-    """Longest step that is tried [s]."""
+    """Longest step to try [s]."""
     speed: float = 0.0
-    """Largest linear speed after the step before [m/s]."""
+    """Largest linear speed after the previous step [m/s]."""
     tolerance_factor: float = 1.0
-    """Factor of the tolerance to which steps at rest are solved [-]."""
+    """Factor on the tolerance of steps at rest [-]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class AcceptedStep:
-    """Where a step led, and what the next one takes over."""
+    """Result of a step, and the control for the next one."""
 
     state: State
     report: StepReport
@@ -54,7 +55,7 @@ class AcceptedStep:
 
 
 class Simulation:
-    """Bodies and contacts of a model, and the law by which a state is stepped; keeps no history."""
+    """Bodies and contacts of a model, and the law for stepping a state; keeps no history."""
 
     def __init__(self, model: Model, config: SolverConfig) -> None:
         self.model = model
@@ -81,7 +82,7 @@ class Simulation:
         """Longest step that resolves elastic waves [s]."""
 
     def rest_monitor(self) -> RestMonitor:
-        """A monitor of this model's rest, without any signals yet."""
+        """A monitor for the rest of this model, without any signals yet."""
         return RestMonitor(self.config, self.gravity, self.length)
 
     def _mass(self, index: int) -> float:
@@ -90,7 +91,7 @@ class Simulation:
         return self.model.bodies[index].mass
 
     def start_state(self) -> State:
-        """Everything in its start pose, contacts without any memory."""
+        """The start pose, with contacts without memory."""
         return start_state(self.model, self.soft, self.query.fresh_memory())
 
     def step(
@@ -118,7 +119,7 @@ class Simulation:
                     f"{report.inverted} inverted particles"
                 )
             dt = max(0.5 * dt, shortest)
-        if state.memory.stiffened:  # velocities stay, but for the approach along the normals, which ends
+        if state.memory.stiffened:  # velocities stay, except for the approach along the normals, which is stopped
             after.move_as(state)
             for index, normal in state.memory.stiffened:
                 self._end_approach(after, index, normal)
@@ -129,10 +130,10 @@ class Simulation:
         return AcceptedStep(after, report, signals, StepControl(longer, signals.speed, control.tolerance_factor))
 
     def stiffen(self, state: State, contacts: Contacts, signals: Signals) -> None:
-        """Stiffen pairs that penetrate more than asked for near rest, where the load is the weight, and before that
-        those that penetrate more than is safe; with inertia not before, as nothing may add energy to an impact.
+        """Near rest, where the load is the weight, stiffen pairs that penetrate more than requested, and before that
+        those that penetrate more than is safe; not before with inertia, as nothing may add energy to an impact.
 
-        Springs that are suddenly stiffer would throw a body up, so the next step only corrects positions.
+        Springs that suddenly become stiffer would throw a body up, so the next step only corrects positions.
         """
         moving = signals.speed > self.config.moving_speed * np.sqrt(self.gravity * self.length)
         if moving and self.config.inertia:
@@ -155,7 +156,7 @@ class Simulation:
         state.memory = replace(state.memory, stiffened=tuple(stiffened))
 
     def _end_approach(self, state: State, index: int, normal: NDArray[np.float64]) -> None:
-        """Take the motion along a unit normal out of a body; what is clamped is stopped."""
+        """Remove the motion along a unit normal from a body; a clamped body is stopped."""
         one, body = self.soft_of.get(index), self.model.bodies[index]
         if one is None and not body.fixed:
             along = normal * free_motions(body)[:3]
@@ -167,7 +168,8 @@ class Simulation:
             state.v[one.nodes] -= (mass @ state.v[one.nodes] @ normal / mass.sum()) * normal
 
     def _longest_step(self, speed: float) -> float:
-        """No free body may skip a contact; what only hangs on a clamp has none to skip and no path to get wrong."""
+        """Longest step in which no free body can skip a contact; a body on a clamp has no contact to skip and no path
+        to get wrong."""
         if not self.free:
             return min(self.config.hanging_step_seconds, self.wave_step)
         distance = max(self.config.step_distance, self.config.step_share * self.length)
@@ -175,13 +177,14 @@ class Simulation:
         return min(longest, self.balance_step(), self.wave_step)
 
     def balance_step(self) -> float:
-        """Longest step that follows a loss of balance [s]."""
+        """Longest step after a loss of balance [s]."""
         return self.config.longest_step * float(np.sqrt(0.5 * self.length / self.gravity))
 
     def add_rigid_motion(
         self, state: State, index: int, velocity: NDArray[np.float64], angular_velocity: NDArray[np.float64]
     ) -> None:
-        """Add a rigid motion [m/s], [rad/s] about its centre of mass to what a free body does, as far as it may."""
+        """Add a rigid motion [m/s], [rad/s] about its centre of mass to the motion of a free body, as far as the body
+        may move."""
         movable = free_motions(self.model.bodies[index])
         velocity, angular_velocity = velocity * movable[:3], angular_velocity * movable[3:]
         state.velocity[index] += velocity

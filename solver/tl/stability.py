@@ -1,16 +1,17 @@
-"""How far a verified rest state can be pushed before it is lost.
+"""Measures the largest push after which a verified rest state recovers.
 
 Each free body in turn is pushed horizontally at its centre of mass, in directions all around, by a force that grows to
-a share of its weight, stays, and is taken away. The push is held if everything then comes to rest where it was; a
-search brackets the largest one that is. For a rigid body on a level rigid floor the answer is a formula: it slides at
-mu_s, or tips at (distance of the edge) / (height of the centre of mass), whichever is less. The same number is the
-horizontal acceleration, in units of gravity, that what it stands on may have.
+a share of its weight, stays, and is removed. The push is held if everything then comes to rest where it was; a search
+brackets the largest held push. For a rigid body on a level rigid floor the answer is a formula: it slides at mu_s, or
+tips at (distance of the edge) / (height of the centre of mass), whichever is less. The same number is the allowed
+horizontal acceleration of its support, in units of gravity.
 
-No randomness, and every trial starts from the same state: same model and config, same grade.
+There is no randomness, and every trial starts from the same state: the same model and config give the same grade.
 
-Disturb a rest state and follow it until it is quiet again, has gone, or the time is up.
+Disturbs a rest state and follows it until it is quiet again, has left, or the time is up.
 
-A rest state is verified with a small kick; a graded push (stability.py) ends in the same way: let go and watch.
+A rest state is verified with a small kick; a graded push ends in the same way: by letting the bodies go and following
+them.
 """
 
 from collections.abc import Callable
@@ -27,70 +28,72 @@ from solver.model.state import State
 from solver.rest import Progress, RestMonitor, Signals
 from solver.tl.simulation import Simulation, StepControl
 
-KICK_NOISE = 0.1  # share of a kick's speed below which growth is the noise of solving to a tolerance
-# of a speed in a quarter of a period's steps: what grows slower rolls in a neutral balance, it does not fall over
+KICK_NOISE = 0.1  # share of a kick's speed below which growth is noise of the solver's tolerance
+# growth of a speed in a quarter of a period's steps: a body with slower growth rolls in neutral balance, it does not
+# fall over
 GROWTH = 1.25
 
 
 @dataclass(frozen=True, slots=True)
 class Displacement:
-    """How far free bodies have moved."""
+    """Motion of free bodies."""
 
     distance: float
-    """Of a centre of mass [m]."""
+    """Displacement of a centre of mass [m]."""
     angle: float
-    """Of a body [rad]."""
+    """Rotation of a body [rad]."""
 
     @classmethod
     def between(cls, simulation: Simulation, rest: State, state: State) -> "Displacement":
-        """Largest of all free bodies."""
+        """Largest displacement of all free bodies between two states."""
         return cls(*simulation.distance(rest, state))
 
     def within(self, bound: "Displacement") -> bool:
-        """Neither farther nor turned more than the bound."""
+        """Return whether neither the distance nor the angle exceeds the bound."""
         return self.distance <= bound.distance and self.angle <= bound.angle
 
 
 @dataclass(frozen=True, slots=True)
 class StopCriteria:
-    """When to stop following what has not come to rest."""
+    """Criteria to stop following bodies that have not come to rest."""
 
     at_once: Displacement
-    """Beyond it at once."""
+    """Stop at once beyond this displacement."""
     at_period_end: Displacement
-    """Beyond it at the end of a period."""
+    """Stop beyond this displacement at the end of a period."""
     speed: float
-    """Faster at the end of a period, over the kick's speed [-]."""
+    """Stop at a larger speed at the end of a period, over the kick's speed [-]."""
     when_quiet: bool = False
-    """At rest over a window too: not after a kick, which is so small that a lost balance shows only later."""
+    """Stop at rest over a window as well: not after a kick, which is so small that a lost balance only shows later."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Response:
-    """How a disturbance ended."""
+    """Response to a disturbance."""
 
     state: State
     control: StepControl
-    """For a step that goes on from there."""
+    """Control for a step that continues from there."""
     stable: bool
-    """At rest again, near where it was."""
+    """Whether the bodies came to rest again near the rest state."""
     moved: Displacement
-    """From the rest state to the end."""
+    """Displacement from the rest state to the end."""
     farthest: float
-    """Largest distance on the way [m]."""
+    """Largest distance during the motion [m]."""
     speed_left: float
     """Largest speed at the end over the kick's, 0 below the rest thresholds [-]."""
     growing: bool
     segments: int
-    """Periods of kick_seconds that it took."""
+    """Number of periods of kick_seconds."""
 
 
 def kick(
     simulation: Simulation, monitor: RestMonitor, rest: State, control: StepControl, progress: Progress | None
 ) -> tuple[State, StepControl, KickCheck]:
-    """Kick a rest state and follow it: where that ends, what a further step takes over, whether the rest was stable.
+    """Kick a rest state and follow it; returns the final state, the data for a further step, and whether the rest was
+    stable.
 
-    `control` is that of the rest state; `monitor` takes the signals.
+    `control` is that of the rest state; `monitor` records the signals.
     """
     c = simulation.config
     state = kicked_state(simulation, rest)
@@ -117,7 +120,7 @@ def kick(
 
 
 def kicked_state(simulation: Simulation, rest: State) -> State:
-    """A rest state in which everything free has got the kick, seeded, bonded bodies as one."""
+    """A rest state with the kick, from a seeded direction, on all free bodies; bonded bodies are kicked as one."""
     c = simulation.config
     random = np.random.default_rng(c.seed)
     state = stopped(rest)
@@ -127,7 +130,7 @@ def kicked_state(simulation: Simulation, rest: State) -> State:
         centers = np.array([simulation.center(state, i) for i in group])
         arms = centers - mass @ centers / mass.sum()
         longest_arm = float(np.linalg.norm(arms, axis=1).max())
-        # however long the arms, no member gets more than twice the kick's speed
+        # whatever the length of the arms, no member gets more than twice the kick's speed
         spin = min(c.kick_angular_speed, c.kick_speed / max(longest_arm, 1e-12)) * axis
         for i, arm in zip(group, arms, strict=True):
             simulation.add_rigid_motion(state, i, c.kick_speed * direction + np.cross(spin, arm), spin)
@@ -135,7 +138,7 @@ def kicked_state(simulation: Simulation, rest: State) -> State:
 
 
 def bonded_groups(simulation: Simulation) -> list[list[int]]:
-    """Free bodies by the free bodies that they are bonded to, directly or through others: each group moves as one."""
+    """Free bodies, grouped with those that they are bonded to, directly or through others: each group moves as one."""
     groups: list[list[int]] = []
     for i in simulation.free:
         bodies = simulation.model.bodies
@@ -145,7 +148,7 @@ def bonded_groups(simulation: Simulation) -> list[list[int]]:
 
 
 def stopped(rest: State) -> State:
-    """A rest state without the last of its motion."""
+    """A rest state without its residual motion."""
     state = rest.copy()
     state.stop()
     return state
@@ -162,10 +165,10 @@ def follow(
     stop: StopCriteria,
     progress: Progress | None,
 ) -> Response:
-    """Let a disturbed state go on from where it is; it is stable if it comes to rest within `near` of the rest state.
+    """Continue a disturbed state; it is stable if it comes to rest within `near` of the rest state.
 
-    Rolling resistance gives way meanwhile (rolling.py). `monitor` takes the signals; steps begin anew at half the
-    longest that follows a loss of balance.
+    Rolling resistance is compliant meanwhile (friction.py). `monitor` records the signals; steps restart at half the
+    longest step after a loss of balance.
     """
     c = simulation.config
     start, farthest, control = state.time, 0.0, replace(control, dt=0.5 * simulation.balance_step())
@@ -192,10 +195,11 @@ def follow(
 
 
 def _speed_left(monitor: RestMonitor, followed: list[Signals], c: SolverConfig) -> tuple[float, bool]:
-    """Largest speed at the end over the kick's (0 where it is below the rest thresholds) and whether it still grows.
+    """Largest speed at the end over the kick's speed (0 if it is below the rest thresholds), and whether it still
+    grows.
 
     An unstable balance gains speed by a factor e in about sqrt(L / 2g): 0.1 s for L = 0.2 m, and GROWTH in a quarter of
-    half a second for L = 6 m. A wobble may look like it for half its period, so growth alone only asks for more time.
+    half a second for L = 6 m. A wobble may look like it for half its period, so growth alone only extends the time.
     """
     quarter = max(len(followed) // 4, 2)
     before, end = monitor.judge(followed[-2 * quarter : -quarter]), monitor.judge(followed[-quarter:])
@@ -210,7 +214,7 @@ def _speed_left(monitor: RestMonitor, followed: list[Signals], c: SolverConfig) 
     return left, growing
 
 
-# half its size away, or turned by 60 degrees: lost, whatever comes after [-], [rad]
+# half its size away, or turned by 60 degrees: lost, whatever happens later [-], [rad]
 LOST = Displacement(0.5, np.pi / 3.0)
 
 
@@ -224,16 +228,16 @@ class PushTrials:
     direction: NDArray[np.float64]
     """Horizontal unit vector, shape (3,)."""
     tolerance_factor: float
-    """As in StepControl, of the rest state."""
+    """Factor on the tolerance of the rest state, as in StepControl."""
     ends: dict[int, Displacement] = field(default_factory=dict)
-    """How far bodies had moved when each push, in units of push_step, was judged."""
+    """Motion of the bodies when each push, in units of push_step, was judged."""
     steps: int = 0
     warnings: list[str] = field(default_factory=list)
 
     def held(self, level: int, progress: Progress | None) -> bool:
-        """Whether everything comes back to rest after a push of `level` times push_step of the weight.
+        """Return whether everything comes back to rest after a push of `level` times push_step of the weight.
 
-        A push that the solver cannot follow is lost, with a warning.
+        A push that the solver cannot follow counts as lost, with a warning.
         """
         monitor = self.simulation.rest_monitor()
         try:
@@ -272,7 +276,7 @@ class PushTrials:
         return end.stable, end.moved
 
     def bracket(self, most: int, guess: int | None, progress: Progress | None) -> tuple[int, PushRow]:
-        """The largest level held, and the certificate's row."""
+        """The largest held level, and the certificate's row."""
         level = largest_held(lambda one: self.held(one, progress), most, guess)
         lost = self.ends.get(level + 1)
         unit = self.simulation.config.push_step
@@ -290,16 +294,16 @@ class PushTrials:
 def grade(
     simulation: Simulation, rest: State, tolerance_factor: float, progress: Progress | None
 ) -> tuple[StabilityGrade | NotDone, list[str]]:
-    """For every free body and direction the largest push held and the smallest lost, over the body's weight (lost is
-    None where the largest one tried was held), and the smallest of all held ones; and the trials' warnings.
+    """For every free body and direction the largest held and the smallest lost push, over the body's weight (lost is
+    None if the largest tried push was held), the smallest of all held pushes, and the trials' warnings.
 
-    Every trial has a history of its own. `tolerance_factor` is that to which the rest state was solved (StepControl).
+    Every trial has its own history. `tolerance_factor` is that to which the rest state was solved (StepControl).
     """
     c = simulation.config
     if not simulation.model.gravity.any():
         return NotDone(reason="without gravity there is no weight to compare a push with"), []
     most, steps = max(1, round(c.push_most / c.push_step)), 0
-    quarter = max(1, c.push_directions // 4)  # directions back to a quarter turn, after which many things look the same
+    quarter = max(1, c.push_directions // 4)  # directions in a quarter turn, after which many things look the same
     bodies: dict[str, BodyStability] = {}
     warnings: list[str] = []
     for index in simulation.free:
@@ -327,8 +331,8 @@ def grade(
 def largest_held(held: Callable[[int], bool], most: int, guess: int | None) -> int:
     """Largest level 0..most that `held` is true for, if it is true up to some level and false above; 0 is not tried.
 
-    Bisection, log2(most + 1) rounded up trials; with a guess in strides that double away from it, at most two more than
-    twice as many, and two where it is right.
+    Bisection takes log2(most + 1) trials, rounded up; with a guess, in strides that double away from it, at most two
+    more than twice as many, and only two if the guess is right.
     """
     low, high = 0, most + 1
     if guess is not None:
@@ -358,5 +362,5 @@ def directions(gravity: NDArray[np.float64], count: int) -> NDArray[np.float64]:
 
 
 def finite(value: float) -> float | None:
-    """For JSON."""
+    """The value, or None if it is not finite, for JSON."""
     return value if np.isfinite(value) else None

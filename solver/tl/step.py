@@ -2,10 +2,9 @@
 
     M (v' - v) / dt = f(x') ,  x' = x + dt v'
 
-Soft and rigid bodies, contact on both sides and friction are one system, so no side of a contact can outrun the
-other. Backward Euler damps elastic vibration strongly and leaves slow rigid motion nearly untouched, which is what a
-path to rest needs; stiffness-proportional damping beta K (Kelvin-Voigt) stands for the loss of real foams [B96, Sec.
-9.3.3].
+Soft and rigid bodies, contact on both sides and friction are one system, so no side of a contact can outrun the other.
+Backward Euler damps elastic vibration strongly and leaves slow rigid motion nearly untouched, as a path to rest needs;
+stiffness-proportional damping beta K (Kelvin-Voigt) models the loss of real foams [B96, Sec. 9.3.3].
 
 [B96] Bathe: Finite Element Procedures, Prentice Hall 1996.
 [P92] Press, Teukolsky, Vetterling, Flannery: Numerical Recipes in C, 2nd ed., Cambridge 1992.
@@ -29,9 +28,9 @@ from solver.tl.ghost import ghost_penalty
 from solver.tl.linear import Frames, TangentSystem, Vector, conjugate_gradient
 from solver.tl.tangent import ElasticForces, ElasticTangent, StepStrain
 
-OVERSHOT = 0.3  # of the work at the start of a Newton move, against it at its end: the move went too far [-]
-SEARCHES = 5  # shares of a move that are tried
-LEAST_SHARE = 0.1  # of the interval by which a search narrows it [-]
+OVERSHOT = 0.3  # of the work at the start of a Newton move, as negative work at its end: the move went too far [-]
+SEARCHES = 5  # number of shares of a move that are tried
+LEAST_SHARE = 0.1  # least share of the interval by which a search narrows it [-]
 
 
 @dataclass(eq=False, slots=True)
@@ -41,41 +40,41 @@ class StepReport:
     newton: int
     linear: int
     residual: float
-    """Largest residual of a body over its weight, or over what it carries where that is more [-]."""
+    """Largest residual of a body over its weight, or over its load if that is larger [-]."""
     worst: int
-    """The body that has it."""
+    """Index of that body."""
     where: NDArray[np.float64]
-    """Where on it most is out of balance [m]: a node, or the centre of a rigid body, shape (3,)."""
+    """Place of its largest imbalance [m]: a node, or the centre of a rigid body, shape (3,)."""
     contacts: Contacts
     frame_residual: NDArray[np.float64]
     inverted: int
-    """Particles of material with det F <= 0."""
+    """Number of material particles with det F <= 0."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class StepProblem:
-    """Problem of one step."""
+    """Definition of one step."""
 
     start: StepStart
     push: NDArray[np.float64]
-    """Acceleration that acts on each body besides gravity [m/s^2], shape (b, 3)."""
+    """Acceleration of each body besides gravity [m/s^2], shape (b, 3)."""
     strain: StepStrain | None
-    """None without material damping."""
+    """Strains at the start; None without material damping."""
 
     @property
     def before(self) -> State:
-        """The state that the step begins at."""
+        """The state at the start of the step."""
         return self.start.state
 
     @property
     def dt(self) -> float:
-        """[s]."""
+        """Length of the step [s]."""
         return self.start.seconds
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Trial:
-    """A guess of the state at the end of a step."""
+    """An iterate for the state at the end of a step."""
 
     state: State
     contacts: Contacts
@@ -83,22 +82,22 @@ class Trial:
     right: Array
     """Residual: forces on nodes [N], forces [N] and torques [N m] on frames, shape (3 n + 6 b,)."""
     residual: float
-    """Its size as in StepReport [-]."""
+    """Size of the residual as in StepReport [-]."""
     worst: int
 
 
 def carried_weights(weights: NDArray[np.float64], contacts: Contacts) -> NDArray[np.float64]:
-    """Scale of the residuals of each body [N], shape (b,): its weight, or the load it carries where that is more,
-    at most the largest weight. A sheet under a book is in balance as far as the book is."""
+    """Scale of the residuals of each body [N], shape (b,): its weight, or its load if that is larger, at most the
+    largest weight. A sheet under a book is in balance if the book is."""
     return np.asarray(np.clip(contacts.carried_load(len(weights)), weights, weights.max()))
 
 
 class Stepper:
-    """`step` moves a state by one step; holds what is constant, and work arrays.
+    """Moves a state by one step with `step`; holds constant data and work arrays.
 
-    All that a step starts from is in its arguments, but for two caches: the elastic tangent (tangent.py) may be that of
-    an earlier state, which changes how Newton's iterations get to a solution within its tolerance; and what belongs to
-    the last place of the nodes is not computed again there (forces.py).
+    The start of a step is entirely in its arguments, except for two caches: the elastic tangent (tangent.py) may be
+    that of an earlier state, which only changes the path of Newton's iterations to a solution within the tolerance; and
+    quantities at the last node positions are not computed again for the same positions (tangent.py).
     """
 
     def __init__(
@@ -115,9 +114,9 @@ class Stepper:
         self.query = query
         self.config = config
         self.weights = weights
-        """Weight of each body [N], of fixed ones that of all free ones, shape (b,)."""
+        """Weight of each body [N], for fixed bodies the weight of all free ones, shape (b,)."""
         self.theta = config.inertia_theta if config.inertia else 1.0
-        """Where in a step forces and contacts are taken [-]."""
+        """Fraction of a step at which forces and contacts are evaluated [-]."""
         ghost = ghost_penalty(soft)
         self.elastic = ElasticForces(soft, ghost, material_damping)
         self.tangent = ElasticTangent(soft, ghost, config.tangent_refresh)
@@ -134,7 +133,7 @@ class Stepper:
         mass, inertia = np.zeros(len(self.frame_bodies)), np.zeros((len(self.frame_bodies), 3, 3))
         for f, i in enumerate(self.frame_bodies):
             body = self.model.bodies[i]
-            if isinstance(body, RigidBody):  # that of a core sits in its nodes
+            if isinstance(body, RigidBody):  # the mass of a core is in its nodes
                 mass[f], inertia[f] = body.mass, state.rotation[i] @ body.inertia @ state.rotation[i].T
         return Frames(
             self.frame_bodies,
@@ -165,7 +164,7 @@ class Stepper:
         """The state after `dt` [s], solved to `tolerance` of every body's weight; raises UnstableStep for a state that
         is not finite.
 
-        A backward Euler step to theta dt, and from there straight on: with theta = 1/2 the implicit midpoint rule.
+        A backward Euler step to theta dt, continued linearly from there: with theta = 1/2 the implicit midpoint rule.
         """
         problem = self.problem(state, self.theta * dt, push, rolling)
         total, count = 0, 0
@@ -182,7 +181,7 @@ class Stepper:
         self._finish(after, problem)
         if self.theta < 1.0:
             self._extrapolate(after, problem.before, dt)
-            # what friction remembers is the end of the whole step
+            # friction's memory refers to the end of the whole step
             contacts = self.query.find(after, replace(problem.start, seconds=dt))
             after.memory = contacts.memory
         inverted = int((self.elastic.volume_ratio[self.soft.real] <= 0.0).sum())
@@ -191,17 +190,17 @@ class Stepper:
         return after, StepReport(count, total, trial.residual, trial.worst, where, contacts, frames, inverted)
 
     def prepare(self, trial: Trial) -> None:
-        """Bring the elastic tangent and the preconditioner up to a trial: before its system is solved."""
+        """Update the elastic tangent and the preconditioner to a trial, before its system is solved."""
         self.elastic.evaluate(trial.state)
         self.tangent.refresh(trial.state, self.elastic.deformation)
         trial.system.prepare()
 
     def _after_move(self, trial: Trial, move: Array, problem: StepProblem) -> Trial:
-        """Trial state after a Newton move, or after a share of it where the whole goes too far.
+        """Trial state after a Newton move, or after a share of it if the whole move goes too far.
 
-        Forces derive from a potential but for the limits of friction, so what is out of balance does work along a
-        move until the potential is least, and negative work beyond. Where that has become OVERSHOT of the work at its
-        start, the place is looked for between by false position [P92, Sec. 9.2].
+        Forces derive from a potential except for the limits of friction, so unbalanced forces do positive work along a
+        move until the potential is at its minimum, and negative work beyond. If the work at the end has become
+        -OVERSHOT of the work at the start, a place in between is searched by false position [P92, Sec. 9.2].
         """
         move = self._capped(trial.system, move)
         first = float(trial.right @ move)
@@ -212,21 +211,21 @@ class Stepper:
             work = float(latest.right @ move)
             found.append((abs(work), latest))
             if first <= 0.0 or (work >= -OVERSHOT * first and (share == 1.0 or work <= OVERSHOT * first)):
-                break  # also where friction's limits make the move no descent at all
+                break  # also if friction's limits make the move no descent at all
             if work < 0.0:
                 high = (share, work)
             else:
                 low = (share, work)
             at = float(np.clip(low[1] / (low[1] - high[1]), LEAST_SHARE, 1.0 - LEAST_SHARE))
             share = low[0] + at * (high[0] - low[0])
-        else:  # none was near enough: the nearest, with the forces and the tangent of its own state
+        else:  # none was close enough: take the closest, with the forces and the tangent of its own state
             best = min(found, key=lambda one: one[0])[1]
             return latest if best is latest else self._linearise(best.state, problem)
         return latest
 
     def _linearise(self, state: State, problem: StepProblem) -> Trial:
-        """Forces, contacts and the system of a state at the end of a step, which takes over what they remember; raises
-        UnstableStep if it is not finite."""
+        """Forces, contacts and the system for a state at the end of a step, updating the state's contact memory; raises
+        UnstableStep if the state is not finite."""
         dt = problem.dt
         self._require_finite(state, dt)
         force = self.elastic.forces(state, problem.strain)
@@ -256,7 +255,7 @@ class Stepper:
         )
 
     def _predict(self, problem: StepProblem) -> State:
-        """Where everything goes on as it moved; what touched nothing falls."""
+        """Predicted state with unchanged velocities; bodies without contact fall."""
         state, dt = problem.before, problem.dt
         touched = state.memory.touched
         after = state.copy()
@@ -273,7 +272,7 @@ class Stepper:
         return self._constrain(after)
 
     def _constrain(self, state: State) -> State:
-        """Put core nodes where their frame says, held nodes where they were."""
+        """Place core nodes by their frame, and held nodes where they were at the start."""
         for i, cores in zip(self.frame_bodies, self.core_nodes, strict=True):
             if len(cores):
                 arm = self.soft.rest[cores] - self.model.bodies[i].center_of_mass
@@ -302,14 +301,14 @@ class Stepper:
         return system.reduce(out)
 
     def _size(self, residual: Vector, contacts: Contacts) -> tuple[float, int]:
-        """Largest residual of a body over its weight or what it carries [-]: of its nodes (2-norm), its force, and its
-        torque over half its size; and which body that is."""
+        """Largest residual of a body over its weight or load [-], from its nodes (2-norm), its force, and its torque
+        over half its size; and the index of that body."""
         scale = carried_weights(self.weights, contacts)
         parts = np.zeros(len(self.model.bodies))
         for body in self.soft.bodies:
             nodes = residual[0][body.nodes]
             parts[body.index] = np.sqrt((nodes**2).sum())
-            if not self.model.bodies[body.index].fixed:  # many small residuals of one sign move a body as a whole
+            if not self.model.bodies[body.index].fixed:  # many small residuals of the same sign move a body as a whole
                 parts[body.index] = np.maximum(parts[body.index], np.linalg.norm(nodes.sum(axis=0)))
         for index, spin in contacts.spins.items():
             torque = np.cross(spin.arm, residual[0][spin.nodes]).sum(axis=0)
@@ -318,11 +317,11 @@ class Stepper:
             torque = np.linalg.norm(residual[1][f, 3:]) / (0.5 * self.model.bodies[i].size)
             parts[i] = np.max([parts[i], np.linalg.norm(residual[1][f, :3]), torque])
         parts /= scale
-        worst = int(np.argmax(parts))  # the first that is not a number, if there is one
+        worst = int(np.argmax(parts))  # the first NaN, if there is one
         return float(parts[worst]), worst
 
     def _worst_place(self, trial: Trial) -> NDArray[np.float64]:
-        """StepReport.where."""
+        """The place of StepReport.where."""
         for body in self.soft.bodies:
             if body.index == trial.worst:
                 nodes = trial.system.split(trial.right)[0][body.nodes]
@@ -358,7 +357,7 @@ class Stepper:
         after.time = before.time + dt
 
     def _extrapolate(self, after: State, before: State, dt: float) -> None:
-        """From the state at theta dt to that at dt: positions and velocities are linear in between."""
+        """Extrapolate from the state at theta dt to that at dt: positions and velocities are linear."""
         more = 1.0 / self.theta
         after.x = before.x + more * (after.x - before.x)
         after.v = before.v + more * (after.v - before.v)

@@ -1,13 +1,13 @@
 """The elastic tangent of all soft bodies: warped cell stiffnesses on the 27-point stencil and their coarse product.
 
-A cell's stiffness turns with the rotation of its particles, K = R K_rest R^T [M04]; strain is left out of it but where
-it is large in a body that is held. It is rebuilt only when strain has changed visibly. A turn of a free body as a whole
-is followed closely: a tangent that is late by an angle t resists the next turn with a stiffness of about E V t^2, which
-costs iterations.
+A cell's stiffness turns with the rotation of its particles, K = R K_rest R^T [M04]; strain is neglected except where it
+is large in a held body. It is rebuilt only when strain has changed visibly. A turn of a free body as a whole is
+followed closely: a tangent that lags by an angle t resists the next turn with a stiffness of about E V t^2, which costs
+iterations.
 
 [M04] Mueller, Gross: Interactive virtual materials. Graphics Interface 2004.
 
-Elastic forces of all soft bodies and the drag of material damping, with what the kernels leave behind.
+Elastic forces of all soft bodies and the drag of material damping, with the intermediate results of the kernels.
 """
 
 from dataclasses import dataclass
@@ -21,16 +21,16 @@ from solver.model.soft import BodyGrid, SoftSystem
 from solver.model.state import State, best_rigid_motion, turn_between
 from solver.tl.coarse import build_coarse
 
-COARSE = 4.0  # the coarse product only preconditions: it may be later than the tangent by this factor
+COARSE = 4.0  # the coarse product is only a preconditioner: it may lag more than the tangent by this factor
 ORDINARY_RATIO = 1.5  # lambda / mu at nu = 0.3
-STRAINED = 0.1  # a cell strained by more has its own tangent: the one at rest, turned, is then off by as much
-NEARLY = 0.5  # of the change that is too much: cells that have changed by so much are rebuilt with others
-TURN_REFRESH = 1e-3  # turn of a free body [rad] after which its tangent follows: E V t^2 is then far below its weight
+STRAINED = 0.1  # a cell strained by more has its own tangent: the rotated rest tangent would be wrong by as much
+NEARLY = 0.5  # of the limit of change: cells that have changed by this much are rebuilt together with others
+TURN_REFRESH = 1e-3  # turn of a free body [rad] after which its tangent is rebuilt: E V t^2 is far below its weight
 
 
 @dataclass(eq=False, slots=True)
 class BodyTangent:
-    """One soft body's part of the work arrays, and the state that it belongs to."""
+    """One soft body's part of the work arrays, and the state to which it belongs."""
 
     grid: BodyGrid
     cells: slice
@@ -38,32 +38,32 @@ class BodyTangent:
     """Its cells with layers."""
     movable: bool
     strain_refresh: float
-    """Change of an entry of a deformation gradient after which its tangent is rebuilt [-]."""
+    """Change of an entry of a deformation gradient after which the tangent is rebuilt [-]."""
     built: NDArray[np.float64] | None = None
-    """Rotation (3, 3) at its last rebuild."""
+    """Rotation (3, 3) at the last rebuild."""
     coarse_built: NDArray[np.float64] | None = None
-    """The same of its coarse product."""
+    """Rotation at the last rebuild of its coarse product."""
     turned: NDArray[np.float64] | None = None
-    """Rotation that the coarse product has now."""
+    """Current rotation of the coarse product."""
 
     @classmethod
     def of(cls, soft: SoftSystem, grid: BodyGrid, strain_refresh: float) -> "BodyTangent":
-        """Of a body, rebuilt at a change of strain [-] of an ordinary material."""
+        """The part of a body that is rebuilt at a change of strain [-] of an ordinary material."""
         inside = grid.cell_id[grid.cell_id >= 0]
         cells = slice(int(inside.min()), int(inside.max()) + 1)
         layered = soft.layered[(soft.layered >= cells.start) & (soft.layered < cells.stop)]
         mu, at = soft.mu[grid.particles], grid.particles
-        # late by a strain, the volumetric part is off by lambda / mu times as much as the shear part
+        # for a lag in strain, the error of the volumetric part is lambda / mu times that of the shear part
         stiffest = float((soft.lam[at] / mu).max())
         limit = strain_refresh * min(1.0, ORDINARY_RATIO / max(stiffest, 1e-30))
-        # late by an angle t, layers of stiffness k resist their slip with k t^2 beside mu
+        # for a lag by an angle t, layers of stiffness k resist their slip with k t^2 in addition to mu
         slip = float((soft.added[at].max(axis=1) / mu).max(initial=1.0))
         movable = not soft.held[grid.nodes].any()
         return cls(grid, cells, layered, movable, min(limit, strain_refresh / np.sqrt(slip)))
 
 
 class ElasticTangent:
-    """Work arrays of the tangent; `refresh` brings them up to a state."""
+    """Work arrays of the tangent; `refresh` updates them to a state."""
 
     def __init__(self, soft: SoftSystem, ghost: sparse_matrices.csr_matrix, strain_refresh: float) -> None:
         self.soft = soft
@@ -82,14 +82,15 @@ class ElasticTangent:
         """Rows of K on the 27 nodes around each node, by columns padded to four [N/m]."""
         self.half = np.zeros(self.stencil.shape, dtype=np.float16)
         self.unit = np.ones(len(soft.rest), dtype=np.float32)
-        """The same in half precision over a power of two for each row, near its own block, that keeps it in range."""
+        """The same in half precision, divided by a power of two for each row, near its own block, that keeps it in
+        range."""
         self.sweep = np.zeros((len(soft.rest), 3), dtype=np.float32)
-        """Room for the preconditioner's sweeps."""
+        """Buffer for the preconditioner's sweeps."""
         self.coarse = build_coarse(soft, ghost) if len(soft.bodies) else None
         self.built = np.zeros((len(soft.volume), 9))
-        """Deformation gradients that the bodies' tangents were last rebuilt for."""
+        """Deformation gradients at the last rebuild of the bodies' tangents."""
         self.coarse_built = np.zeros((len(soft.volume), 9))
-        """The same of their coarse products."""
+        """Deformation gradients at the last rebuild of their coarse products."""
 
     def refresh(self, state: State, deformation: NDArray[np.float64]) -> None:
         """Follow strains and turns that have changed enough; `deformation` (p, 9) belongs to the state."""
@@ -125,7 +126,7 @@ class ElasticTangent:
         return best_rigid_motion(self.soft.rest[nodes], state.x[nodes], self.soft.mass[nodes])[0]
 
     def _starts(self, body: BodyTangent) -> NDArray[np.int32]:
-        """First particle of each of its cells, and one past the last."""
+        """First particle of each of the body's cells, and one past the last."""
         return self.soft.cell_start[body.cells.start : body.cells.stop + 1]
 
     def _change(
@@ -136,8 +137,8 @@ class ElasticTangent:
         deformation: NDArray[np.float64],
         now: NDArray[np.float64],
     ) -> NDArray[np.float64]:
-        """Largest change of an entry of a deformation gradient in each of its cells since those `built` when the body
-        had turned by `before`, its turn since then taken out; infinite before the first."""
+        """Largest change of an entry of a deformation gradient in each of the body's cells since `built`, when the body
+        had turned by `before`, with its turn since then removed; infinite before the first build."""
         change = np.full(body.cells.stop - body.cells.start, np.inf)
         if before is not None:
             sparse.changes(self._starts(body), now @ before.T, built, deformation, change)
@@ -146,7 +147,7 @@ class ElasticTangent:
     def _note(
         self, built: NDArray[np.float64], body: BodyTangent, late: NDArray[np.bool_], deformation: NDArray[np.float64]
     ) -> None:
-        """Enter what the cells that were `late` have been rebuilt for."""
+        """Record the deformation for which the cells that were `late` have been rebuilt."""
         at = body.grid.particles
         particles = np.repeat(late, np.diff(self._starts(body)))
         built[at][particles] = deformation[at][particles]
@@ -154,13 +155,13 @@ class ElasticTangent:
     def _turn_cells(
         self, body: BodyTangent, late: NDArray[np.bool_], state: State, deformation: NDArray[np.float64]
     ) -> None:
-        """Rebuild the tangents of those of its cells that are `late`, and the rows of their nodes."""
+        """Rebuild the tangents of those of the body's cells that are `late`, and the rows of their nodes."""
         s, cells, nodes = self.soft, body.cells, body.grid.nodes
         flag = late.astype(np.int32)
         tangents.turn_tangents(
             flag, self._starts(body), s.volume, state.polar, self.rest_cells[cells], self.cells[cells]
         )
-        if not body.movable:  # a stress that turns with a body would resist its spin in tangents of its own
+        if not body.movable:  # stress that turns with a free body would resist its spin in the cells' own tangents
             tangents.strained_tangents(
                 STRAINED, cells.start, flag, s.cell_size, s.cell_start, s.local, s.volume, s.mu, s.lam,
                 deformation, state.polar, self.cells,
@@ -182,7 +183,7 @@ class ElasticTangent:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class StepStrain:
-    """Strains at the start of a step, from which material damping measures."""
+    """Strains at the start of a step, the reference for material damping."""
 
     rate: float
     """Damping beta over the step's length [-]."""
@@ -195,18 +196,18 @@ class StepStrain:
 
 
 class ElasticForces:
-    """Forces at a state; holds the particles' deformation at the last one."""
+    """Forces in a state; keeps the particles' deformation of the last state."""
 
     def __init__(self, soft: SoftSystem, ghost: sparse_matrices.csr_matrix, material_damping: float) -> None:
         self.soft = soft
         self.ghost = ghost
-        """Ghost penalty [N/m], ghost.py; it is not damped, as its drag would brake turns, shape (n, n)."""
+        """Ghost penalty [N/m], ghost.py; it is not damped, as its drag would slow rotations, shape (n, n)."""
         self.damping = material_damping
         """Stiffness-proportional damping beta [s]."""
         cells, particles = len(soft.cell_node), len(soft.volume)
         self.cell_force = np.zeros((cells, 8, 3))
         self.place = np.zeros((0, 3))
-        """Node positions that the rest belongs to [m]."""
+        """Node positions to which the other arrays belong [m]."""
         self.polar = np.zeros((0, 9))
         """Rotations of the particles' polar decompositions."""
         self.deformation = np.zeros((particles, 9))
@@ -245,14 +246,14 @@ class ElasticForces:
         return f
 
     def evaluate(self, state: State) -> None:
-        """Make the particles' deformation that of a state, and the state's rotations its own."""
+        """Set the particles' deformation to that of a state, and the state's rotations to theirs."""
         if not np.array_equal(state.x, self.place):
             self.forces(state)
         elif state.polar is not self.polar:
             state.polar[:] = self.polar
 
     def strain(self, state: State, dt: float) -> StepStrain | None:
-        """Reference state of material damping in a step from this state, None without damping."""
+        """Reference for material damping in a step from this state; None without damping."""
         if self.damping == 0.0 or not len(state.x):
             return None
         self.evaluate(state)
