@@ -1,4 +1,4 @@
-"""The builders that recipes may name, furniture and things to place, each by the name of its function."""
+"""The builders that recipes may name, for furniture and things to place, each under the name of its function."""
 
 from dcap.synthetic.furniture import bath, beds, decor, seats, tables
 from dcap.synthetic.schema import PieceChoice, choice_of

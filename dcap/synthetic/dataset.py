@@ -1,4 +1,4 @@
-"""Makes a dataset from its recipes: rooms, objects, and their truth, in a separate folder because no stage may read it.
+"""Makes a dataset from its recipes: rooms, objects, and their truth in a separate folder, because no stage may read it.
 
 FOLDER/rooms/NAME/ (InteriorGS layout), FOLDER/objects/NAME.glb|obj|ply, FOLDER/truth/NAME.parquet (face by face:
 instance, label, part) and FOLDER/truth/recipes/ (the recipe of each). On demand FOLDER/splat_rooms/NAME/: the same
@@ -53,7 +53,7 @@ def in_metres(recipe: ObjectRecipe) -> Assembly:
 
 
 def _fused(item: Assembly) -> Assembly:
-    """The solids of each part grown together."""
+    """A copy in which the solids of each part are united."""
     return replace(item, parts=tuple(replace(p, solids=(union(p.solids),)) for p in item.parts))
 
 
@@ -67,11 +67,11 @@ def make_dataset(
     scenes: int = 0,
     recipes: Path = RECIPES,
 ) -> None:
-    """Write every room and object that is missing, damaged or made by another recipe.
+    """Write every room and object that is missing, damaged or was made by another recipe.
 
-    `rooms` are the only ones made, all if empty; `objects` likewise, all if None. With `splats` each room is also
-    written as that number of Gaussians. `scenes` scenes are made from the rooms in turn, each round with the next seed;
-    one of each if 0. `recipes` is a folder like data/recipes; InputError names a mistake in it.
+    `rooms` and `objects` select those to make; empty `rooms` and `objects` None mean all. With `splats` each room is
+    also written as that number of Gaussians. `scenes` scenes are made from the rooms in turn, each round with the next
+    seed; 0 makes one scene of each room. `recipes` is a folder like data/recipes; InputError names a mistake in it.
     """
     code = _digest_of(_sources())
     for name, room, own_seed in scenes_of(rooms or room_names(recipes), scenes, seed):
@@ -155,7 +155,7 @@ def _write_room(folder: Path, name: str, recipe: RoomRecipe, seed: int) -> list[
 
 
 def _write_splat_room(folder: Path, name: str, recipe: RoomRecipe, seed: int, splats: int) -> list[Path]:
-    """The room as splats, evenly on all of its surface."""
+    """The room as splats, evenly distributed over its surface."""
     record = build_recipe(recipe, seed).record
     spacing = float(np.sqrt(record.mesh.face_areas.sum() / splats))
     made = splats_on_mesh(record.mesh, spacing, seed)

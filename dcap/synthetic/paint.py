@@ -60,7 +60,7 @@ def plain(rgb: Rgb) -> Painter:
 
 
 def wood(rgb: Rgb, grain: Axis = "x", seed: int = 0) -> Painter:
-    """Streaks along the axis `grain`; nearly white colours are taken as lacquer and stay calm."""
+    """Streaks along the axis `grain`; nearly white colours count as lacquer and get faint streaks."""
     along = AXES[grain]
     contrast = 0.085 if float(np.mean(rgb)) < 200 else 0.015
 
@@ -139,12 +139,12 @@ def tiles(color: Rgb, joint: Rgb, size: float = 0.3) -> Painter:
 
 
 def _varying(points: Array) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
-    """Axes in which the surface extends (a wall is flat in one), broadcast to the points."""
+    """Mask of the axes along which the surface extends (a wall is flat along one axis), broadcast to the points."""
     return np.broadcast_to(np.ptp(points, axis=0) > 1e-6, points.shape)
 
 
 def gradient(low: Rgb, high: Rgb, axis: Axis = "z") -> Painter:
-    """From one colour to the other along the extent of the mesh."""
+    """A gradient from one colour to the other along the extent of the mesh."""
 
     def paint(points: Array) -> Array:
         values = points[:, AXES[axis]]

@@ -98,7 +98,7 @@ class DoorRecipe(RecipeModel):
 
     wall: Compass
     along: NonNegativeFloat
-    """Its middle, along x or y [m]."""
+    """Middle of the opening, along x or y [m]."""
     width: PositiveFloat
     height: PositiveFloat
 
@@ -107,12 +107,12 @@ class WindowRecipe(DoorRecipe):
     """A window."""
 
     sill: NonNegativeFloat
-    """Height of its lower edge [m]."""
+    """Height of the lower edge [m]."""
     curtains: CurtainRecipe | None = None
 
 
 class FreePlace(RecipeModel):
-    """Anywhere, turned."""
+    """Any place, with a rotation."""
 
     x: float
     y: float
@@ -132,9 +132,9 @@ class WallPlace(RecipeModel):
 
     wall: Compass
     along: float
-    """Its middle, along x or y [m]."""
+    """Middle of the piece, along x or y [m]."""
     gap: float = 0.02
-    """Between wall and back [m]."""
+    """Gap between wall and back [m]."""
     z: float = 0.0
 
 
@@ -147,9 +147,9 @@ class UponPlace(RecipeModel):
     front: float = 0.0
     yaw_deg: float = 0.0
     top: PositiveFloat | None = None
-    """Height of its support [m]; by default of the highest point."""
+    """Height of the support [m]; by default the highest point of the thing below."""
     board: NonNegativeInt | None = None
-    """Instead of a height: a board of a shelf, the lowest being 0."""
+    """Instead of a height: a board of a shelf, counted from 0 at the bottom."""
 
 
 class BookFill(RecipeModel):
@@ -157,7 +157,7 @@ class BookFill(RecipeModel):
 
     seed: NonNegativeInt
     free: tuple[NonNegativeInt, ...] = (2,)
-    """Further boards that stay empty."""
+    """Additional boards that stay empty."""
 
 
 class ThingRecipe(RecipeModel):
@@ -165,9 +165,9 @@ class ThingRecipe(RecipeModel):
 
     piece: PieceField
     name: str = ""
-    """Name by which others stand upon it."""
+    """Name by which other things refer to it in `upon`."""
     varies: bool = False
-    """Whether the room's seed is added to the piece's, so that it differs between datasets."""
+    """Whether the room's seed is added to the piece's seed, so that it differs between datasets."""
     books: BookFill | None = None
     at: FreePlace | None = None
     stand: FloorPlace | None = None
@@ -200,7 +200,7 @@ class RoomRecipe(RecipeModel):
     windows: tuple[WindowRecipe, ...] = ()
     doors: tuple[DoorRecipe, ...] = ()
     things: tuple[ThingRecipe, ...] = ()
-    """In this order; curtains and a lamp below the ceiling come last."""
+    """Things in order of placement; curtains and a ceiling lamp come last."""
     scan: ScanDefects = ScanDefects()
 
     @model_validator(mode="after")
@@ -242,13 +242,13 @@ class ObjectRecipe(RecipeModel):
 
     piece: PieceField
     mass: PositiveFloat
-    """Mass of such a thing [kg]; informative, only for tests and people."""
+    """Mass of the thing [kg]; informative, only for tests and people."""
     format: Literal["glb", "obj", "ply"] = "glb"
     """glb (named nodes, y up), obj or ply (one mesh, z up)."""
     unit: PositiveFloat = 1.0
-    """Length of the file's unit [m]; some files have a unit of their own, like downloaded ones."""
+    """Length of the file's unit [m]; like downloaded files, some files use an unusual unit."""
     fused: bool = False
-    """The solids of each part are grown together into one."""
+    """Whether the solids of each part are united into one."""
 
 
 def room_names(folder: Path = RECIPES) -> tuple[str, ...]:
@@ -266,7 +266,7 @@ def room_recipe(name: str, folder: Path = RECIPES) -> RoomRecipe:
 
 
 def object_recipes(folder: Path = RECIPES) -> Mapping[str, ObjectRecipe]:
-    """The recipes of all objects by name; raises InputError likewise."""
+    """The recipes of all objects by name; raises InputError with file, line, key and value."""
     return check_file(folder / "objects.yaml", dict[str, ObjectRecipe], palette(folder))
 
 

@@ -13,10 +13,10 @@ from dcap.synthetic.paint import Finish, Painter
 from dcap.synthetic.shapes import Assembly, columns, rotation
 
 WALL_THICKNESS = 0.12
-"""[m]."""
+"""Thickness of the walls [m]."""
 WALLS = ("south", "east", "north", "west")
 YAW = {"south": 0.0, "east": 90.0, "north": 180.0, "west": -90.0}
-"""Turn of a piece whose back is to the wall [degrees]."""
+"""Rotation of a piece whose back is to the wall [degrees]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,18 +39,18 @@ class Placed:
     """A piece in its place."""
 
     thing: Assembly
-    """In room coordinates."""
+    """The piece in room coordinates."""
     yaw_deg: float
     x: float
     y: float
 
     @property
     def top(self) -> float:
-        """Height of its highest point [m]."""
+        """Height of the highest point of the piece [m]."""
         return float(self.thing.bounds[1, 2])
 
     def point(self, right: float, front: float) -> tuple[float, float]:
-        """A point given in the piece's own frame [m]."""
+        """A point given in the piece's own frame, in room coordinates [m]."""
         offset = rotation("z", self.yaw_deg) @ (right, front, 0.0)
         return self.x + float(offset[0]), self.y + float(offset[1])
 
@@ -77,7 +77,7 @@ class FurnishedRoom:
         return placed
 
     def stand(self, item: Assembly, x: float, y: float) -> Placed:
-        """Put a piece on the floor, moved inwards as far as it needs to clear the walls by 2 cm."""
+        """Put a piece on the floor, moved inwards as far as necessary to clear the walls by 2 cm."""
         low, high = item.bounds
         x = float(np.clip(x, 0.02 - low[0], self.width - 0.02 - high[0]))
         y = float(np.clip(y, 0.02 - low[1], self.depth - 0.02 - high[1]))
@@ -100,14 +100,14 @@ class FurnishedRoom:
 
     def upon(self, item: Assembly, below: Placed, right: float = 0.0, front: float = 0.0, yaw_deg: float = 0.0,
              top: float | None = None) -> Placed:  # fmt: skip
-        """Put a piece on another at a point of its frame, pressed in by 1.5 mm so that they touch."""
+        """Put a piece on another piece at a point of its frame, pressed in by 1.5 mm so that they touch."""
         x, y = below.point(right, front)
         height = below.top if top is None else top
         return self.put(item, x, y, below.yaw_deg + yaw_deg, height - 0.0015 - float(item.bounds[0, 2]))
 
 
 def wall_length(room: FurnishedRoom, wall: str) -> float:
-    """[m]."""
+    """Length of a wall [m]."""
     return room.width if wall in ("south", "north") else room.depth
 
 

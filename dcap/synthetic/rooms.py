@@ -33,7 +33,7 @@ SIDE_BOARDS = 0.06
 HEADROOM = 0.03
 """Distance between a book of full height and the board above, including the board's thickness [m]."""
 SEEDS_APART = 1000
-"""Difference of seeds between the rooms of one dataset and those of the next seed."""
+"""Difference between the seeds of a room in successive rounds of a dataset."""
 BOX_MARGIN = 0.001
 """Margin of boxes around their content [m]."""
 NOT_STANDING = ("rug", "ceiling lamp", "picture", "mirror", "window", "curtain")
@@ -118,7 +118,7 @@ class BuiltRoom:
     instance_ids: tuple[str, ...]
     """Truth: id per instance index; unlike in the annotation, never empty."""
     instance_labels: tuple[str, ...]
-    """Lower case."""
+    """Labels of the instances in lower case."""
     face_instance: NDArray[np.int32]
     """Truth: index of the instance of each face of the mesh, shape (m,)."""
     face_part: NDArray[np.object_]
@@ -138,7 +138,7 @@ def build_room(name: str, seed: int) -> BuiltRoom:
 
 
 def build_recipe(recipe: RoomRecipe, seed: int) -> BuiltRoom:
-    """Furnish, scan and annotate a room; rooms lie at a place of their own in the world."""
+    """Furnish, scan and annotate a room; each room has its own place in the world."""
     own_seed = seed * SEEDS_APART + recipe.seed
     room = furnish(recipe, own_seed)
     rng = np.random.default_rng(own_seed)
@@ -203,7 +203,7 @@ def _labels(room: FurnishedRoom, things: list[_Labelled], boxes: list[OrientedBo
 
 
 def _walls(room: FurnishedRoom, offset: Array) -> tuple[Wall, ...]:
-    """Centre lines of the four walls, which lie outside of the floor polygon."""
+    """Centre lines of the four walls, which lie outside the floor polygon."""
     walls = []
     for name in WALLS:
         length = wall_length(room, name)

@@ -35,9 +35,9 @@ ON_FLOOR = 0.003
 VOXEL = 0.02
 """Voxel size of the fused volume [m]: the resolution of phones."""
 BLOCK, BLOCKS = 16, 20_000
-"""Voxels along an edge of a block, and blocks at first [-]."""
+"""Number of voxels along an edge of a block, and initial number of blocks [-]."""
 LEAST_SEEN = 3.0
-"""Least number of cameras that have seen a place [-]."""
+"""Least number of cameras that have seen a point of the surface [-]."""
 NOISE = 0.004
 """Standard deviation of depth at one metre, growing with its square [m]."""
 EYES = 1.5
@@ -46,7 +46,7 @@ WIDTH, HEIGHT, FOV_DEG = 240, 180, 75.0
 STANDS, TURNS = 3, 8
 """Places along each horizontal axis, and views from each of them [-]."""
 FARTHEST = 6.0
-"""[m]."""
+"""Largest depth [m]."""
 
 
 class ScanDefects(RecipeModel):
@@ -74,7 +74,7 @@ class ScanSurface:
     """Index of the thing it belongs to."""
     part: str
     closed: bool
-    """Whether it is a solid that hides its inside; False for the sheets of walls, floor and ceiling."""
+    """Whether the piece is a solid that hides its inside; False for the sheets of walls, floor and ceiling."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -107,7 +107,8 @@ def scan(surfaces: Sequence[ScanSurface], seed: int, defects: ScanDefects) -> Ro
 def _visible(surfaces: Sequence[ScanSurface]) -> list[NDArray[np.bool_]]:
     """Per surface, the faces that reach out of all other solids and do not lie on the floor.
 
-    A face is hidden if its centre and its three corners are inside other solids: faces at a border stay, so none opens.
+    A face is hidden if its centre and its three corners are inside other solids: faces at a border stay, so that no gap
+    opens.
     """
     centers = [s.mesh.triangles.mean(axis=1) for s in surfaces]
     points = [np.concatenate([c, s.mesh.vertices]) for s, c in zip(surfaces, centers, strict=True)]
@@ -139,7 +140,7 @@ def _mark_inside(index: int, solid: Mesh, points: list[Array], bounds: Array, hi
 
 
 def _inside(solid: Mesh, points: Array) -> NDArray[np.bool_]:
-    """Whether points (n, 3) lie inside a closed mesh, by ray parity, shape (n,)."""
+    """Mask of the points (n, 3) that lie inside a closed mesh, by ray parity, shape (n,)."""
     caster = open3d.t.geometry.RaycastingScene(nthreads=1)
     caster.add_triangles(tensor(solid.vertices, np.float32), tensor(solid.faces, np.uint32))
     occupied = caster.compute_occupancy(tensor(points, np.float32), nthreads=1, nsamples=3)
@@ -147,7 +148,7 @@ def _inside(solid: Mesh, points: Array) -> NDArray[np.bool_]:
 
 
 def _noisy(mesh: Mesh, share: Array, seed: int, defects: ScanDefects, rng: np.random.Generator) -> Mesh:
-    """The mesh displaced along its normals, with a little noise in the colours; `share` scales it per vertex."""
+    """The mesh displaced along its normals, with slight noise in the colours; `share` scales it per vertex."""
     points, normals = mesh.vertices, mesh.vertex_normals
     shift = defects.smooth_noise * smooth_noise(points, seed + 1, 0.35)
     shift += defects.rough_noise * smooth_noise(points, seed + 2, 0.08)
@@ -169,7 +170,7 @@ def _holes(mesh: Mesh, defects: ScanDefects, rng: np.random.Generator) -> NDArra
 
 
 def _compact(mesh: Mesh, faces: NDArray[np.int64], rng: np.random.Generator) -> Mesh:
-    """The given faces in the given order, with only the vertices they use, these shuffled too."""
+    """The given faces in the given order, with only the vertices that they use, also shuffled."""
     used, inverse = np.unique(mesh.faces[faces], return_inverse=True)
     order = rng.permutation(len(used))
     place = np.empty_like(order)
@@ -178,7 +179,7 @@ def _compact(mesh: Mesh, faces: NDArray[np.int64], rng: np.random.Generator) -> 
 
 
 def scanned(mesh: Mesh, seed: int = 0) -> Mesh:
-    """The surface fused from the camera's views; the same for the same seed."""
+    """The surface fused from the camera's views; reproducible from the seed."""
     kinds, channels = (core.float32,) * 3, (1, 1, 3)
     grid = geometry.VoxelBlockGrid(
         ("tsdf", "weight", "color"), kinds, channels, VOXEL, BLOCK, BLOCKS, core.Device("CPU:0")
@@ -201,7 +202,7 @@ def scanned(mesh: Mesh, seed: int = 0) -> Mesh:
 
 
 def walk(mesh: Mesh, caster: Raycaster) -> list[Camera]:
-    """Cameras at places that are free, each turning around, looking a little down."""
+    """Cameras at free places, each turning around and looking slightly down."""
     low, high = mesh.bounds
     cameras = []
     for u in (np.arange(STANDS) + 0.5) / STANDS:
@@ -210,7 +211,7 @@ def walk(mesh: Mesh, caster: Raycaster) -> list[Camera]:
             turns = 2.0 * np.pi * (np.arange(TURNS) + 0.5 * u) / TURNS
             around = np.stack([np.cos(turns), np.sin(turns), np.zeros(TURNS)], axis=1)
             if caster.cast(np.tile(place, (TURNS, 1)), around).distance.min() < 0.25:
-                continue  # inside of a thing, or too close to one
+                continue  # inside a thing, or too close to it
             cameras += [
                 looking_at(place, place + way + [0.0, 0.0, -0.45], WIDTH, HEIGHT, fov_deg=FOV_DEG) for way in around
             ]

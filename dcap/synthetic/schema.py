@@ -1,7 +1,8 @@
 """Checks of recipes: a builder function is its own schema, with its parameters as keys.
 
 A recipe names a function and gives its arguments, `NAME` or `{NAME: {PARAMETER: VALUE, ...}}`; `choice_of` makes the
-pydantic model for a table of such functions from their signatures. Unknown keys are errors with the nearest known one.
+pydantic model for a table of such functions from their signatures. Unknown keys are errors that name the nearest known
+key.
 """
 
 import inspect
@@ -44,7 +45,7 @@ class RecipeModel(BaseModel):
 
 
 def check_known(kind: str, word: object, known: Collection[str]) -> None:
-    """Raise ValueError, which names the nearest known word, for one that is unknown."""
+    """Raise ValueError for an unknown word, with the nearest known word."""
     if word not in known:
         hint = did_you_mean(word, known) or f"; known are {', '.join(known) or 'none'}"
         raise ValueError(f"unknown {kind} {word!r}{hint}")
@@ -80,7 +81,7 @@ class PieceChoice(FunctionChoice):
     """A builder of furniture or of an object."""
 
     def build(self, **changed: object) -> Assembly:
-        """Run the builder with the arguments, some of them changed."""
+        """Run the builder with the arguments, some of them replaced."""
         built = self.functions[self.name](**(self.arguments | changed))
         assert isinstance(built, Assembly)
         return built

@@ -35,6 +35,14 @@ def volume(mesh: Mesh) -> float:
     return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0)
 
 
+def is_manifold(mesh: Mesh) -> bool:
+    """Return whether every edge is used once in each direction: the mesh is closed, and no surface meets itself."""
+    edges = np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]]).astype(np.int64)
+    forth = np.sort(edges[:, 0] * len(mesh.vertices) + edges[:, 1])
+    back = np.sort(edges[:, 1] * len(mesh.vertices) + edges[:, 0])
+    return len(np.unique(forth)) == len(forth) and bool(np.array_equal(forth, back))
+
+
 def warped(mesh: Mesh, change: Callable[[Array], Array]) -> Mesh:
     """The mesh with its vertices (n, 3) mapped by `change`."""
     return replace(mesh, vertices=np.ascontiguousarray(change(mesh.vertices)))
@@ -163,7 +171,7 @@ def cushioned(mesh: Mesh, top: float, bottom: float = 0.0) -> Mesh:
 def lens(half_x: float, half_y: float, upper: float, lower: float, pinch: float = 0.08, edge: float = 0.02) -> Mesh:
     """A puffed pillow: two sheets joined at a thin rim with drawn-in sides; heights `upper`, `lower` [m].
 
-    Rim at z = 0. The lower side is flatter than the upper, so that it lies well.
+    Rim at z = 0. The lower side is flatter than the upper one, so that the pillow lies flat.
     """
     nodes = [np.sin(line(-np.pi / 2, np.pi / 2, edge / half * np.pi / 2)) for half in (half_x, half_y)]
     mesh = grid_surface(nodes[0], nodes[1], np.array([-1.0, 0.0, 1.0]))
@@ -305,7 +313,7 @@ def _manifold(mesh: Mesh) -> manifold3d.Manifold:
 
 
 def _mesh(solid: manifold3d.Manifold) -> Mesh:
-    """Back to one vertex per position: copies that differ in colour only are merged."""
+    """Convert back to one vertex per position: copies that only differ in colour are merged."""
     result = solid.to_mesh()
     target = np.arange(len(result.vert_properties))
     target[np.asarray(result.merge_from_vert, dtype=np.int64)] = np.asarray(result.merge_to_vert, dtype=np.int64)
@@ -333,7 +341,7 @@ class SolidPart:
     name: str
     """Part name in lower case, as listed in `dcap.scene.types.segmentation.Part`."""
     solids: tuple[Mesh, ...]
-    """Closed solids; they may pass into each other and into other parts."""
+    """Closed solids; they may overlap each other and other parts."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -51,7 +51,7 @@ def _ceiling(room: FurnishedRoom) -> Mesh:
 
 
 def _facing(room: FurnishedRoom, mesh: Mesh, target: Array) -> Mesh:
-    """The open sheet with its faces turned so that they look towards a point on average."""
+    """The open sheet with its faces turned so that on average they face a point."""
     toward = target - mesh.triangles.mean(axis=1)
     if float(np.einsum("ij,ij->", mesh.face_normals, toward)) > 0:
         return mesh

@@ -83,19 +83,10 @@ def case_body(solid: CaseSolid, grid: Cells | None, finest: float, contacts: lis
         )  # fmt: skip
     loaded = (solid.body.rest_shape or ("loaded" if solid.fixed else "unloaded")) == "loaded"
     return SoftSimulationBody(
-        name=name,
-        instance=name,
-        fixed=solid.fixed,
-        surface=surface,
-        distance=distance,
-        inertial=inertial,
-        friction=friction,
-        velocity=velocity,
-        angular_velocity=spin,
-        points=uniform_points(solid, planes, distance, inertial.mass),
-        grid=clamped_grid(solid, planes),
-        loaded=loaded,
-    )  # Number of cells between planes.
+        name=name, instance=name, fixed=solid.fixed, surface=surface, distance=distance, inertial=inertial,
+        friction=friction, velocity=velocity, angular_velocity=spin,
+        points=uniform_points(solid, planes, distance, inertial.mass), grid=clamped_grid(solid, planes), loaded=loaded,
+    )  # fmt: skip
 
 
 def soft_grid(

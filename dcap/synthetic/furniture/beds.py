@@ -48,10 +48,10 @@ class BedStyle:
     """Colour of the blanket's turned-back strip."""
     pillow: Finish
     fabric: Rgb = (0, 0, 0)
-    """Colour of an upholstered headboard; wooden ones have that of the frame."""
+    """Colour of an upholstered headboard; wooden headboards have the colour of the frame."""
     pillow_count: int = 2
     mattress: float = 0.24
-    """Thickness [m]."""
+    """Thickness of the mattress [m]."""
     blanket_start: float = 0.42
     """Start of the blanket, as a share of the length from the head."""
 

@@ -132,7 +132,7 @@ def cushion() -> Assembly:
 
 
 def _folded(size: tuple[float, float], layer: float, count: int, painter: Painter, seed: int, edge: float) -> Mesh:
-    """Flat layers with round rims on top of each other, grown together where they touch; a fold closes one side."""
+    """Flat layers with round rims on top of each other, united where they touch; a fold closes one side."""
     rng = np.random.default_rng(seed)
     solids = []
     for level in range(count):
