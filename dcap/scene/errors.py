@@ -2,12 +2,13 @@
 
 The tree of errors that a person can act on.
 
-Every message says what went wrong, where, which value and which knob. `exit_code` is what the command line returns.
+Every message says what went wrong, where, with which value, and which setting to change. `exit_code` is returned by the
+command line.
 
-What is wrong with a file, and how bad it is.
+Problems of a file and their severity.
 
-A reader's functions tell a `Report` of each problem that they meet and go on. Whoever reads to use the file gives
-`refusing`, which raises at the first error; whoever checks it gives a list. So both follow the same rules.
+The functions of a reader pass each problem to a `Report` and continue. To use a file, pass `refusing`, which raises at
+the first error; to check a file, pass one that collects. Both follow the same rules.
 """
 
 import reprlib
@@ -17,41 +18,41 @@ from enum import StrEnum
 from pathlib import Path
 
 Place = tuple[str | int, ...]
-"""Where in a tree of JSON or YAML: the keys and indices that lead there."""
+"""Place in a tree of JSON or YAML: the keys and indices that lead there."""
 
 
 class DcapError(Exception):
-    """Root of all errors raised on purpose outside of `solver`."""
+    """Root of all errors raised deliberately outside `solver`."""
 
     exit_code = 2
 
 
 class InputError(DcapError):
-    """A path, option, key or value that the user gave cannot be used."""
+    """A path, option, key or value given by the user cannot be used."""
 
 
 class FormatError(InputError):
-    """A file breaks the format it claims to have; names the file and the offset, element or key."""
+    """A file violates its format; names the file and the offset, element or key."""
 
 
 class GeometryError(DcapError):
-    """A mesh or point set cannot be used for what was asked."""
+    """A mesh or point set cannot be used for the requested purpose."""
 
 
 class NothingBeneathError(GeometryError):
-    """A base has no surface where an object is to be dropped onto it."""
+    """A base has no surface below the start of the drop."""
 
 
 class LanguageError(DcapError):
-    """A prompt was not understood, or a model's reply was invalid to the end."""
+    """A prompt was not understood, or a model's replies remained invalid."""
 
 
 class RefusedError(LanguageError):
-    """A model's API has told that it does not take a call: nothing was done, nothing is charged."""
+    """The API of a model has rejected a call: nothing was done, nothing is charged."""
 
 
 class BudgetError(LanguageError):
-    """What may be spent on a model is spent."""
+    """The budget for calls of a model is exhausted."""
 
 
 class StoreError(DcapError):
@@ -59,38 +60,38 @@ class StoreError(DcapError):
 
 
 class MissingArtifactError(StoreError):
-    """An artifact that a cache record names is gone or damaged: recompute it."""
+    """An artifact named by a cache record is missing or damaged: recompute it."""
 
 
 class MachineError(DcapError):
-    """What the program needs of its machine is not to be had: room on a disk, rights, memory, open files, a server."""
+    """A resource of the machine is not available: disk space, permissions, memory, open files, a server."""
 
 
 class Severity(StrEnum):
-    """How bad a problem is."""
+    """Severity of a problem."""
 
     ERROR = "error"
-    """The file, or what is told of, cannot be used."""
+    """The file, or the entry in question, cannot be used."""
     WARNING = "warning"
-    """It is used, and most likely not as it was meant."""
+    """It is used, but probably not as intended."""
     NOTE = "note"
-    """Worth knowing; such files are common and are read as they are meant."""
+    """Worth knowing; such files are common and are read as intended."""
 
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """One thing that is wrong in a file."""
+    """One problem of a file."""
 
     severity: Severity
     what: str
-    """What is wrong, which value, and what to do."""
+    """The problem, the value, and what to do."""
     place: Place = ()
     line: int = 0
-    """Line number where it is known, from 1; else the place, or the field that `what` names, tells."""
+    """Line number if known, from 1; otherwise 0, and the place, or the field named in `what`, locates the problem."""
 
 
 Report = Callable[[Problem], None]
-"""Takes in one problem."""
+"""Function that receives a problem."""
 
 
 def error(what: str, place: Place = (), line: int = 0) -> Problem:
@@ -99,17 +100,17 @@ def error(what: str, place: Place = (), line: int = 0) -> Problem:
 
 
 def warning(what: str, place: Place = (), line: int = 0) -> Problem:
-    """A problem that is worked around."""
+    """A problem with a workaround."""
     return Problem(Severity.WARNING, what, place, line)
 
 
 def note(what: str, place: Place = (), line: int = 0) -> Problem:
-    """Something worth knowing."""
+    """A fact worth knowing."""
     return Problem(Severity.NOTE, what, place, line)
 
 
 def refusing(path: Path) -> Report:
-    """A report that raises FormatError at the first error and lets everything else pass."""
+    """A report that raises FormatError at the first error and ignores everything else."""
 
     def report(problem: Problem) -> None:
         if problem.severity is Severity.ERROR:
@@ -120,7 +121,7 @@ def refusing(path: Path) -> Report:
 
 
 def lenient(report: Report) -> Report:
-    """A report that takes errors as warnings."""
+    """A report that turns errors into warnings."""
 
     def lowered(problem: Problem) -> None:
         report(replace(problem, severity=Severity.WARNING) if problem.severity is Severity.ERROR else problem)
@@ -129,12 +130,12 @@ def lenient(report: Report) -> Report:
 
 
 _SHORT = reprlib.Repr()
-_SHORT.maxlevel = 3  # six values on each level: the usual six levels make pages
+_SHORT.maxlevel = 3  # six values on each level: the default of six levels would fill pages
 
 
 def short(value: object) -> str:
-    """A value for a message, cut where it is long."""
+    """A value for a message, shortened if it is long."""
     try:
         return _SHORT.repr(value)
-    except ValueError:  # Python writes no integer of more than 4300 digits, which hexadecimal YAML may hold
+    except ValueError:  # Python prints no integer of more than 4300 digits, but hexadecimal YAML may contain one
         return f"<{type(value).__name__} that is too long to write>"

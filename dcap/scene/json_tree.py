@@ -1,6 +1,6 @@
-"""Frozen values as JSON: what is typed inside becomes plain where a file is written for people and other programs.
+"""Frozen values as plain JSON, for files read by people and other programs.
 
-Files that appear whole or not at all: what was there stays where a disk is full or the program is killed.
+Files that appear whole or not at all: the old file stays if the disk is full or the program is killed.
 """
 
 import errno
@@ -26,17 +26,18 @@ JsonObject: TypeAlias = dict[str, JsonValue]
 FULL = (errno.ENOSPC, errno.EDQUOT)
 """Errors of a full disk."""
 NEW_FILE = 0o666
-"""Rights of a new file, but for those that the user's mask takes away."""
+"""Permissions of a new file, before the user's mask."""
 DRAFTS = ".writing-"
-"""How the names of folders begin in which files are written: nobody who lists pictures or tables finds half of one."""
+"""Prefix of the names of folders in which files are written, so that no listing of pictures or tables shows half a
+file."""
 
 
 def to_json(value: object, name: str = "value") -> JsonValue:
     """A value as JSON: dataclasses become objects in the order of their fields, arrays lists, enums their values.
 
-    A field whose default is None is left out while it is None; infinite numbers become null, for JSON has none. A
-    configuration becomes an object of all its fields. Raises TypeError for what is none of these, and ValueError with
-    the name for NaN: that is a mistake of ours, which null would hide.
+    A field whose default is None is left out while it is None; infinite numbers become null, as JSON has no infinity. A
+    configuration becomes an object of all its fields. Raises TypeError for other types, and ValueError with the name
+    for NaN, which is a mistake of ours that null would hide.
     """
     if isinstance(value, Enum):
         return to_json(value.value, name)
@@ -54,7 +55,7 @@ def to_json(value: object, name: str = "value") -> JsonValue:
 
 
 def object_to_json(value: object) -> JsonObject:
-    """A dataclass, mapping or configuration as an object of JSON, as `to_json` does it."""
+    """A dataclass, mapping or configuration as an object of JSON, converted like `to_json`."""
     if isinstance(value, BaseModel):
         value = value.model_dump(mode="json")
     if isinstance(value, Mapping):
@@ -68,7 +69,7 @@ def object_to_json(value: object) -> JsonObject:
 
 
 def sorted_keys(tree: Mapping[str, JsonValue]) -> JsonObject:
-    """The same object with its keys, and those of all that is in it, in alphabetical order."""
+    """The same object with its keys, and those of all nested objects, in alphabetical order."""
     return {key: _sorted(tree[key]) for key in sorted(tree)}
 
 
@@ -86,8 +87,8 @@ def canonical_json(tree: object, *, indent: int | None = None) -> bytes:
 
 @contextmanager
 def whole_file(path: Path, mode: int = NEW_FILE) -> Iterator[Path]:
-    """An empty file in a folder beside `path`, of the same name, that takes its place once the block has written it;
-    OSError names `path`. What is no file, as a pipe, is written itself; of a link, what it leads to."""
+    """An empty file of the same name in a folder next to `path`, which replaces `path` after the block has written it;
+    OSError names `path`. A path that is not a regular file, such as a pipe, is written directly; a link is followed."""
     path = path.resolve()
     if path.exists() and not path.is_file():
         yield path
@@ -100,14 +101,14 @@ def whole_file(path: Path, mode: int = NEW_FILE) -> Iterator[Path]:
             os.replace(draft, path)
     except OSError as error:
         if error.errno is None or not (error.filename is None or str(path.parent / DRAFTS) in str(error.filename)):
-            raise  # of another file that the block reads, or of what a library has to say
+            raise  # about another file that the block reads, or from a library
         raise OSError(error.errno, error.strerror, str(path)) from error
 
 
 @contextmanager
 def draft_folder(folder: Path) -> Iterator[Path]:
-    """A folder inside of `folder`, which is made, for files that the block writes and then moves there. OSError of a
-    full disk names `folder`: the system does not name a file that is open."""
+    """Create `folder` and, inside it, a folder for files that the block writes and then moves there. OSError of a full
+    disk names `folder`, because the system does not name an open file."""
     folder.mkdir(parents=True, exist_ok=True)
     try:
         with tempfile.TemporaryDirectory(dir=folder, prefix=DRAFTS) as draft:
@@ -119,12 +120,12 @@ def draft_folder(folder: Path) -> Iterator[Path]:
 
 
 def write_whole(path: Path, data: bytes, mode: int = NEW_FILE) -> None:
-    """Write a file beside its place and move it there; OSError names the file."""
+    """Write a file next to its place and move it there; OSError names the file."""
     with whole_file(path, mode) as draft:
         draft.write_bytes(data)
 
 
 def digest_of_file(path: Path) -> str:
-    """SHA-256 of one file's bytes."""
+    """SHA-256 of the bytes of one file."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

@@ -1,8 +1,7 @@
-"""What goes wrong outside of our code as one line: disks, rights, open files, memory, the server of the runs.
+"""Problems outside our code as one line: disks, permissions, open files, memory, the server of the runs.
 
-In: an exception. Out: the line with the path and what to change, or None where it is a mistake of ours, whose traceback
-has to be seen. Errors of Prefect's client are known by where their classes come from: nothing is imported for
-them.
+In: an exception. Out: the line with the path and the remedy, or None for a mistake of ours, whose traceback must be
+shown. Errors of Prefect's client are recognised by the modules of their classes, so nothing is imported for them.
 """
 
 import errno
@@ -25,24 +24,25 @@ REFUSED = (errno.EACCES, errno.EPERM, errno.EROFS)
 NO_FOLDER = (errno.ENOTDIR, errno.ENOENT)
 EXHAUSTED = (errno.EMFILE, errno.ENFILE)
 SERVER = ("httpx", "httpcore")
-"""Packages whose errors tell that the server of the runs does not do its part: Prefect's own are among them."""
+"""Packages whose errors mean that the server of the runs does not respond properly; Prefect's own errors are among
+them."""
 UNLOADED = ("failed to map segment", "annot allocate memory")
-"""What the loader says of a library for which there is no memory."""
+"""Messages of the loader for a library that does not fit into memory."""
 NO_SERVER = "Failed to reach API"
-"""What Prefect's plain RuntimeError says where its server is gone."""
+"""Text of Prefect's plain RuntimeError if its server is gone."""
 GIVEN_UP = "Retry handling ended"
-"""How the RuntimeError begins that Prefect's client raises if the server is given up while it waits."""
+"""Beginning of the RuntimeError of Prefect's client if the server is given up during a wait."""
 ANSWERS = (*SERVER, "prefect")
-"""Packages whose errors can be the answer of a server."""
+"""Packages whose errors can be responses of a server."""
 UNAUTHORIZED, REFUSALS = 401, range(400, 500)
 LONGEST_PATH, LONGEST_WORDS = 200, 300
-"""Letters of a path and of foreign words that a line shows."""
+"""Maximum lengths of a path and of foreign text in a line [characters]."""
 ROOMY = 64 << 20
-"""A disk with less than this [bytes] is named as what may be in the way of the server."""
+"""Free space below which a disk is mentioned as a possible reason for a server problem [bytes]."""
 
 
 def machine_error(error: BaseException) -> MachineError | None:
-    """What went wrong outside of our code; None for anything else."""
+    """The MachineError for an exception with a cause outside our code; None for any other exception."""
     if isinstance(error, MachineError):
         return error
     if isinstance(error, OSError):
@@ -63,7 +63,7 @@ def machine_error(error: BaseException) -> MachineError | None:
 
 @contextmanager
 def as_machine_errors() -> Iterator[None]:
-    """What goes wrong outside of our code is raised as a MachineError."""
+    """Raise exceptions with a cause outside our code as MachineError."""
     try:
         yield
     except DcapError:
@@ -76,7 +76,7 @@ def as_machine_errors() -> Iterator[None]:
 
 
 def _of_system(error: OSError) -> str:
-    """What the system refused, where, and what to change."""
+    """The operation that the system refused, the place and the remedy."""
     why = error.strerror or _words(error) or type(error).__name__
     path = _path(error)
     where = f"{shortened(path, LONGEST_PATH)}: " if path else ""
@@ -97,13 +97,13 @@ def _of_system(error: OSError) -> str:
 
 
 def _path(error: OSError) -> str:
-    """The file that an error is about, of two the one that is written; empty where it does not say."""
+    """The file that an error is about, the written one of two; empty if the error does not name it."""
     name = error.filename2 or error.filename
     return os.fsdecode(name) if isinstance(name, str | bytes | os.PathLike) else ""
 
 
 def _data_root() -> Path | None:
-    """$DCAP_DATA or its default; None where it is none."""
+    """$DCAP_DATA or its default; None if it is invalid."""
     try:
         return data_root()
     except InputError:
@@ -111,7 +111,7 @@ def _data_root() -> Path | None:
 
 
 def _knob(path: Path) -> str:
-    """What chooses the place of a file."""
+    """The setting that determines the place of a file."""
     data = _data_root()
     if data is not None and path.absolute().is_relative_to(data):
         return f"DCAP_DATA (now {data})"
@@ -119,7 +119,7 @@ def _knob(path: Path) -> str:
 
 
 def _room(path: str) -> str:
-    """How much room is left where a file was to be written, and wherever else files are."""
+    """Free space on the disk of a file to be written, and on other disks with our files."""
     data = _data_root()
     places = [("its folder", Path(path) if Path(path).is_dir() else Path(path).parent)] if path else []
     places += [("DCAP_DATA", data)] if data else []
@@ -129,7 +129,7 @@ def _room(path: str) -> str:
 
 
 def free_space(path: Path) -> int:
-    """Bytes that are free on the disk of a folder, which need not be there yet; 0 where it cannot be told."""
+    """Free bytes on the disk of a folder, which need not exist yet; 0 if unknown."""
     nearest = next((one for one in (path, *path.absolute().parents) if os.path.isdir(one)), Path(os.sep))
     try:
         return shutil.disk_usage(nearest).free
@@ -138,25 +138,25 @@ def free_space(path: Path) -> int:
 
 
 def _of_the_server() -> str:
-    """What to look at where the server of the runs does not do its part."""
+    """Advice for a server of the runs that does not respond properly."""
     team = team_server()
     return f"PREFECT_API_URL names {team}: see there, or unset the variable" if team else _full() or _log()
 
 
 def _of_log_in() -> str:
-    """What a server wants that does not let us in."""
+    """Requirements of a server that rejects our log-in."""
     wants = f"does not take what {LOGIN} says" if os.environ.get(LOGIN) else "wants a log-in"
     return f"the Prefect server {team_server() or 'of this program'} {wants}; set {LOGIN}=NAME:PASSWORD"
 
 
 def _status(error: BaseException) -> int:
-    """The status of an answer of a server; 0 for any other error."""
+    """The status of a server's response; 0 for any other error."""
     status = getattr(getattr(error, "response", None), "status_code", 0) if _of_server(error) else 0
     return status if isinstance(status, int) else 0
 
 
 def _full() -> str:
-    """That the disk of our own server is full, if it is."""
+    """A note that the disk of our own server is full, or an empty text."""
     folder = _server_folder()
     if folder is None or (free := free_space(folder)) > ROOMY:
         return ""
@@ -164,13 +164,13 @@ def _full() -> str:
 
 
 def _log() -> str:
-    """Where our own server says more."""
+    """The place of our own server's log."""
     folder = _server_folder()
     return f"its log is {folder / 'server.log'}" if folder else "see its log"
 
 
 def _server_folder() -> Path | None:
-    """Where our own server has its database; None where there is no data folder."""
+    """Folder with the database of our own server; None if there is no data folder."""
     return server_folder() if _data_root() else None
 
 
@@ -180,10 +180,10 @@ def _knob_of_memory() -> str:
 
 @contextmanager
 def pass_over_server_errors() -> Iterator[list[Exception]]:
-    """Go on whatever the server of the runs comes to, where work can go on without its answer.
+    """Continue after errors of the server of the runs, where work can continue without its response.
 
-    Yields a list that keeps an error by which the server is lost: it does not answer, or fails. That it refuses, as
-    for a run that somebody has deleted, is no such error.
+    Yields a list that keeps an error by which the server is lost: it does not respond, or fails. A refusal, as for a
+    run that somebody has deleted, is not such an error.
     """
     lost: list[Exception] = []
     try:
@@ -196,17 +196,17 @@ def pass_over_server_errors() -> Iterator[list[Exception]]:
 
 
 def is_server_error(error: BaseException) -> bool:
-    """Whether an error is what the server of the runs comes to: a loss, or a refusal."""
+    """Return whether an error is the server's: a loss or a refusal."""
     return is_lost_server(error) or _has_class_of(error, ANSWERS)
 
 
 def is_lost_server(error: BaseException) -> bool:
-    """Whether an error says that the server of the runs does not answer, or fails."""
+    """Return whether an error means that the server of the runs does not respond, or fails."""
     return str(error).startswith(GIVEN_UP) or (_of_server(error) and _status(error) not in REFUSALS)
 
 
 def _of_server(error: BaseException) -> bool:
-    """Whether an error is one of Prefect's or of the connection to its server."""
+    """Return whether an error comes from Prefect or from the connection to its server."""
     return (isinstance(error, RuntimeError) and NO_SERVER in str(error)) or _has_class_of(error, SERVER)
 
 
@@ -215,5 +215,5 @@ def _has_class_of(error: BaseException, packages: tuple[str, ...]) -> bool:
 
 
 def _words(error: BaseException) -> str:
-    """An error's own words in one line."""
+    """The message of an error in one line."""
     return shortened(" ".join(str(error).split()) or type(error).__name__, LONGEST_WORDS)

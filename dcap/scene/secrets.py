@@ -1,8 +1,8 @@
 """Secrets in printed or written text: keys of APIs, tokens, passwords within addresses; URLs without them.
 
-Secrets in what is printed or written: keys of APIs, tokens, passwords within addresses.
+Hides secrets in printed or written text: keys of APIs, tokens, passwords within addresses.
 
-An SDK's, a server's or a proxy's message may quote a header or an address. What is shown to people passes `redacted`.
+Messages of an SDK, a server or a proxy may quote a header or an address. Everything shown to people passes `redacted`.
 """
 
 import os
@@ -11,9 +11,10 @@ from urllib.parse import unquote, urlsplit
 
 HIDDEN = "***"
 SHORTEST = 8
-"""Values of environment variables that are shorter are words of their own and hide nothing."""
+"""Least length of a secret value of an environment variable; shorter values may be ordinary words and are not
+hidden."""
 NAMES = re.compile(r"(KEY|TOKEN|SECRET|PASSWORD|PASSWD|CREDENTIALS|CONNECTION_URL|AUTH_STRING)$")
-"""Environment variables whose values are secrets."""
+"""Environment variables whose values are secret."""
 PATTERNS = (
     (re.compile(r"(?<=://)(?:[^\s/@]+|[^\s/@:]+:[^\s@]+)@"), f"{HIDDEN}@"),  # user and password of an address
     (re.compile(r"\bsk-[A-Za-z0-9_-]{6,}"), f"sk-{HIDDEN}"),
@@ -29,13 +30,13 @@ PATTERNS = (
 SCHEME = re.compile(r"([A-Za-z][A-Za-z0-9+.-]*:?/+)?(.*)", re.DOTALL)
 """A scheme, perhaps misspelt, and the rest."""
 SERVERS = ("http:", "https:")
-"""Schemes of addresses in which an @ means somebody; elsewhere a path may have one."""
+"""Schemes of addresses in which an @ separates a user; elsewhere a path may contain one."""
 SHORTEST_SECRET = 4
-"""Letters of a secret that is looked for in messages; a shorter one would be found in every word."""
+"""Least length of a secret that is searched in messages; a shorter one would be found in every word."""
 
 
 def redacted(text: str) -> str:
-    """Text without the secrets that it quotes."""
+    """A text with its secrets replaced."""
     for name, value in os.environ.items():
         if len(value) >= SHORTEST and NAMES.search(name.upper()):
             text = text.replace(value, HIDDEN)
@@ -45,22 +46,22 @@ def redacted(text: str) -> str:
 
 
 def redacted_url(url: str) -> str:
-    """A URL without user, password, token and query, as it may be shown."""
+    """A URL without user, password, token and query, so that it can be shown."""
     scheme, log_in, place = parts_of(url)
     place, question, _ = place.partition("?")
     return f"{scheme}{log_in and '***@'}{place}{question and '?***'}"
 
 
 def has_log_in(url: str) -> bool:
-    """Whether a user, perhaps with a password, stands in an address."""
+    """Return whether an address contains a user, perhaps with a password."""
     return parts_of(url)[1] != ""
 
 
 def parts_of(url: str) -> tuple[str, str, str]:
-    """Scheme, who signs in (empty for nobody), and the rest of an address. A password may hold slashes, so all before
-    the last @ belongs to it, but for a path in which no colon stands before one."""
+    """Scheme, user part (may be empty), and the rest of an address. A password may contain slashes, so everything
+    before the last @ belongs to it, except in a path with no colon before it."""
     found = SCHEME.match(url)
-    assert found is not None  # it matches anything
+    assert found is not None  # the pattern matches anything
     scheme, rest = found[1] or "", found[2]
     log_in, _, place = rest.rpartition("@")
     if "/" in log_in and ":" not in log_in and not scheme.lower().startswith(SERVERS):
@@ -69,7 +70,7 @@ def parts_of(url: str) -> tuple[str, str, str]:
 
 
 def without_secrets(text: str, url: str) -> str:
-    """A message in which neither a URL nor what is secret of it is quoted."""
+    """A message with a URL and its secret parts removed."""
     told = (urlsplit(url).query, *parts_of(url)[1].split(":", 1))
     secrets = {one for told_as in told for one in (told_as, unquote(told_as)) if len(one) >= SHORTEST_SECRET}
     text = text.replace(url, redacted_url(url))

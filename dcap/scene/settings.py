@@ -1,4 +1,4 @@
-"""Where the project keeps its files."""
+"""Locations of the project's files."""
 
 import os
 import tomllib
@@ -13,23 +13,24 @@ from dcap.scene.errors import InputError
 from dcap.scene.secrets import redacted_url
 
 PROJECT_ROOT = ROOT
-"""The folder that our packages lie in: the clone with its pyproject.toml, or site-packages."""
+"""The folder that contains our packages: the clone with its pyproject.toml, or site-packages."""
 CARRIED = "_resources"
-"""Folder inside the installed `dcap` with what lies at the root of a clone (setup.py puts it there)."""
+"""Folder inside the installed `dcap` with the files from the root of a clone (setup.py puts them there)."""
 
 
 def in_clone() -> bool:
-    """Whether this program runs from a clone, installed as editable or not at all."""
+    """Return whether this program runs from a clone, installed as editable or not at all."""
     return (PROJECT_ROOT / "pyproject.toml").is_file()
 
 
 def resource(name: str) -> Path:
-    """A file or folder that a clone has at its root and a wheel in `dcap/_resources`: materials.csv, prompts, ..."""
+    """A file or folder at the root of a clone, or in `dcap/_resources` of a wheel: materials.csv, prompts, ..."""
     return PROJECT_ROOT / name if in_clone() else Path(str(files("dcap") / CARRIED / name))
 
 
 def version() -> str:
-    """Version of this dcap: of the clone it runs from, which may not be installed, else of the installed one."""
+    """Version of this dcap: of the clone from which it runs, which may not be installed, else of the installed
+    package."""
     if not in_clone():
         return installed_version("dcap")
     return str(tomllib.loads((PROJECT_ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"])
@@ -38,7 +39,7 @@ def version() -> str:
 def data_root() -> Path:
     """Folder of cache, runs and generated rooms: $DCAP_DATA, else `data/` of a clone, or the user's data folder.
 
-    Raises InputError for a file, and for a URL: artifacts are published by renaming folders, as object stores cannot.
+    Raises InputError for a file or a URL: artifacts are published by renaming folders, which object stores cannot do.
     """
     given = os.environ.get("DCAP_DATA", "")
     if "://" in given:
@@ -53,22 +54,23 @@ def data_root() -> Path:
 
 
 def home() -> Path:
-    """Folder of what a person gave or keeps for all runs: the clone, or the user's data folder."""
+    """Folder of the user's own files for all runs: the clone, or the user's data folder."""
     return PROJECT_ROOT if in_clone() else user_data_path("dcap", appauthor=False).resolve()
 
 
 def shared_store_url() -> str:
-    """Where machines share what they have computed: $DCAP_STORE, any URL that fsspec opens; empty if they do not."""
+    """URL of the store in which machines share results: $DCAP_STORE, any URL that fsspec opens; empty if there is
+    none."""
     return os.environ.get("DCAP_STORE", "").strip()
 
 
 def cache_root() -> Path:
-    """Folder of everything that can be computed again."""
+    """Folder of everything that can be recomputed."""
     return data_root() / "cache"
 
 
 def server_folder() -> Path:
-    """Where the Prefect server of this data folder keeps its database, log and locks; it may be a disk of its own."""
+    """Folder of the database, log and locks of this data folder's Prefect server; it may be on a separate disk."""
     return cache_root() / "prefect"
 
 

@@ -1,4 +1,4 @@
-"""Between linear light and sRGB bytes (IEC 61966-2-1), and images read in linear light."""
+"""Conversion between linear light and sRGB bytes (IEC 61966-2-1), and sampling of images in linear light."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,14 +22,14 @@ LINEAR = linear_from_srgb(np.arange(256)).astype(np.float32)
 
 
 Wrap = tuple[str, str]
-"""How an image goes on along u and v beyond 0..1: REPEAT, MIRROR or CLAMP."""
+"""Wrapping of an image along u and v beyond 0..1: REPEAT, MIRROR or CLAMP."""
 REPEAT, MIRROR, CLAMP = "repeat", "mirror", "clamp"
 REPEATING: Wrap = (REPEAT, REPEAT)
 
 
 def sampled(image: NDArray[np.uint8], uv: NDArray[np.floating], wrap: Wrap = REPEATING) -> NDArray[np.float64]:
-    """Bilinear samples of an image in linear light at texture coordinates (..., 2), shape (..., 3); its alpha does not
-    count."""
+    """Bilinear samples of an image in linear light at texture coordinates (..., 2), shape (..., 3); alpha is
+    ignored."""
     height, width = image.shape[:2]
     image = image[..., :3]
     left, right, fx = texels(uv[..., 0], width, wrap[0])

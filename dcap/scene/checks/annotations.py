@@ -1,6 +1,6 @@
-"""Checks labels.json, structure.json and the map of the floor: problems that the readers report, and contradictions.
+"""Checks labels.json, structure.json and the map of the floor: problems reported by the readers, and contradictions.
 
-Checks labels.json and structure.json: problems that the readers report, and contradictions between the two.
+Checks labels.json and structure.json: problems reported by the readers, and contradictions between the two.
 
 Boxes far from every room, below the floor or annotated twice are usual in InteriorGS, so these are warnings.
 """
@@ -21,20 +21,20 @@ from dcap.scene.readers.scenes.occupancy import NAMES, map_cells, map_extent
 from dcap.scene.types.scan import LabelBox, Room
 
 BURIED = 0.1
-"""Depth of a box's top below the floor from which it belongs to nothing visible [m]."""
+"""Depth of a box's top below the floor from which the box belongs to nothing visible [m]."""
 OUTSIDE = 1.0
-"""Distance of a box from every room beyond which it stands on no floor [m]."""
+"""Distance of a box from every room above which it stands on no floor [m]."""
 SAME = 1e-3
 """Difference below which boxes are equal [m]."""
 SMALLEST_ROOM = 0.01
-"""Area below which a profile is a line [m^2]."""
-T = TypeVar("T")
+"""Area below which a profile counts as a line [m^2]."""
 SLACK = 2.0
-"""Largest difference between the picture and the map [pixels]: conventions differ by half a pixel at each end."""
+"""Largest difference between the sizes of the picture and the map [pixels]: conventions differ by half a pixel per
+end."""
 
 
 def check_annotations(folder: Path, findings: Findings) -> tuple[LabelBox, ...]:
-    """Check both files of a folder; returns the labelled boxes that can be used."""
+    """Check both files of a folder; returns the usable labelled boxes."""
     rooms: tuple[Room, ...] = ()
     if (folder / STRUCTURE).is_file():
         document, report = read_tree(folder / STRUCTURE, findings)
@@ -66,7 +66,7 @@ def boxes_of(read: Callable[[object, Report], T], document: object, report: Repo
 
 
 def read_tree(path: Path, findings: Findings) -> tuple[object | None, Report]:
-    """The tree of a JSON file, None without one, and a report with its line numbers."""
+    """The tree of a JSON file, None if it is missing, and a report with its line numbers."""
     try:
         document, text = read_json(path), path.read_text("utf-8-sig")
     except FormatError as broken:
@@ -85,7 +85,7 @@ def read_tree(path: Path, findings: Findings) -> tuple[object | None, Report]:
 
 
 def label_problems(entries: Sequence[LabelEntry], rooms: Sequence[Room]) -> Iterator[Problem]:
-    """Problems of boxes that are valid by themselves."""
+    """Problems of boxes that are valid individually."""
     known = [(entry.place, entry.box) for entry in entries if entry.box is not None]
     floor = min((box.box.top for _, box in known if box.label == "floor"), default=0.0)
     seen: dict[bytes, LabelBox] = {}
@@ -107,7 +107,7 @@ def _named(box: LabelBox) -> str:
 
 
 def _distance(footprint: NDArray[np.float64], room: Room) -> float:
-    """Between the rectangles around a footprint (n, 2) and a room [m]."""
+    """Distance between the rectangles around a footprint (n, 2) and a room [m]."""
     apart = np.maximum(
         room.profile.min(axis=0) - footprint.max(axis=0), footprint.min(axis=0) - room.profile.max(axis=0)
     )
@@ -125,12 +125,12 @@ def structure_problems(document: object, rooms: Sequence[Room]) -> Iterator[Prob
 
 
 def _profile_problems(entries: object) -> Iterator[Problem]:
-    """Floor polygons that have no area or cross themselves."""
+    """Floor polygons without area, or with edges that cross."""
     for index, entry in enumerate(entries if isinstance(entries, list) else []):
         try:
             profile = np.array([_xy(point) for point in entry["profile"]], dtype=np.float64).reshape(-1, 2)
         except (KeyError, TypeError, ValueError, IndexError, OverflowError):
-            continue  # the reader has reported it
+            continue  # already reported by the reader
         if len(profile) < 3 or not np.isfinite(profile).all():
             continue
         place: Place = ("rooms", index, "profile")
@@ -193,7 +193,7 @@ def _is_vector(value: object, least: float) -> bool:
 
 
 def check_occupancy(folder: Path, findings: Findings) -> None:
-    """Check both files of a folder; a single one is not read."""
+    """Check both files of a folder; a file without its counterpart is not read."""
     document, picture = (folder / name for name in NAMES)
     missing = [path for path in (document, picture) if not path.is_file()]
     if len(missing) == len(NAMES):

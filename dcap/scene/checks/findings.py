@@ -2,8 +2,8 @@
 
 Line numbers of the values of JSON and YAML files.
 
-The ordinary parsers read the trees; here the same text is scanned again, only when a line is requested.
- Guaranteed for any text that those parsers take: no recursion for JSON, no expansion of YAML's aliases.
+The ordinary parsers read the trees; this module scans the same text again, only when a line number is requested. Works
+for any text that those parsers accept, without recursion for JSON and without expanding YAML aliases.
 """
 
 import json
@@ -24,9 +24,9 @@ TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|[{}\[\],:]|\n|[^\s{}\[\],:"]+')
 """Strings, marks, ends of lines, and everything else (numbers, true, false, null)."""
 
 Lines = Callable[[Place], int]
-"""Line of a place, from 1; of its nearest existing ancestor if it does not exist."""
+"""Function that returns the line of a place, counted from 1; for a missing place the line of its nearest ancestor."""
 MOST_PER_FILE = 1000
-"""Most problems of one file that are listed one by one; more are counted [-]."""
+"""Maximum number of problems listed individually per file; the rest are only counted [-]."""
 
 
 def json_lines(text: str) -> Lines:
@@ -42,7 +42,7 @@ def json_lines(text: str) -> Lines:
 
 
 def repeated_keys(text: str) -> Iterator[tuple[Place, int]]:
-    """Places and lines of keys that valid JSON text repeats in one object: only the last counts."""
+    """Places and lines of keys that occur repeatedly in one object of valid JSON text: only the last one counts."""
     seen: set[Place] = set()
     for place, line, is_key in json_places(text):
         if is_key and place in seen:
@@ -52,18 +52,19 @@ def repeated_keys(text: str) -> Iterator[tuple[Place, int]]:
 
 @dataclass(slots=True)
 class _Open:
-    """An object or list that is still open."""
+    """An object or list that has not been closed yet."""
 
     place: Place
     is_object: bool
     step: str | int | None
     """Key or index of the next value; None if a key must come first."""
     line: int = 0
-    """Line of that key."""
+    """Line of the key."""
 
 
 def json_places(text: str) -> Iterator[tuple[Place, int, bool]]:
-    """Every value of valid JSON text: its place, its line (that of its key in an object) and whether it has a key."""
+    """Every value of valid JSON text: its place, its line (in an object the line of its key) and whether it has a
+    key."""
     line = 1
     around: list[_Open] = []
     for match in TOKEN.finditer(text):
@@ -87,7 +88,7 @@ def json_places(text: str) -> Iterator[tuple[Place, int, bool]]:
 
 
 def yaml_lines(text: str) -> Lines:
-    """Lines of the values of YAML text; 0 for all where it cannot be parsed."""
+    """Lines of the values of YAML text; always 0 if it cannot be parsed."""
     root: list[Any] = []
 
     def line(place: Place) -> int:
@@ -108,7 +109,7 @@ def yaml_lines(text: str) -> Lines:
 
 
 def _yaml_child(node: object, step: str | int) -> tuple[object, int] | None:
-    """The value under a key (and the key's line) or at an index (and its own)."""
+    """The value for a key, with the line of the key, or at an index, with its own line."""
     if isinstance(node, SequenceNode) and isinstance(step, int) and step < len(node.value):
         child = node.value[step]
         return child, child.start_mark.line + 1
@@ -120,11 +121,11 @@ def _yaml_child(node: object, step: str | int) -> tuple[object, int] | None:
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """A problem and where it is."""
+    """A problem and its location."""
 
     path: Path
     line: int
-    """From 1; 0 for a file without lines."""
+    """Line number from 1; 0 for a file without lines."""
     severity: Severity
     what: str
 
@@ -139,11 +140,11 @@ class Findings:
 
     listed: list[Finding] = field(default_factory=list)
     unlisted: Counter[tuple[Path, Severity]] = field(default_factory=Counter)
-    """Problems beyond MOST_PER_FILE by file and severity."""
+    """Number of problems beyond MOST_PER_FILE, by file and severity."""
     _taken: Counter[Path] = field(default_factory=Counter)
 
     def report(self, path: Path, lines: Lines | None = None) -> Report:
-        """A report for the problems of one file; `lines` finds those of places."""
+        """A report for the problems of one file; `lines` finds the lines of places."""
 
         def report(problem: Problem) -> None:
             self._taken[path] += 1
@@ -156,7 +157,7 @@ class Findings:
         return report
 
     def all(self) -> tuple[Finding, ...]:
-        """All findings in order of path and line, and a line for problems that are only counted."""
+        """All findings in order of path and line, and a line for problems that were only counted."""
         more = [
             Finding(path, 0, severity, f"{count} more problems of this kind are not listed")
             for (path, severity), count in self.unlisted.items()

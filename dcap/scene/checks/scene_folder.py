@@ -2,9 +2,9 @@
 
 Finds the scenes and the single meshes in a dataset folder.
 
-A scene is a folder with annotations (InteriorGS), one of ScanNet, or one with SuGaR's folder tree, one mesh or one
-file of splats.
-Several meshes in one folder are a collection of single meshes. Every other folder is searched, whatever its name.
+A scene is a folder with annotations (InteriorGS), a folder of ScanNet, or a folder with SuGaR's folder tree, a single
+mesh or a single file of splats. Several meshes in one folder are a collection of single meshes. Every other folder is
+searched, whatever its name.
 """
 
 import re
@@ -42,7 +42,7 @@ Found = TypeVar("Found")
 NUMBERED = re.compile(r"\d{4}_\w+")
 """Pattern of InteriorGS's scene folders: 0001_839920."""
 MARKS = ("occupancy.json", "occupancy.png", "3dgs_compressed.ply")
-"""Other files that only a scene folder has."""
+"""Other files that only occur in scene folders."""
 SUGAR_TREE = ("refined_mesh", "coarse_mesh", "output")
 """Folders in which SuGaR leaves its meshes."""
 NOT_DATA = ("cache", "runs", *GROUND_TRUTH)
@@ -62,7 +62,7 @@ class FileContents:
 
 
 def check_shape(path: Path, findings: Findings) -> FileContents:
-    """Check one mesh file, with the materials and textures it names, or one file of splats or points."""
+    """Check one mesh file with its materials and textures, or one file of splats or points."""
     report = findings.report(path, _lines(path))
     if is_splats(path):
         return FileContents(path, splats=_guarded(path, report, lambda: check_gaussians(path, report), 0))
@@ -80,8 +80,8 @@ def _check_mesh(path: Path, report: Report) -> FileContents:
 
     try:
         raw = READERS[path.suffix.lower()](path, also).without_loose_vertices()
-    except (InputError, GeometryError, *BROKEN):
-        if Severity.ERROR in told:  # the rest of a broken file may be no valid mesh, which is no further problem
+    except (InputError, *BROKEN):
+        if Severity.ERROR in told:  # an invalid mesh in the rest of a broken file is no additional problem
             return FileContents(path)
         raise
     for one in raw.notes:
@@ -96,7 +96,7 @@ def _check_mesh(path: Path, report: Report) -> FileContents:
 
 
 def _names(raw: RawMesh) -> tuple[str, ...]:
-    """One name per annotated instance, whose parts are nodes of their own, and one per node without annotation."""
+    """One name per annotated instance (its parts are separate nodes), and one per node without annotation."""
     if not raw.node_labels:
         return raw.node_names
     named = zip(raw.node_names, raw.node_labels, strict=True)
@@ -105,7 +105,7 @@ def _names(raw: RawMesh) -> tuple[str, ...]:
 
 
 def _guarded(path: Path, report: Report, check: Callable[[], Found], otherwise: Found) -> Found:
-    """Run a check; a truncated file is a further error."""
+    """Run a check; a truncated file is reported as another error."""
     try:
         return check()
     except (InputError, GeometryError) as broken:
@@ -118,7 +118,7 @@ def _guarded(path: Path, report: Report, check: Callable[[], Found], otherwise: 
 
 
 def _lines(path: Path) -> Lines | None:
-    """Lines of places in a glTF text; problems of other formats name their lines themselves."""
+    """Lines of places in a glTF text; problems of other formats state their lines themselves."""
     if path.suffix.lower() != ".gltf":
         return None
     known: list[Lines] = []
@@ -142,11 +142,11 @@ class Layout:
     scenes: list[Path] = field(default_factory=list)
     meshes: list[Path] = field(default_factory=list)
     empty: list[Path] = field(default_factory=list)
-    """Folders with neither."""
+    """Folders without scenes and meshes."""
 
 
 def layout_of(path: Path, findings: Findings) -> Layout:
-    """Scenes and meshes below a folder, or the scene or mesh that it is itself."""
+    """Scenes and meshes below a folder, or the path itself if it is a scene or mesh."""
     if not path.is_dir():
         return Layout(meshes=[path])
     found = _searched(path, findings)
@@ -158,7 +158,7 @@ def layout_of(path: Path, findings: Findings) -> Layout:
 
 
 def is_marked(folder: Path) -> bool:
-    """Whether the files or the name of a folder mark it as one scene."""
+    """Return whether the files or the name of a folder mark it as one scene."""
     if is_interiorgs(folder) or is_scannet(folder) or NUMBERED.fullmatch(folder.name):
         return True
     if any((folder / name).is_file() for name in MARKS):
@@ -168,7 +168,7 @@ def is_marked(folder: Path) -> bool:
 
 
 def mesh_files(folder: Path) -> list[Path]:
-    """Meshes and splats that lie in a folder itself."""
+    """Meshes and splats directly in a folder."""
     return sorted(one for one in folder.iterdir() if one.suffix.lower() in MESH_SUFFIXES and one.is_file())
 
 
@@ -189,7 +189,7 @@ def _searched(folder: Path, findings: Findings) -> Layout:
         found.meshes += layout.meshes
         found.empty += layout.empty
     if len(meshes) == 1 and not found.scenes and not found.meshes:
-        return Layout(scenes=[folder])  # folders below hold its textures
+        return Layout(scenes=[folder])  # folders below contain its textures
     found.meshes[:0] = meshes
     if not meshes and not children:
         found.empty.append(folder)
@@ -202,9 +202,9 @@ class SceneFacts:
 
     path: Path
     labels: tuple[str, ...]
-    """Labels of its instances: of annotated boxes, else names of nodes, else of the file."""
+    """Labels of its instances: of annotated boxes, else names of nodes, else the name of the file."""
     faces: int
-    """Faces of the mesh that is used; 0 if it is a scene of splats."""
+    """Number of faces of its mesh; 0 for a scene of splats."""
     splats: int
 
 
@@ -248,12 +248,12 @@ def check_file(path: Path, findings: Findings) -> SceneFacts:
 
 
 def _labels(shape: FileContents, own: str) -> tuple[str, ...]:
-    """Names of the things in a file, its own name if it names none; none if it could not be read."""
+    """Names of the things in a file, or the file's own name if it names none; empty if it could not be read."""
     return shape.names or ((own,) if shape.faces or shape.splats else ())
 
 
 def _shapes(folder: Path, findings: Findings) -> tuple[Path | None, list[FileContents]]:
-    """The mesh or splats that are used, and the content of every such file of the folder."""
+    """The mesh or splats used for the scene, and the content of every mesh or splat file in the folder."""
     files = mesh_files(folder)
     used: Path | None = None
     try:
@@ -279,6 +279,6 @@ def check_scannet(files: SceneFiles, findings: Findings) -> tuple[FileContents, 
     segment = None if document is None else segments_of(document, shape.vertices or None, tell_segments)
     document, tell_groups = read_tree(files.groups, findings)
     instances = [] if document is None else instances_of(document, files.segments.name, tell_groups)[0]
-    if segment is not None and len(segment):  # else every group would be reported
+    if segment is not None and len(segment):  # otherwise every group would be reported
         vertex_instances(segment, instances, tell_groups)
     return shape, tuple(one.label for one in instances)

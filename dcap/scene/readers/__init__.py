@@ -1,1 +1,1 @@
-"""Readers of foreign scenes and meshes: each checks its file at the border and hands back one `RawMesh`."""
+"""Readers of foreign scenes and meshes: each validates its file and returns one `RawMesh`."""

@@ -1,17 +1,17 @@
-"""Content of foreign files: bytes, JSON, YAML 1.2 and images within limits, and other files that they refer to.
+"""Content of foreign files: bytes, JSON, YAML 1.2 and images within limits, and files that they refer to.
 
-Unreadable content is refused with one line that names the file and the place. A file can refer only to files in its own
+Unreadable content is refused with one line that names the file and the place. A file can only refer to files in its own
 folder.
 
 Images of foreign files: decoded to sRGB bytes, with a limit on the size of each and of all of one file.
 
-The size is read from the header and compared before a pixel is decoded: a PNG of one colour packs a thousand pixels
-into a byte. Only formats that textures and photographs have are decoded, none by another program (PostScript).
+The size is read from the header and checked before a pixel is decoded: a PNG of a single colour packs a thousand pixels
+into a byte. Only formats of textures and photographs are decoded, and none by another program (PostScript).
 
 Files that another file refers to by name: only those in the naming file's own folder count.
 
-Neither hidden files nor ground truth count, and a link on the way to a file, be it to a folder, counts as what it leads
-to (decision 096).
+Hidden files and ground truth do not count, and a link on the way to a file, or to a folder, counts as its target
+(decision 096).
 """
 
 import io
@@ -36,29 +36,30 @@ from ruamel.yaml.nodes import MappingNode
 from dcap.scene.errors import FormatError, InputError
 
 MAX_FILE_BYTES = 4 * 1024**3
-"""Largest file that is opened at all [bytes]."""
+"""Largest file that is opened [bytes]."""
 MOST_KEYS = 10_000
-"""More keys than anyone writes in one mapping; merges that repeat each other make any number of a short file."""
+"""Maximum number of keys in one mapping, more than anyone writes; repeated merges can create any number from a short
+file."""
 BROKEN_YAML = (YAMLError, ValueError, RecursionError)
 """Errors that `parse_yaml` raises for text that is not YAML."""
 LONGEST_SIDE = 8192
 MAX_PIXELS = LONGEST_SIDE * LONGEST_SIDE
-"""Largest image [pixels]: 200 MB decoded; a texture of SuGaR's has 7071 x 7071."""
+"""Largest image [pixels]: 200 MB decoded; a texture of SuGaR has 7071 x 7071."""
 MAX_TOGETHER = 4 * MAX_PIXELS
-"""Pixels of all images of one file [-]."""
+"""Largest number of pixels of all images of one file [-]."""
 FORMATS = ("PNG", "JPEG", "WEBP", "TIFF", "TGA", "BMP", "DDS", "GIF", "PPM")
-"""Formats that are decoded, by Pillow's names; a file that a camera makes of several JPEGs counts as one too."""
+"""Formats that are decoded, by Pillow's names; a camera's file of several JPEGs counts too."""
 
 UNREADABLE = (OSError, SyntaxError, ValueError, LookupError, EOFError, struct.error, zlib.error)
-"""Errors that decoding can raise on bytes that are no image, or only the beginning of one."""
+"""Errors that decoding can raise for bytes that are not an image, or a truncated one."""
 
 # Pillow's own limit is lower and warns in several lines; ours is checked between the header and the pixels.
 Image.MAX_IMAGE_PIXELS = None
 LIBRARY = re.compile(rb"(?:^(?:\xef\xbb\xbf)?|[\r\n])[ \t]*mtllib[ \t]+([^\r\n]+)")
-"""A line of an OBJ that names an MTL file; the first one may follow a byte order mark."""
+"""A line of an OBJ that names an MTL file; the first line may follow a byte order mark."""
 
 COMMENT = re.compile(r"(?:^|\s)#")
-"""Where a comment behind a name may begin; a name may hold the sign too ("Material #25")."""
+"""Possible beginning of a comment after a name; a name may contain the sign too ("Material #25")."""
 
 MTL_TEXTURES = ("map_Kd", "map_d", "map_Ke", "norm")
 """Keywords of an MTL file whose images are read."""
@@ -68,7 +69,7 @@ GROUND_TRUTH = ("truth", "ground_truth", "groundtruth", "ground-truth")
 
 
 def read_bytes(path: Path, most: int = -1) -> bytes:
-    """The whole file, or its first bytes; a missing, empty or absurdly large one is refused with one line."""
+    """The whole file, or its first bytes; a missing, empty or oversized file is refused with one line."""
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     size = path.stat().st_size
@@ -101,10 +102,10 @@ def parse_json(path: Path, text: bytes, what: str) -> object:
 
 
 class BoundedMerges(SafeConstructor):
-    """Refuses mappings that grow without end by merging (`<<`) each other."""
+    """Refuses mappings that grow without limit by merging (`<<`) each other."""
 
     def flatten_mapping(self, node: MappingNode) -> None:
-        """Put the keys of merged mappings into a mapping."""
+        """Merge the keys of merged mappings into a mapping."""
         super().flatten_mapping(node)
         if len(node.value) > MOST_KEYS:
             what = f"merging makes {len(node.value)} keys of one mapping, expected at most {MOST_KEYS}"
@@ -112,7 +113,7 @@ class BoundedMerges(SafeConstructor):
 
 
 def yaml_fault(broken: Exception) -> str:
-    """Fault in a text that `parse_yaml` refuses, and its place, in one line."""
+    """Fault in a text that `parse_yaml` refuses, with its place, in one line."""
     if not isinstance(broken, MarkedYAMLError) or broken.problem_mark is None:
         return " ".join(str(broken).split())
     mark, what = broken.problem_mark, ": ".join(one for one in (broken.context, broken.problem) if one)
@@ -120,7 +121,7 @@ def yaml_fault(broken: Exception) -> str:
 
 
 def parse_yaml(text: str) -> object:
-    """The tree of a YAML 1.2 text; its parts may be shared, so that written out it may be without end."""
+    """The tree of a YAML 1.2 text; its parts may be shared, so that it may be infinite when written out."""
     yaml = YAML(typ="safe", pure=True)
     yaml.Constructor = BoundedMerges
     tree: object = yaml.load(text)
@@ -133,7 +134,7 @@ def read_image(data: bytes, where: str) -> NDArray[np.uint8]:
 
 
 def read_transparent(data: bytes, where: str) -> NDArray[np.uint8]:
-    """An encoded image with its transparency, (h, w, 4), and as RGB bytes, (h, w, 3), where every pixel is opaque."""
+    """An encoded image with its transparency, (h, w, 4), or as RGB bytes, (h, w, 3), if every pixel is opaque."""
     image = _decoded(data, where, "RGBA", MAX_PIXELS)
     return image if (image[..., 3] < 255).any() else np.ascontiguousarray(image[..., :3])
 
@@ -144,18 +145,18 @@ def read_gray(data: bytes, where: str, most: int) -> NDArray[np.uint8]:
 
 
 def read_rgba(data: bytes, where: str, most: int) -> NDArray[np.uint8]:
-    """An encoded image of at most `most` pixels with its transparency as it is, first row on top, shape (h, w, 4)."""
+    """An encoded image of at most `most` pixels with its transparency unchanged, first row on top, shape (h, w, 4)."""
     return _decoded(data, where, "RGBA", most)
 
 
 class PixelBudget:
-    """Pixels that the images of one file may have together."""
+    """Total number of pixels allowed for the images of one file."""
 
     def __init__(self, path: Path) -> None:
         self._path, self._left = path, MAX_TOGETHER
 
     def spend(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """The image; FormatError where it is one too many."""
+        """The image; raises FormatError if the budget is exceeded."""
         self._left -= image.shape[0] * image.shape[1]
         if self._left < 0:
             raise FormatError(
@@ -165,7 +166,7 @@ class PixelBudget:
 
 
 def check_size(size: tuple[int, int], where: str, most: int = MAX_PIXELS) -> None:
-    """FormatError for an image of more than `most` pixels, by its width and height [pixel]."""
+    """Raise FormatError for an image of more than `most` pixels, from its width and height [pixel]."""
     width, height = size
     if width * height > most:
         raise FormatError(f"{where}: an image of {width} x {height} pixels, more than {most}; reduce it first")
@@ -175,21 +176,21 @@ def _decoded(data: bytes, where: str, mode: str, most: int) -> NDArray[np.uint8]
     try:
         with Image.open(io.BytesIO(data), formats=FORMATS) as image:
             check_size(image.size, where, most)
-            if mode == "L" and image.mode.startswith(("I", "F")):  # conversion would cut its values, not scale them
+            if mode == "L" and image.mode.startswith(("I", "F")):  # conversion would clip its values, not scale them
                 raise FormatError(f"{where}: an image with more than 8 bits per pixel; convert it to grey of 8 bits")
             return np.asarray(image.convert(mode), dtype=np.uint8)
-    except UnidentifiedImageError:  # its own words hold an address in memory
+    except UnidentifiedImageError:  # its message contains an address in memory
         raise FormatError(f"{where}: the image cannot be decoded (none of the known formats)") from None
     except UNREADABLE as error:
         raise FormatError(f"{where}: the image cannot be decoded ({error})") from None
 
 
 def find_file(folder: Path, name: str, base: str = "") -> str | None:
-    """The file in `folder` that `name` means, relative to it; None if there is none.
+    """The file in `folder` to which `name` refers, relative to the folder; None if there is none.
 
-    `base` is where in the folder the name was written. A name that leads out of the folder (absolute, or with `..`) was
-    written for a place that only its writer has: its longest ending that exists in the folder is taken. InputError
-    where a link on the way to the file leads out of the folder.
+    `base` is the place in the folder where the name was written. A name that leads out of the folder (absolute, or with
+    `..`) was written for a place that only its author has: its longest ending that exists in the folder is used. Raises
+    InputError if a link on the way to the file leads out of the folder.
     """
     tidy = _tidy(name, base)
     parts = [part for part in tidy.split("/") if part not in ("", "..")]
@@ -203,8 +204,8 @@ def find_file(folder: Path, name: str, base: str = "") -> str | None:
 
 
 def check_links(folder: Path, name: str) -> None:
-    """Refuse a name below a folder that links lead to what is not among the folder's own files: a data set would take
-    foreign ones along, or truth. Links above the folder are a person's own."""
+    """Refuse a name below a folder that links lead out of the folder's own files: a dataset would take foreign files
+    along, or ground truth. Links above the folder are the user's own."""
     home, target = (Path(os.path.realpath(one)) for one in (folder, folder / name))
     if target.is_relative_to(home) and may_be_seen(target.relative_to(home)):
         return
@@ -216,12 +217,12 @@ def check_links(folder: Path, name: str) -> None:
 
 
 def may_be_seen(name: Path) -> bool:
-    """Whether a file of a folder is neither hidden nor ground truth."""
+    """Return whether a file of a folder is neither hidden nor ground truth."""
     return not any(part.startswith(".") for part in name.parts) and name.stem.lower() not in GROUND_TRUTH
 
 
 def absence(name: str, base: str = "") -> str:
-    """Why `find_file` found nothing, to end a sentence with."""
+    """Reason why `find_file` found nothing, as the end of a sentence."""
     tidy = _tidy(name, base)
     if _leads_out(tidy):
         return "lies outside of the file's folder"
@@ -240,8 +241,8 @@ def _leads_out(tidy: str) -> bool:
 def library_names(folder: Path, data: bytes | mmap) -> list[str]:
     """Names after `mtllib` in an OBJ of `folder`, in order, each once.
 
-    A line is one name if there is such a file, with or without its comment: names hold blanks. Otherwise it is several
-    names if there is one of them, as the format has it.
+    A line is a single name if such a file exists, with or without the comment, since names may contain blanks.
+    Otherwise it is several names if at least one of them exists, as the format allows.
     """
     lines = (match.group(1).decode("utf-8", "replace").strip() for match in LIBRARY.finditer(data))
     return list(dict.fromkeys(name for line in dict.fromkeys(lines) if line for name in _names_of(folder, line)))
@@ -257,7 +258,8 @@ def _names_of(folder: Path, line: str) -> list[str]:
 
 
 def meanings(text: str) -> list[str]:
-    """The names that the end of a line may mean: all of it, then without what may be a comment, the longest first."""
+    """The names that the end of a line may stand for: the whole text, then without possible comments, the longest
+    first."""
     return [text, *(text[: match.start()].strip() for match in reversed(list(COMMENT.finditer(text))))]
 
 
@@ -269,8 +271,8 @@ def material_lines(path: Path) -> Iterator[tuple[int, str, str]]:
 
 
 def texture_beside(folder: Path, library: str, text: str) -> str | None:
-    """The image that `map_Kd TEXT`, or another keyword with an image, means in an MTL file: the whole text, or its last
-    word where options precede it."""
+    """The image to which `map_Kd TEXT`, or another keyword with an image, refers in an MTL file: the whole text, or its
+    last word if options precede it."""
     base = posixpath.dirname(library)
     names = (text, text.split()[-1]) if text else ()
     return next((found for name in names if (found := find_file(folder, name, base))), None)

@@ -2,16 +2,17 @@
 
 Units and axes: from the file's own coordinates to metres, right-handed, z up.
 
-Order of trust: the user's option, then the format's standard, then an estimate from the content; always reported.
-An estimate never assumes millimetres or inches: those differ from a mesh a thousand times too large by nothing but the
-user's word, so a mesh of such a size is refused with the option that settles it. Centimetres are assumed only where
-millimetres would make less than 4 cm of it: what is that long or longer is never taken ten times too large.
+Order of trust: the user's option, then the format's standard, then an estimate from the content; always reported. An
+estimate never assumes millimetres or inches, because only the user's word distinguishes them from a mesh that is a
+thousand times too large; such a mesh is refused with the option that settles it. Centimetres are only assumed if the
+mesh would be less than 4 cm in millimetres: a mesh of that length or longer is never made ten times too large.
 
-Which axis of a file points up, told by its content.
+Determines the upward axis of a file from its content.
 
-A mesh stands on the plane through its origin, or on its feet. A room is recognised by its walls and told from its
-furniture, which fills the lower half: so y down, as structure from motion often has it, is found too. A mesh that is no
-room is never turned upside down, as a table stands as well on its top as on its legs; splats may be, by their ground.
+A mesh stands on the plane through its origin, or on its feet. A room is recognised by its walls and oriented by its
+furniture, which fills the lower half, so y down, as often in structure from motion, is recognised too. A mesh that is
+not a room is never turned upside down, as a table stands as well on its top as on its legs; splats may be, by their
+ground.
 """
 
 from dataclasses import dataclass
@@ -30,34 +31,34 @@ from dcap.scene.types.scan import METRES
 AXES = {"y": 1, "z": 2}
 
 LEVEL = 0.9
-"""Share of a unit normal along an axis from which a face is level [-]."""
+"""Least share of a unit normal along an axis for a level face [-]."""
 
 SLAB = 0.05
 """Share of the extent that counts as the end of a room or scene: its floor, ceiling or wall [-]."""
 
 COVERED = 0.4
-"""Share of a side that level faces cover where it is a wall [-]: windows, doors and furniture hide the rest."""
+"""Share of a side that level faces must cover for it to be a wall [-]: windows, doors and furniture hide the rest."""
 
 WALLS = 4
-"""Sides of six that are covered in a room [-]; the ceiling is often cut off."""
+"""Number of the six sides that are covered in a room [-]; the ceiling is often missing."""
 
 ROOM_METRES = (1.5, 2.2)
-"""Least smallest and middle extent of a room [m]: beyond any single piece of furniture."""
+"""Least smallest and middle extent of a room [m]: larger than any single piece of furniture."""
 
 HEAVY = 0.03
-"""Shift of the middle of what a room holds, as a share of its height, that weighs as much as ... [-]."""
+"""Shift of the middle of a room's content, as a share of its height, that weighs as much as ... [-]."""
 LEVEL_HEAVY = 0.4
-"""... this shift of the level faces in it [-], and as ..."""
+"""... this shift of its level faces [-], and as ..."""
 UPRIGHT = 0.03
 """... this difference in the share of faces that are level or upright [-]. All three from the embedded rooms."""
 MOST_UPRIGHT = 1.5
-"""Weight that uprightness has at the most [-]."""
+"""Maximum weight of uprightness [-]."""
 
 CLEARLY = 3.0
-"""So many times UPRIGHT tells the axis alone: walls of a scan stand at any heading, but they stand [-]."""
+"""Multiple of UPRIGHT that determines the axis on its own: walls of a scan stand at any heading, but they stand [-]."""
 
 GROUND = 0.5
-"""Share of the footprint that a ground covers [-]; the other end has less than half of it."""
+"""Least share of the footprint that a ground covers [-]; the other end has less than half of it."""
 WORLD_FROM_FILE = {
     "z": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
     "y": [[1, 0, 0], [0, 0, -1], [0, 1, 0]],  # (x, y, z) -> (x, -z, y)
@@ -72,11 +73,11 @@ class Faces:
     """Faces by area, place and direction."""
 
     center: NDArray[np.float64]
-    """Shape (m, 3)."""
+    """Centres of the faces, shape (m, 3)."""
     normal: NDArray[np.float64]
     """Absolute components of the unit normals, shape (m, 3)."""
     area: NDArray[np.float64]
-    """Shape (m,)."""
+    """Areas of the faces, shape (m,)."""
     low: NDArray[np.float64]
     """Bounds without the outermost half percent of the area on either side, shape (3,)."""
     high: NDArray[np.float64]
@@ -93,7 +94,7 @@ class Faces:
         return cls(center, np.abs(normal) / np.maximum(twice, 1e-300)[:, None], area, ends[:, 0], ends[:, 1])
 
     def height(self, axis: int) -> NDArray[np.float64]:
-        """0 at the lower end of an axis, 1 at the upper, shape (m,)."""
+        """Height of the faces along an axis, 0 at the lower end and 1 at the upper end, shape (m,)."""
         extent = max(float(self.high[axis] - self.low[axis]), 1e-300)
         return np.asarray((self.center[:, axis] - self.low[axis]) / extent)
 
@@ -113,7 +114,7 @@ def _quantiles(values: NDArray[np.float64], weight: NDArray[np.float64], shares:
 
 
 def up_of_scene(raw: RawMesh, unit: float) -> tuple[str, str] | None:
-    """The up axis of a room or another large scene and what tells it; None for what may be a single thing."""
+    """The up axis of a room or another large scene, and the evidence; None for a mesh that may be a single thing."""
     faces = Faces.of(raw)
     smallest, middle, _ = np.sort(faces.high - faces.low) * unit
     if middle < ROOM_METRES[1]:
@@ -129,7 +130,7 @@ def up_of_scene(raw: RawMesh, unit: float) -> tuple[str, str] | None:
 
 
 def _furnished(faces: Faces) -> str:
-    """The direction in which what a room holds lies low."""
+    """The direction in which the content of a room lies low."""
     upright = {name: _upright(faces, axis) for name, axis in AXES.items()}
     more = float(np.clip((upright["z"] - upright["y"]) / UPRIGHT, -MOST_UPRIGHT, MOST_UPRIGHT))
     low = {name: _lowness(faces, axis) for name, axis in AXES.items()}
@@ -138,7 +139,7 @@ def _furnished(faces: Faces) -> str:
 
 
 def _grounds(faces: Faces) -> list[str]:
-    """Directions in which there is a ground below and nothing like it above."""
+    """Directions with a ground below and no comparable surface above."""
     found = []
     for name, axis in AXES.items():
         low, high = faces.covered(axis)
@@ -148,7 +149,7 @@ def _grounds(faces: Faces) -> list[str]:
 
 
 def _lowness(faces: Faces, axis: int) -> float:
-    """How far below the middle the faces between the ends of an axis lie, level faces counted again [-]."""
+    """Distance below the middle of the faces between the ends of an axis, with level faces counted twice [-]."""
     height, level = faces.height(axis), faces.normal[:, axis] > LEVEL
     inner = (height > 1.5 * SLAB) & (height < 1.0 - 1.5 * SLAB)
     below = [0.5 - float(np.average(height[k], weights=faces.area[k] + 1e-300)) if k.any() else 0.0
@@ -157,7 +158,7 @@ def _lowness(faces: Faces, axis: int) -> float:
 
 
 def _upright(faces: Faces, axis: int) -> float:
-    """Share of the area that is level or upright if an axis is vertical: furniture stands at any heading [-]."""
+    """Share of the area that is level or upright if an axis is vertical [-]: furniture stands at any heading."""
     along = faces.normal[:, axis]
     return float(faces.area[(along > 0.95) | (along < 0.1)].sum() / faces.area.sum())
 
@@ -167,9 +168,9 @@ class UpEvidence:
     """Evidence for one axis being up."""
 
     grounded: bool
-    """The lowest coordinate is zero."""
+    """Whether the lowest coordinate is zero."""
     floating: bool
-    """The origin lies well inside."""
+    """Whether the origin lies well inside."""
     level_area: float
     """Area of faces perpendicular to the axis [units^2]."""
     foot: float
@@ -206,9 +207,10 @@ def _foot(vertices: NDArray[np.float64], axis: int, low: NDArray[np.float64], he
 
 
 def contradicts_standard(raw: RawMesh) -> bool:
-    """Whether the content speaks clearly against the format's own up axis.
+    """Return whether the content clearly contradicts the format's own up axis.
 
-    A picture with its back in a coordinate plane would lie well, but it can stand on its edge too: the format is right.
+    A picture with its back in a coordinate plane would lie well, but it can also stand on its edge: the format is
+    right.
     """
     standard, other = _evidence(raw, AXES[raw.up]), _evidence(raw, 3 - AXES[raw.up])
     lies = other.grounded and standard.floating and other.level_area > 1.5 * standard.level_area
@@ -216,7 +218,7 @@ def contradicts_standard(raw: RawMesh) -> bool:
 
 
 def estimated_up(raw: RawMesh) -> tuple[str, str]:
-    """The up axis where no standard says it, and what tells it."""
+    """The up axis if no standard states it, and the evidence."""
     if raw.of_splats:
         return _up_of_splats(raw)
     y, z = _evidence(raw, 1), _evidence(raw, 2)
@@ -229,7 +231,8 @@ def estimated_up(raw: RawMesh) -> tuple[str, str]:
 
 
 def _up_of_splats(raw: RawMesh) -> tuple[str, str]:
-    """Away from the ground, or from the plane through the origin; in doubt y down, as structure from motion has it."""
+    """The direction away from the ground, or from the plane through the origin; in doubt y down, as in structure from
+    motion."""
     faces = Faces.of(raw)
     grounds = _grounds(faces)
     near = 0.015 * float((faces.high - faces.low).max())
@@ -243,7 +246,7 @@ def _up_of_splats(raw: RawMesh) -> tuple[str, str]:
 
 
 class Role(StrEnum):
-    """Use of a mesh: it decides which sizes are plausible and which option is named."""
+    """Use of a mesh, which determines plausible sizes and the option named in messages."""
 
     SCENE = "scene"
     OBJECT = "object"
@@ -254,42 +257,43 @@ class Limits:
     """Sizes (largest extent) that make sense for a role."""
 
     smallest: float
-    """Below it the mesh is refused [m]."""
+    """Largest extent below which the mesh is refused [m]."""
     largest: float
-    """Above it the mesh is refused [m]."""
+    """Largest extent above which the mesh is refused [m]."""
     metres_up_to: float
-    """A mesh without a stated unit is taken as metres up to this many units [-]."""
+    """Largest extent up to which a mesh without a stated unit is in metres [units]."""
     centimetres_up_to: float
-    """... and as centimetres up to this many [-]; beyond, the user must say. Equal to the above: never."""
+    """... and up to which it is in centimetres [units]; above, the user must state the unit. Equal to the above:
+    never."""
 
 
 LIMITS = {
     Role.SCENE: Limits(smallest=0.005, largest=200.0, metres_up_to=40.0, centimetres_up_to=40.0),
     Role.OBJECT: Limits(smallest=0.001, largest=20.0, metres_up_to=3.0, centimetres_up_to=40.0),
 }
-"""A scene is anything from a mug to a hall; an object is something that a person puts down.
-Of 40 to 600 units a scene is as well a room in centimetres as a stool in millimetres: only the user knows."""
+"""A scene is anything from a mug to a hall; an object is a thing that a person puts down. With 40 to 600 units a scene
+may be a room in centimetres or a stool in millimetres: only the user knows."""
 
 ANY = "any"
 ROOM = (2.0, 40.0, 6.0)
-"""Extents at which a scene of any unit stays as it is, and what it is made otherwise [m]."""
+"""Extents at which a scene of any unit is left unchanged, and the extent to which it is scaled otherwise [m]."""
 BY_HEIGHT = "--height-of THING=METRES, for example --height-of table=0.75"
-"""How a person may say the scale of a scene without measuring units."""
+"""A way for a person to state the scale of a scene without measuring units."""
 
 
 FAR_M = 100.0
 """A mesh whose middle is farther from the origin is moved there: single precision, as in GLB files and ray tracing, has
 steps of 0.01 mm at this distance, and of half a metre at the coordinates of a national grid."""
 COARSEST_M = 1e-3
-"""Steps between coordinates that a file may have [m]; beyond, its shapes are lost."""
+"""Largest step between coordinates of a file [m]; above it shapes are lost."""
 
 
 @dataclass(frozen=True)
 class FileFrame:
-    """How a file's coordinates map to ours."""
+    """Mapping of a file's coordinates to ours."""
 
     world_from_file: NDArray[np.float64]
-    """Shape (4, 4)."""
+    """Transform, shape (4, 4)."""
     up: str
     unit_metres: float
     unit_source: str
@@ -308,7 +312,8 @@ def find_frame(raw: RawMesh, options: SourceOptions, role: Role) -> FileFrame:
 
 
 def _shift(raw: RawMesh, linear: NDArray[np.float64], notes: list[str]) -> NDArray[np.float64]:
-    """Shift of a mesh far from the origin back to it, in whole metres, shape (3,) [m]; zero for one that is near."""
+    """Shift that moves a mesh far from the origin back to it, in whole metres, shape (3,) [m]; zero for a mesh near
+    it."""
     middle = linear @ (0.5 * (raw.vertices.min(axis=0) + raw.vertices.max(axis=0)))
     if np.linalg.norm(middle) <= FAR_M:
         return np.zeros(3)
@@ -330,7 +335,7 @@ def option_name(role: Role, name: str) -> str:
 
 
 def _unit(raw: RawMesh, options: SourceOptions, role: Role, notes: list[str]) -> tuple[float, str]:
-    """Length of the file's unit [m] and who said so."""
+    """Length of the file's unit [m] and its source."""
     extent = float(np.ptp(raw.vertices, axis=0).max())
     limits = LIMITS[role]
     if options.unit == ANY:

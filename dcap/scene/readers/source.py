@@ -1,4 +1,4 @@
-"""One door for every foreign scene and object: a path in, a `Scan` in metres and z up out."""
+"""Single entry point for all foreign scenes and objects: from a path to a `Scan` in metres and z up."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -52,20 +52,20 @@ PAINTED: dict[str, Callable[[Path], RawMesh]] = {
     ".glb": partial(read_gltf, all_maps=True), ".gltf": partial(read_gltf, all_maps=True),
     ".obj": partial(read_obj, all_maps=True), **dict.fromkeys(USD_SUFFIXES, read_usd),
 }  # fmt: skip
-"""Reader of files that may have textures and materials, with all that they say."""
+"""Reader of files that may have textures and materials, with all their properties."""
 
 BROKEN = (ArithmeticError, AttributeError, LookupError, RecursionError, StopIteration, TypeError, ValueError)
-"""Errors that decoding can raise on bytes that break their format where no check of the reader names the place."""
+"""Errors that decoding can raise for broken bytes, where no check of the reader names the place."""
 
 
 STATED = {"up": "z", "unit": "m"}
-"""Up axis and unit that InteriorGS and ScanNet state of their scenes."""
+"""Up axis and unit that InteriorGS and ScanNet define for their scenes."""
 
 ROOM_HEIGHT, ROOM_BREADTH = (2.0, 4.5), (2.0, 30.0)
-"""Height and longer side of what is taken for a room in metres [m]."""
+"""Ranges of the height and the longer side of a room in metres [m]."""
 
 Mesher = Callable[[Gaussians | PointCloud], tuple[Mesh, tuple[str, ...]]]
-"""Makes a mesh of Gaussians or points in metres and z up, and says what it assumed."""
+"""Makes a mesh of Gaussians or points in metres and z up, and returns its assumptions."""
 
 
 def read_scan(
@@ -78,12 +78,11 @@ def read_scan(
     labels: VertexLabels | None = None,
     ask_scale: bool = False,
 ) -> Scan:
-    """Read a folder (InteriorGS, ScanNet, SuGaR, or one with a single mesh), a mesh file, Gaussian splats or points.
+    """Read a folder (InteriorGS, ScanNet, SuGaR, or with a single mesh), a mesh file, Gaussian splats or points.
 
-    `folder` is the name of the folder that was given, or that a given file lay in, where `path` is a copy of it. Splats
-    and points without a mesh need a `mesher`. `labels` name the things of the file's vertices, instead of what it says
-    itself.
-    `ask_scale`: splats of a scene of which nobody says how large they are, and that are no room in metres, are refused.
+    `folder` is the name of the given folder, or of the folder of the given file, if `path` is a copy. Splats and points
+    without a mesh need a `mesher`. `labels` name the things of the file's vertices, instead of its own names.
+    `ask_scale`: refuse splats of a scene whose scale nobody states, unless they are a room in metres.
     """
     if not path.exists():
         raise InputError(f"{path}: no such file or folder")
@@ -98,9 +97,9 @@ def read_scan(
 
 
 def read_surface(path: Path, world_from_file: NDArray[np.float64]) -> SourceSurface:
-    """The textures and materials of a file or folder that `read_scan` has read, on its faces.
+    """The textures and materials of a file or folder read by `read_scan`, on its faces.
 
-    `world_from_file` (4, 4) is what it found; what says nothing beyond vertex colours gives no faces.
+    `world_from_file` (4, 4) is the transform that it found; a file without more than vertex colours gives no faces.
     """
     placed = path.is_dir() and is_placed_scene(path)
     if path.is_dir():
@@ -113,11 +112,11 @@ def read_surface(path: Path, world_from_file: NDArray[np.float64]) -> SourceSurf
         raw = PAINTED[path.suffix.lower()](path).without_loose_vertices()
     if raw.paint is None or not raw.paint.says_more:
         return SourceSurface.untextured()
-    if placed:  # the folder is in the world frame, its file as glTF wants it
+    if placed:  # the folder is in the world frame, its file in glTF's axes
         world_from_file = find_frame(raw, SourceOptions(up="y", unit="m"), Role.SCENE).world_from_file
     colors = np.full(raw.vertices.shape, 255, dtype=np.uint8) if raw.colors is None else raw.colors
     mesh = Mesh(np.ascontiguousarray(raw.vertices), raw.faces.astype(np.int32), colors)
-    turn = -1 if np.linalg.det(world_from_file[:3, :3]) < 0 else 1  # faces are turned around with their corners
+    turn = -1 if np.linalg.det(world_from_file[:3, :3]) < 0 else 1  # a mirror reverses the corners of faces
     uv, *more = (
         np.nan_to_num(one, posinf=0.0, neginf=0.0)[:, ::turn] for one in (raw.paint.corner_uv, *raw.paint.more_uv)
     )
@@ -157,7 +156,7 @@ def _read_folder(
         boxes, label_notes = read_labels(folder)
         rooms, structure = read_structure(folder)
     frame = stated_frame(raw, options, role)
-    if labels is not None:  # a person's word over the annotation's
+    if labels is not None:  # a person's labels take precedence over the annotation
         boxes, structure = (), ()
     boxes = boxes + tuple(box for box in structure if not any(_same_thing(box, other) for other in boxes))
     meshed = _meshed(mesh_path, bare, frame, mesher, role)
@@ -165,7 +164,7 @@ def _read_folder(
 
 
 def _same_thing(box: LabelBox, other: LabelBox) -> bool:
-    """Whether a wall or opening of structure.json is annotated in labels.json too."""
+    """Return whether a wall or opening of structure.json is also annotated in labels.json."""
     if box.id == other.id:
         return True
     near = (
@@ -186,10 +185,10 @@ def _read_scannet(folder: Path, options: SourceOptions, role: Role) -> Scan:
 
 
 def _read_placed(folder: Path, options: SourceOptions, role: Role, labels: VertexLabels | None) -> Scan:
-    """The scene of a folder that a placement wrote: in its world frame, with its own names."""
+    """The scene of a folder written by a placement: in its world frame, with its own names."""
     if role is not Role.SCENE:
         raise InputError(f"{folder}: the folder of a placement is a scene; give the mesh of an object")
-    placed_scene_files(folder)  # refuses a folder that lacks one
+    placed_scene_files(folder)  # refuses an incomplete folder
     given = [
         name for name, value in (("up", options.up), ("unit", options.unit), ("label", options.label))
         if value not in ("auto", "", STATED.get(name))
@@ -227,7 +226,7 @@ def _read_placed(folder: Path, options: SourceOptions, role: Role, labels: Verte
 
 
 def check_options(folder: Path, options: SourceOptions, role: Role) -> None:
-    """Refuse options against what InteriorGS states: its boxes, rooms and map would not turn with the mesh."""
+    """Refuse options that contradict InteriorGS: its boxes, rooms and map would not turn with the mesh."""
     for name, given in (("up", options.up), ("unit", options.unit)):
         if given not in ("auto", STATED[name]):
             raise InputError(
@@ -237,7 +236,7 @@ def check_options(folder: Path, options: SourceOptions, role: Role) -> None:
 
 
 def stated_frame(raw: RawMesh, options: SourceOptions, role: Role) -> FileFrame:
-    """InteriorGS and ScanNet state metres and z up, for the mesh too; what an option says otherwise is followed."""
+    """The frame of InteriorGS and ScanNet, which define metres and z up for the mesh too; options take precedence."""
     stated = SourceOptions(
         up=STATED["up"] if options.up == "auto" else options.up,
         unit=STATED["unit"] if options.unit == "auto" else options.unit,
@@ -248,7 +247,7 @@ def stated_frame(raw: RawMesh, options: SourceOptions, role: Role) -> FileFrame:
 
 @contextmanager
 def readable(path: Path) -> Iterator[None]:
-    """Turns what broken bytes make the decoding raise into one line."""
+    """Turn decoding errors of broken bytes into one line."""
     try:
         yield
     except OSError as error:
@@ -260,7 +259,7 @@ def readable(path: Path) -> Iterator[None]:
 
 
 def read_file(path: Path, labels: VertexLabels | None = None) -> tuple[RawMesh, Gaussians | PointCloud | None]:
-    """A mesh, or Gaussians or points with what they look like as a mesh, by which units and axes are found."""
+    """A mesh, or Gaussians or points with a substitute mesh for finding units and axes."""
     check_suffix(path)
     with readable(path):
         kind = "splats" if is_splats(path) else "points" if is_points(path) else ""
@@ -277,7 +276,7 @@ def read_file(path: Path, labels: VertexLabels | None = None) -> tuple[RawMesh, 
 
 
 def with_vertex_labels(raw: RawMesh, labels: VertexLabels) -> RawMesh:
-    """A mesh whose nodes are the labelled things: the one that most corners of a face belong to."""
+    """A mesh whose nodes are the labelled things: each face belongs to the thing of most of its corners."""
     if len(labels.instance) != len(raw.vertices):
         raise InputError(
             f"--labels {labels.source}: {len(labels.instance)} vertices, {raw.path} has {len(raw.vertices)}; "
@@ -289,7 +288,8 @@ def with_vertex_labels(raw: RawMesh, labels: VertexLabels) -> RawMesh:
 
 
 def check_scale(path: Path, raw: RawMesh, frame: FileFrame, role: Role) -> FileFrame:
-    """Ask for the scale of splats that nobody states and that are no room in metres; a room is taken and told."""
+    """Ask for the scale of splats that nobody states, unless they are a room in metres, which is accepted and
+    reported."""
     if not raw.of_splats or role is not Role.SCENE or frame.unit_source != "estimate":
         return frame
     low, high = np.quantile(raw.vertices @ frame.world_from_file[:3, :3].T, [0.01, 0.99], axis=0)
@@ -306,7 +306,7 @@ def check_scale(path: Path, raw: RawMesh, frame: FileFrame, role: Role) -> FileF
 def _meshed(
     path: Path, bare: Gaussians | PointCloud | None, frame: FileFrame, mesher: Mesher | None, role: Role
 ) -> tuple[Mesh, tuple[str, ...]] | None:
-    """The surface of splats or points in the world frame, with notes; None where there are none."""
+    """The surface of splats or points in the world frame, with notes; None for anything else."""
     if bare is None:
         return None
     kind = "Gaussian splats" if isinstance(bare, Gaussians) else "a point cloud"
@@ -329,7 +329,7 @@ def _scan(
     boxes: tuple[LabelBox, ...] = (),
     rooms: tuple[Room, ...] = (),
 ) -> Scan:
-    """Bake the colours and bring everything to the world frame, unless that was done (`meshed`)."""
+    """Bake the colours and convert everything to the world frame, unless that is already done (`meshed`)."""
     if meshed is None:
         vertices, faces, colors, face_node = bake(raw)
         baked = Mesh(np.ascontiguousarray(vertices), faces.astype(np.int32), np.ascontiguousarray(colors))

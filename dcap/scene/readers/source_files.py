@@ -1,13 +1,13 @@
-"""Which files make up a foreign scene or mesh: the file itself and what it names.
+"""The files that make up a foreign scene or mesh: the file itself and the files that it names.
 
-A folder gives all its files, one of ScanNet those that are read (its recordings take gigabytes), one that a placement
-wrote those that make up its scene; an OBJ brings its MTL files and their textures, a glTF its buffers and pictures.
-Only what lies in the file's own folder counts, and ground truth never does: a link that leads elsewhere is refused
-(decision 096). Absurd inputs and names that are no text are refused before anything is read.
+A folder contributes all its files, a folder of ScanNet only those that are read (its recordings take gigabytes), and a
+folder written by a placement those that make up its scene; an OBJ brings its MTL files and their textures, a glTF its
+buffers and pictures. Only files in the file's own folder count, and never ground truth: a link that leads elsewhere is
+refused (decision 096). Oversized input and names that are not text are refused before reading.
 
-Files that a mesh file names: MTL files and textures of an OBJ, buffers and pictures of a glTF or a SOG's meta.json.
+Files named by a mesh file: MTL files and textures of an OBJ, buffers and pictures of a glTF or a SOG's meta.json.
 
-The store copies what `companions` finds, and the readers find it again with the same functions (files/references.py),
+The store copies the files found by `companions`, and the readers find them with the same functions (readers/files.py),
 so both always agree.
 """
 
@@ -43,15 +43,15 @@ USD_ASSET = re.compile(rb"@([^@\r\n]+)@")
 LARGEST_TEXT = 64 << 20
 """Largest glTF, MTL or USD text that is searched for names [bytes]."""
 MOST_BYTES = 4 << 30
-"""Largest input in total; the largest InteriorGS scene or SuGaR mesh is well below 1 GiB."""
+"""Largest total input; the largest InteriorGS scene or SuGaR mesh is well below 1 GiB."""
 MOST_FILES = 2000
-"""Most files of a scene folder; more means that the wrong folder was given."""
+"""Maximum number of files of a scene folder; more means that the wrong folder was given."""
 NO_TEXT = ("Cc", "Cs")
-"""Categories of control characters, a line break among them, and of bytes that are not UTF-8."""
+"""Categories of control characters, including line breaks, and of bytes that are not UTF-8."""
 
 
 def companions(path: Path) -> Iterator[str]:
-    """The files that a mesh file names and that exist, by their name relative to its folder."""
+    """The existing files named by a mesh file, relative to its folder."""
     search = {
         ".obj": _of_obj,
         ".gltf": _of_gltf,
@@ -87,7 +87,7 @@ def _of_gltf(path: Path, data: mmap) -> Iterator[str]:
 
 
 def _of_usda(path: Path, data: mmap) -> Iterator[str]:
-    """Names between @ in the text form; the binary one hides its names, and a package holds what it needs."""
+    """Names between @ in the text form; the binary form hides its names, and a package contains all its files."""
     if data[:5] == b"#usda":
         for name in dict.fromkeys(USD_ASSET.findall(data[:LARGEST_TEXT])):
             found = find_file(path.parent, name.decode("utf-8", "replace"))
@@ -101,10 +101,10 @@ def _of_sog(path: Path, data: mmap) -> Iterator[str]:
 
 
 def source_files(path: Path) -> tuple[str, dict[str, Path]]:
-    """Name of the main file (`.` for a folder) and all files by their name relative to the main file's folder."""
+    """Name of the main file (`.` for a folder), and all files by their name relative to the main file's folder."""
     if not path.exists():
         raise InputError(f"{path}: no such file or folder")
-    if is_placed_scene(path):  # its pictures and timings are no part of the scene
+    if is_placed_scene(path):  # its pictures and timings are not part of the scene
         return ".", checked(path, ((file.name, file) for file in placed_scene_files(path)))
     if path.is_dir():
         scannet = None if is_interiorgs(path) else scannet_files(path)
@@ -119,10 +119,10 @@ def source_files(path: Path) -> tuple[str, dict[str, Path]]:
 
 
 def telling_folder(path: Path, files: Iterable[str]) -> str:
-    """Name of the folder where it, not the file's name, tells what a mesh is; else empty.
+    """Name of the folder if it describes the mesh better than the file's name; else empty.
 
-    `files` are the names that `source_files` gave. A scene with annotations is not named at all. A mesh whose name is a
-    number or an id is called after its folder only where it is the only mesh there.
+    `files` are the names from `source_files`. A scene with annotations gets no name. A mesh whose name is a number or
+    an id is named after its folder only if it is the only mesh there.
     """
     folder = Path(os.path.abspath(path if path.is_dir() else path.parent))
     if is_placed_scene(path) or (path.is_dir() and (is_interiorgs(path) or scannet_files(path) is not None)):
@@ -139,12 +139,12 @@ def telling_folder(path: Path, files: Iterable[str]) -> str:
 
 
 def checked(path: Path, files: Iterable[tuple[str, Path]]) -> dict[str, Path]:
-    """The files by name, if they are neither too many nor too large nor none."""
+    """The files by name; raises if there are too many, none, or too large ones."""
     found: dict[str, Path] = {}
     total = 0
     for name, file in files:
         check_name(path, name)
-        if file != path:  # what a person names may be a link
+        if file != path:  # the path given by a person may be a link
             check_links(path if path.is_dir() else path.parent, name)
         found[name] = file
         total += file.stat().st_size
@@ -157,13 +157,13 @@ def checked(path: Path, files: Iterable[tuple[str, Path]]) -> dict[str, Path]:
 
 
 def check_name(path: Path, name: str) -> None:
-    """Refuse a name that is no text, could be read as two lines of a list, or as a path on another system."""
+    """Refuse a name that is not text, or that could be read as two lines of a list or as a path on another system."""
     if "\\" in name or any(category(one) in NO_TEXT for one in name):
         raise InputError(f"{path}: the file name {name!r} has characters that are no text, or a backslash; rename it")
 
 
 def check_size(path: Path, size: int) -> None:
-    """Refuse what cannot be a sensible input."""
+    """Refuse files that are too large to be sensible input."""
     if size > MOST_BYTES:
         limit = MOST_BYTES / 2**30
         raise InputError(f"{path}: {size / 2**30:.1f} GiB > {limit:.0f} GiB; decimate the mesh or give one scene")
@@ -172,7 +172,7 @@ def check_size(path: Path, size: int) -> None:
 
 
 def folder_files(folder: Path) -> Iterator[tuple[str, Path]]:
-    """All plain files below a folder but hidden ones and ground truth."""
+    """All regular files below a folder except hidden ones and ground truth."""
     for file in folder.rglob("*"):
         name = file.relative_to(folder)
         if file.is_file() and may_be_seen(name):

@@ -1,4 +1,4 @@
-"""A scene as Gaussians with what is known of it: labelled boxes, rooms, a map of the floor; in metres and z up."""
+"""A scene as Gaussians with its annotations: labelled boxes, rooms, a map of the floor; in metres and z up."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,11 +29,11 @@ class SplatScene:
     rooms: tuple[Room, ...]
     occupancy: Occupancy | None
     annotated: bool
-    """A folder with InteriorGS' annotations: the format states units and axes."""
+    """Whether the folder has InteriorGS' annotations: the format states units and axes."""
     world_from_file: NDArray[np.float64]
     """Maps the file's own coordinates to ours, shape (4, 4)."""
     notes: tuple[str, ...]
-    """Assumptions made and parts ignored on reading, one sentence each."""
+    """Assumptions and ignored parts on reading, one sentence each."""
 
 
 def read_splat_scene(path: Path, options: SourceOptions) -> SplatScene:

@@ -7,7 +7,7 @@ from dcap.scene.errors import GeometryError
 
 
 def check_array(name: str, array: NDArray[np.generic], *shape: int | None) -> None:
-    """Raise an error for another shape (None: any length) or numbers that are not finite."""
+    """Raise an error for a wrong shape (None: any length) or numbers that are not finite."""
     if array.ndim != len(shape) or any(want not in (None, have) for want, have in zip(shape, array.shape, strict=True)):
         expected = ", ".join("n" if one is None else str(one) for one in shape)
         raise GeometryError(f"{name} has shape {array.shape}, expected ({expected})")
@@ -17,7 +17,7 @@ def check_array(name: str, array: NDArray[np.generic], *shape: int | None) -> No
 
 
 def check_index(name: str, array: NDArray[np.integer], *, length: int, count: int) -> None:
-    """Raise an error for another length or an index outside of -1 (none) to `count` - 1."""
+    """Raise an error for a wrong length or an index outside -1 (none) to `count` - 1."""
     check_array(name, array, length)
     if length and (array.min() < -1 or array.max() >= count):
         raise GeometryError(f"{name} spans {array.min()} to {array.max()}, expected -1 to {count - 1}")

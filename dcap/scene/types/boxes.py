@@ -15,8 +15,8 @@ from dcap.scene.errors import GeometryError
 from dcap.scene.types.arrays import check_array
 
 TIE = 0.01
-"""Reduction of area from which a turned rectangle is preferred to the axis-aligned one [-]: round and noisy footprints
-have no direction of their own, for which an aligned box is more stable."""
+"""Least relative reduction of area for a turned rectangle to be preferred over the axis-aligned one [-]: round and
+noisy footprints have no direction of their own, so an aligned box is more stable."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -74,7 +74,7 @@ class OrientedBox:
         return points @ self.axes.T + self.center
 
     def contains(self, points: NDArray[np.float64], *, margin: float = 0.0) -> NDArray[np.bool_]:
-        """Whether world points (n, 3) lie inside the box grown by `margin` [m], shape (n,)."""
+        """Mask of the world points (n, 3) inside the box grown by `margin` [m], shape (n,)."""
         within = np.abs(self.to_local(points)) <= self.half_extents + margin
         inside: NDArray[np.bool_] = np.logical_and.reduce(within, axis=1)
         return inside
@@ -111,7 +111,7 @@ def _best_angle(flat: NDArray[np.float64]) -> float:
 
 
 def _line_angle(flat: NDArray[np.float64]) -> float:
-    """Direction of points on a line (or on one spot) [rad]."""
+    """Direction of points on a line (or at a single spot) [rad]."""
     spread = flat - flat.mean(axis=0)
     far = spread[int(np.argmax((spread**2).sum(axis=1)))]
     if not far.any():

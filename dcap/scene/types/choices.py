@@ -17,9 +17,9 @@ from dcap.scene.types.boxes import OrientedBox
 VIEWED = frozenset({"left", "right", "front", "back", "head", "foot"})
 """Sides that depend on the viewer; up and down do not."""
 MIDDLE = 0.1
-"""Distance between the middles of thing and room up to which no side faces the room [m]."""
+"""Distance between the middles of thing and room up to which no side counts as facing the room [m]."""
 POSE_OF_THE_FILE = "the pose of the file is kept"
-"""The reason of a rotation that was not chosen."""
+"""Reason given for a rotation that was not chosen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,11 +32,11 @@ class OrientationRequest:
     facing: str
     """Id of an instance or 'part:NAME' or 'wall' | 'door' | 'viewer' to face; empty: none."""
     words: str
-    """The words it was read from."""
+    """The words that state it."""
     turn_deg: float = 0.0
     """Turn about the vertical beyond the facing or the usual alignment, counterclockwise seen from above [degrees]."""
     lean: str = ""
-    """Id of an instance or 'part:NAME' of the base that the object leans on; empty: it stands by itself."""
+    """Id of an instance or 'part:NAME' of the base that the object leans on; empty: it stands on its own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,17 +44,18 @@ class RegionConstraint:
     """Constraint on a place, besides its region."""
 
     kind: str
-    """not_on (neither on it nor over or under it) | not_in (not in that region) | exactly | at_least | at_most
-    (distance from it) | farthest | nearest | away (from it)."""
+    """not_on (neither on the reference nor over or under it) | not_in (not in that region) | exactly | at_least |
+    at_most (distance from it) | farthest | nearest | away (from it)."""
     regions: tuple[str, ...]
     """Region names as in RegionRequest, of the part or next to the reference; for distances edge, corner or end with
     sides; empty: the reference itself."""
     reference: str
     """Instance id, 'part:NAME' or 'part:NAME/SIDE'; empty: the part's own regions."""
     metres: float | None = None
-    """The distance of exactly, at_least and at_most [m]: the free gap between the object and it, seen from above."""
+    """The distance for exactly, at_least and at_most [m]: the free gap between the object and the reference, seen from
+    above."""
     words: str = ""
-    """The words it was read from."""
+    """The words that state it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +80,7 @@ class RegionRequest:
     references: tuple[str, ...]
     """Instance ids or 'part:NAME' that near / next_to / between refer to."""
     words: str
-    """The words it was read from."""
+    """The words that state it."""
     which: str = ""
     """Choice among several parts of that name: left, right, top, bottom, middle or a number counted from below; or
     empty."""
@@ -100,20 +101,20 @@ class Intent:
     mass: float
     """Mass prior [kg]."""
     hollow: bool
-    """Whether its mass is not density times the volume of its closed mesh."""
+    """Whether the mass differs from density times the volume of the closed mesh."""
     scale: float
-    """Isotropic factor applied to the object mesh: 1, that of a unit, or to the usual size (`tasks.intent.rescale`)."""
+    """Isotropic factor for the object mesh: 1, the factor of a unit, or to the usual size (`tasks.intent.rescale`)."""
     orientation: OrientationRequest
     region: RegionRequest
     not_understood: tuple[str, ...]
-    """Words without an effect."""
+    """Words without effect."""
     notes: tuple[str, ...]
     candidates: tuple[SupportCandidate, ...] = ()
     """Supports that the sentence may mean, the chosen one first."""
     mass_given: bool = False
     """Whether the mass comes from the user and must not be replaced by density times volume."""
     at: NDArray[np.float64] | None = None
-    """The place on the base that the user gave [m], shape (3,); None: the region determines it."""
+    """The place on the base given by the user [m], shape (3,); None: the region determines it."""
 
     def __post_init__(self) -> None:
         if self.at is not None:
@@ -123,8 +124,8 @@ class Intent:
 def viewer_side(
     box: OrientedBox, front: NDArray[np.float64] | None, room_center: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], int]:
-    """Unit vector towards the viewer, shape (2,), and the box axis along it: the side nearest to the front; without
-    one the long side towards the room, whose middle is `room_center` [m], shape (2,) or (3,)."""
+    """Unit vector towards the viewer, shape (2,), and the box axis along it: the side nearest to the front, or without
+    a front the long side towards the room, whose middle is `room_center` [m], shape (2,) or (3,)."""
     axes, half = box.axes[:2, :2], box.half_extents[:2]
     sides = [(axes[:, k] * sign, k) for k in (0, 1) for sign in (1.0, -1.0)]
     if front is not None and np.linalg.norm(front[:2]) > 0:
@@ -132,7 +133,7 @@ def viewer_side(
     axis = 1 if half[0] >= half[1] else 0
     direction = axes[:, axis]
     inward = float(direction @ (room_center[:2] - box.center[:2]))
-    # in the middle of the room neither long side is nearer: the viewer stands towards -y, as on a floor plan
+    # in the middle of the room neither long side is nearer: the viewer is on the -y side, as on a floor plan
     away = inward < 0 if abs(inward) > MIDDLE else float(direction @ (0.01, 1.0)) > 0
     return (-direction if away else direction), axis
 
@@ -150,23 +151,23 @@ class AskedPose:
     name: str
     """upright, on_back ... as in `OrientationRequest`; any: none."""
     axis: NDArray[np.float64]
-    """Direction in the mesh that defines the pose: its own upright axis, front or left, unit, shape (3,)."""
+    """Direction in the mesh that defines the pose: its upright axis, front or left, unit, shape (3,)."""
     from_vertical: float | None
-    """Requested angle of that direction from the vertical [rad]; None: unknown, use the one before the drop."""
+    """Requested angle of that direction from the vertical [rad]; None: unknown, use the angle before the drop."""
     up: NDArray[np.float64]
     """Upward direction in the mesh in its usual pose, unit, shape (3,)."""
     front: NDArray[np.float64]
     """Its front, unit, shape (3,)."""
     doubt: str = ""
-    """Why the shape does not determine that pose; empty: it does."""
+    """Reason why the shape does not determine that pose; empty: it does."""
     facing_doubt: str = ""
-    """Why the shape does not determine its front, if a facing is requested; empty: it does."""
+    """Reason why the shape does not determine its front, if a facing is requested; empty: it does."""
     either_way: bool = False
-    """Whether the axis has no direction: a book stands on both its ends."""
+    """Whether the axis has no direction: a book stands on either end."""
     looks: NDArray[np.float64] | None = None
     """Direction in the mesh that a facing or a turn refers to, unit, shape (3,); None: not requested or unknown."""
     ahead: NDArray[np.float64] | None = None
-    """Requested direction of it in the world, horizontal, unit, shape (3,); None as above."""
+    """Requested horizontal direction of `looks` in the world, unit, shape (3,); None as above."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -182,17 +183,17 @@ class Rotation:
     """Id of the chosen stable pose or flip."""
     reason: str
     pose: AskedPose | None = None
-    """None without a requested orientation."""
+    """Requested orientation; None without one."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Lean:
-    """How an object leans before the drop."""
+    """Leaning of an object before the drop."""
 
     on: str
-    """Instance id, or 'part:NAME' of the base, that it leans on."""
+    """Instance id, or 'part:NAME' of the base, that the object leans on."""
     angle: float
-    """Tilt of its own upright axis from the vertical [rad]."""
+    """Tilt of the object's upright axis from the vertical [rad]."""
     axis: NDArray[np.float64]
     """That axis at the start, a unit vector in the world, shape (3,)."""
 
@@ -223,11 +224,11 @@ class Anchor:
     """Requested region on the part, world xy [m], shape (k, 2), counter-clockwise; used only for `region_missed`."""
     reason: str
     lean: Lean | None = None
-    """None if it stands by itself."""
+    """Leaning; None if the object stands on its own."""
     notes: tuple[str, ...] = ()
-    """Readings of the place that deviate from the literal words."""
+    """Interpretations of the place that deviate from the literal words."""
     pose: AskedPose | None = None
-    """Requested orientation; None: none, or leaning."""
+    """Requested orientation; None if there is none, or if the object leans."""
 
     def __post_init__(self) -> None:
         check_array("local", self.local, 2)

@@ -1,4 +1,4 @@
-"""Knowledge of a scene with earlier placed things: their masses, their supports, their dents."""
+"""Knowledge of a scene with things placed earlier: their masses, their supports, their dents."""
 
 from dataclasses import dataclass
 
@@ -17,11 +17,11 @@ class PlacedThing:
     """A thing from an earlier placement, which may move again."""
 
     id: str
-    """Its instance: placed_1, placed_2 ..."""
+    """Id of its instance: placed_1, placed_2 ..."""
     mass: float
-    """[kg]."""
+    """Mass [kg]."""
     carried_by: tuple[str, ...]
-    """Ids of the instances that it rests on, the one with the largest load first."""
+    """Ids of the instances on which it rests, the one with the largest load first."""
     prompt: str = ""
     """The sentence of its placement."""
 
@@ -32,11 +32,11 @@ class Deformation:
 
     instance: str
     loads: tuple[str, ...]
-    """Ids of the placed things that cause it; a soft placed thing is among its own loads."""
+    """Ids of the placed things that cause it; a soft placed thing is one of its own loads."""
     surface: Mesh
-    """Deformed piece of the instance's surface, under its loads."""
+    """Deformed piece of the instance's surface under its loads."""
     shift: NDArray[np.float64]
-    """Displacement of its vertices from their unloaded positions [m], shape (n, 3)."""
+    """Displacements of its vertices from their unloaded positions [m], shape (n, 3)."""
 
     def __post_init__(self) -> None:
         check_array(f"shift of the deformation of {self.instance}", self.shift, len(self.surface.vertices), 3)
@@ -47,12 +47,12 @@ class EarlierPlacements:
     """Facts of the scene in the folder of a placement."""
 
     instances: tuple[Instance, ...]
-    """Everything in the scene, the placed things last, in the order in which they were placed."""
+    """All instances of the scene, with the placed things last, in order of placement."""
     materials: tuple[PartMaterial, ...]
-    """Materials chosen earlier; `body` is an instance's id."""
+    """Materials chosen earlier; `body` is the id of an instance."""
     placed: tuple[PlacedThing, ...]
     touching: tuple[tuple[str, str], ...]
-    """Pairs of instances that touched at rest, one of each pair being a placed thing."""
+    """Pairs of instances that touched at rest, at least one of them a placed thing."""
     deformations: tuple[Deformation, ...]
 
     def thing(self, instance_id: str) -> PlacedThing | None:
@@ -70,14 +70,14 @@ class EarlierPlacements:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class FreedThings:
-    """The start of a drop in which earlier placed things take part as free bodies."""
+    """The start of a drop in which things placed earlier take part as free bodies."""
 
     scene: Segmentation
-    """The scene without the dents of those things, which are lifted out of them."""
+    """The scene without the dents of those things, and with the things lifted out of them."""
     anchor: Anchor
     """The object's start above them."""
     things: tuple[PlacedThing, ...]
-    """The things that take part, as they lie on each other from the bottom up."""
+    """The things that take part, from the bottom up."""
     ground: str
     """Id of the instance that finally carries the object: the anchor's base, unless that is one of the things."""
     materials: tuple[PartMaterial, ...]

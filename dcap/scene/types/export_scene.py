@@ -17,7 +17,7 @@ class SeenPart:
     name: str
     """Name of the part, unique within its thing."""
     mesh: Mesh
-    """In the frame of its body."""
+    """Mesh in the frame of its body."""
     material: Material | None
     """None if its material was not determined."""
 
@@ -31,20 +31,20 @@ class ConvexPiece:
     mesh: Mesh
     """A closed convex surface in the frame of its body."""
     friction: ContactFriction
-    """For a piece of the free body its own friction; for a fixed one that of the pair with the free body's main
+    """For a piece of the free body its own friction; for a fixed piece that of the pair with the free body's main
     friction."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ContactPatch:
-    """The surface near the free body with one friction: as triangles, and as convex prisms under them."""
+    """The surface near the free body with a uniform friction: as triangles, and as convex prisms under them."""
 
     name: str
     """Unique in the scene."""
     surface: Mesh
     """World frame [m], faces look outwards."""
     prisms: tuple[Mesh, ...]
-    """One under each face except slivers, closed and convex, in the world frame."""
+    """A prism under each face except slivers, closed and convex, in the world frame."""
     friction: ContactFriction
     """Friction of the pair with the free body's main friction."""
 
@@ -62,11 +62,11 @@ class FreeBody:
     inertial: InertialProperties
     """Centre of mass and inertia in the body's frame."""
     friction: ContactFriction
-    """Its main friction."""
+    """Main friction of the object."""
     parts: tuple[SeenPart, ...]
     pieces: tuple[ConvexPiece, ...]
     soft: bool
-    """Whether it was simulated as a soft body."""
+    """Whether the object was simulated as a soft body."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -78,14 +78,14 @@ class FixedBody:
     label: str
     parts: tuple[SeenPart, ...]
     patches: tuple[ContactPatch, ...]
-    """Near the object."""
+    """Patches near the object."""
     pieces: tuple[ConvexPiece, ...]
-    """Elsewhere."""
+    """Convex pieces elsewhere."""
 
 
 @dataclass(frozen=True, slots=True)
 class PieceFriction:
-    """Friction of a pair of shapes that differs from that of its fixed shape."""
+    """Friction of a pair of shapes, if it differs from that of the fixed shape."""
 
     piece: str
     """Name of the free body's piece."""
@@ -111,7 +111,7 @@ class ExportScene:
 
 
 def replace_friction(pair: ContactFriction, main: ContactFriction, own: ContactFriction) -> ContactFriction:
-    """The friction of a pair with another one in place of the object's main one: sqrt(own b) from sqrt(main b)."""
+    """The friction of a pair with the object's main friction replaced: sqrt(own b) from sqrt(main b)."""
 
     def other(given: float, before: float, now: float) -> float:
         return given * float(np.sqrt(now / before)) if before > 0.0 else given

@@ -25,9 +25,9 @@ class PlanBox:
     center: NDArray[np.float64]
     """Middle of the box [m], shape (3,)."""
     size: NDArray[np.float64]
-    """Extents to its right, to its front and up [m], shape (3,)."""
+    """Extents to the right, to the front and upwards [m], shape (3,)."""
     yaw: float
-    """Turn about the vertical from facing -y, counterclockwise seen from above [rad]."""
+    """Counterclockwise turn about the vertical, seen from above, relative to facing -y [rad]."""
 
     def __post_init__(self) -> None:
         check_array("center of a plan's box", self.center, 3)
@@ -66,20 +66,20 @@ class FloorPlan:
     """The outline of a room's floor and the things in the room."""
 
     kind: str
-    """bedroom, living room ...; room if its things do not determine it."""
+    """Kind of room: bedroom, living room ...; room if its things do not determine it."""
     outline: NDArray[np.float64]
     """Corners [m], counter-clockwise, the first not repeated, shape (k, 2)."""
     floor: float
     """Height of the floor [m]."""
     boxes: tuple[PlanBox, ...]
-    """Things without walls, floors and ceilings, each followed by its parts where it has several."""
+    """Things without walls, floors and ceilings; a thing with several parts is followed by its parts."""
 
     def __post_init__(self) -> None:
         check_array("outline of a floor plan", self.outline, None, 2)
 
     @property
     def low(self) -> NDArray[np.float64]:
-        """The outline's least x and y and the floor's height [m], shape (3,)."""
+        """Minimum x and y of the outline, and height of the floor [m], shape (3,)."""
         return np.array([*self.outline.min(axis=0), self.floor])
 
     @property
@@ -109,7 +109,7 @@ class Occupancy:
     first: NDArray[np.float64]
     """World xy of the middle of the cell in row 0 and column 0 [m], shape (2,)."""
     step: NDArray[np.float64]
-    """World x from one column to the next and world y from one row to the next [m], either sign, shape (2,)."""
+    """Step of world x from column to column and of world y from row to row [m], either sign, shape (2,)."""
 
     def __post_init__(self) -> None:
         check_array("cells of an occupancy map", self.cells, None, None)
@@ -135,7 +135,7 @@ class Occupancy:
         return self.first + np.stack([columns, rows], axis=1) * self.step
 
     def value(self, points: NDArray[np.float64]) -> NDArray[np.uint8]:
-        """Values of the map at world points (n, 2 or more), UNKNOWN outside of it, shape (n,)."""
+        """Values of the map at world points (n, 2 or more), UNKNOWN outside the map, shape (n,)."""
         columns, rows = np.rint((points[:, :2] - self.first) / self.step).T
         there = (rows >= 0) & (rows < self.cells.shape[0]) & (columns >= 0) & (columns < self.cells.shape[1])
         out = np.full(len(points), UNKNOWN, dtype=np.uint8)
@@ -143,7 +143,7 @@ class Occupancy:
         return out
 
     def within(self, polygons: list[NDArray[np.float64]]) -> NDArray[np.bool_]:
-        """Whether cells have their middle in one of the polygons (k, 2) [m], shape (rows, columns)."""
+        """Mask of the cells whose middle lies in one of the polygons (k, 2) [m], shape (rows, columns)."""
         rows, columns = self.cells.shape
         x = self.first[0] + np.arange(columns) * self.step[0]
         y = self.first[1] + np.arange(rows) * self.step[1]
@@ -158,8 +158,8 @@ class Occupancy:
 
 
 def crossed_oddly(polygon: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Whether points (x_j, y_i) lie in a polygon (k, 2): a ray along x crosses its edges an odd number of times, shape
-    (len(y), len(x))."""
+    """Mask of the points (x_j, y_i) that lie in a polygon (k, 2), shape (len(y), len(x)): a ray along x crosses its
+    edges an odd number of times."""
     odd = np.zeros((len(y), len(x)), dtype=bool)
     for a, b in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
         between = (a[1] > y) != (b[1] > y)

@@ -26,7 +26,7 @@ COEFFICIENTS = {0: 0, 1: 3, 2: 8, 3: 15}
 """Number of harmonics above the constant one, per colour channel, by degree."""
 
 SAMPLED = 32
-"""Directions in which harmonics are evaluated to turn them; the largest band has 7 unknowns [-]."""
+"""Number of directions in which harmonics are evaluated to rotate them; the largest band has 7 unknowns [-]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -36,9 +36,9 @@ class Gaussians:
     position: Float32Array
     """Centres [m], shape (n, 3)."""
     log_scale: Float32Array
-    """Natural logarithms of the standard deviations [m] along the own axes, shape (n, 3)."""
+    """Natural logarithms of the standard deviations [m] along the Gaussian's axes, shape (n, 3)."""
     rotation: Float32Array
-    """Quaternions (w, x, y, z) of any length, world from own axes, shape (n, 4)."""
+    """Quaternions (w, x, y, z) of any length, world from the Gaussian's axes, shape (n, 4)."""
     logit: Float32Array
     """Opacity alpha as ln(alpha / (1 - alpha)), shape (n,)."""
     dc: Float32Array
@@ -77,23 +77,24 @@ class Gaussians:
 
     @property
     def color(self) -> NDArray[np.uint8]:
-        """sRGB colour without the dependence on the view, shape (n, 3)."""
+        """sRGB colour without view dependence, shape (n, 3)."""
         return np.asarray(np.clip(np.rint(255.0 * (DC * self.dc + 0.5)), 0, 255), dtype=np.uint8)
 
     @property
     def axes(self) -> Float32Array:
-        """Rotation matrices, columns are the own axes in the world, shape (n, 3, 3)."""
+        """Rotation matrices whose columns are the Gaussians' axes in the world, shape (n, 3, 3)."""
         return np.asarray(Rotation.from_quat(self.rotation, scalar_first=True).as_matrix(), dtype=np.float32)
 
     def subset(self, index: NDArray[np.integer] | NDArray[np.bool_]) -> Self:
-        """Only the given Gaussians."""
+        """A copy with only the given Gaussians."""
         return replace(
             self, position=self.position[index], log_scale=self.log_scale[index], rotation=self.rotation[index],
             logit=self.logit[index], dc=self.dc[index], rest=self.rest[index],
         )  # fmt: skip
 
     def transformed(self, world_from_file: NDArray[np.float64]) -> Self:
-        """Moved, turned and scaled by a similarity (4, 4); the harmonics turn along. GeometryError for another map."""
+        """A copy moved, turned and scaled by a similarity (4, 4), including the harmonics. Raises GeometryError for
+        another map."""
         linear, shift = world_from_file[:3, :3], world_from_file[:3, 3]
         factor = float(np.cbrt(np.linalg.det(linear)))
         turn = linear / factor if factor > 0.0 else linear
@@ -140,10 +141,11 @@ def harmonics(directions: NDArray[np.float64], degree: int) -> NDArray[np.float6
 
 
 def turned_harmonics(rest: Float32Array, turn: NDArray[np.float64], degree: int) -> Float32Array:
-    """Coefficients (n, 3, k) of the same colours seen from turned directions, by one turn (3, 3) or one each (n, 3, 3).
+    """Coefficients (n, 3, k) of the same colours seen from rotated directions, for one rotation (3, 3) or one each (n,
+    3, 3).
 
-    A turned function has harmonics of the same degree only; its coefficients follow by least squares from its values in
-    more directions than there are unknowns. That is exact to rounding, and needs no recursion for each degree.
+    A rotated function has harmonics of the same degree only; its coefficients follow by least squares from its values
+    in more directions than there are unknowns. That is exact to rounding, and needs no recursion over degrees.
     """
     if degree == 0:
         return rest

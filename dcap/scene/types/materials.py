@@ -14,7 +14,7 @@ class BodyModel(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class ContactFriction:
-    """Friction of a contact; for a pair of bodies the geometric mean of the two is used."""
+    """Friction of a contact; a pair of bodies uses the geometric mean of the two."""
 
     static: float
     """Coefficient of static friction mu_s [-]."""
@@ -26,7 +26,7 @@ class ContactFriction:
 
 @dataclass(frozen=True, slots=True)
 class LayerConstants:
-    """Further constants of a layered material; its own E and nu are then those across the layers (transverse
+    """Further constants of a layered material, whose E and nu are then those across the layers (transverse
     isotropy)."""
 
     youngs_modulus: float
@@ -37,8 +37,8 @@ class LayerConstants:
     """Shear modulus G_t between the layers [Pa]."""
 
     def problem(self, across: float, poisson: float) -> str:
-        """Description of a value for which some strain costs no energy, with the material's own E_t [Pa] and nu_tp;
-        empty if none does.
+        """Description of a value for which some strain costs no energy, with the material's E_t [Pa] and nu_tp; empty
+        if there is none.
 
         The compliance is positive definite if E_t, E_p and G_t are, |nu_p| < 1 and nu_tp^2 < (1 - nu_p) E_t / (2 E_p).
         """
@@ -75,20 +75,20 @@ class Material:
     rolling_resistance: float
     """Rolling resistance length [m]."""
     kind: str
-    """rigid | soft | thin."""
+    """Kind: rigid | soft | thin."""
     source: str
     layers: LayerConstants | None = None
     """Constants of a layered material, such as a stack of cloth; None: isotropic."""
 
     @property
     def friction(self) -> ContactFriction:
-        """Its contribution to a contact's friction."""
+        """Contribution to the friction of a contact."""
         return ContactFriction(self.static_friction, self.dynamic_friction, self.rolling_resistance)
 
 
 @dataclass(frozen=True, slots=True)
 class PartMaterial:
-    """The choice for one part."""
+    """The material chosen for one part."""
 
     body: str
     """Instance id, or 'object'."""
@@ -97,18 +97,19 @@ class PartMaterial:
     part_index: int
     """Index into the instance's parts."""
     material: Material
-    """The library row; density may be an effective one (hollow things, mass prior), as stated in `reason`."""
+    """The row of the library; its density may be an effective one (hollow things, mass prior), as stated in
+    `reason`."""
     model: BodyModel
     reason: str
 
 
 @dataclass(frozen=True, slots=True)
 class PartMaterials:
-    """All choices; object first, then base, then neighbours."""
+    """All choices: first the object, then the base, then neighbours."""
 
     rows: tuple[PartMaterial, ...]
     limits: str
-    """'none' or 'paper_limits'."""
+    """Limits of the constants: 'none' or 'paper_limits'."""
     notes: tuple[str, ...] = ()
     """Deviations from the rows, one sentence each."""
 

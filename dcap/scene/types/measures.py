@@ -1,4 +1,4 @@
-"""Measurements of a placement by any method, without a judge and without knowing the intended outcome."""
+"""Measurements of a placement by any method, without a judge and without knowledge of the intended outcome."""
 
 from dataclasses import dataclass
 
@@ -10,13 +10,13 @@ from dcap.scene.types.arrays import check_array
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Measures:
-    """Measurements of the final meshes alone."""
+    """Measurements on the final meshes alone."""
 
     support_id: str
-    """Instance nearest below the object, or in which it is deepest; empty with nothing beneath."""
+    """Instance nearest below the object, or in which it is deepest; empty if nothing is below."""
     support_label: str
     support_part: str
-    """Its part under most of the touching surface, or under the nearest line."""
+    """Part of that instance under most of the touching surface, or under the nearest line."""
     middle: NDArray[np.float64]
     """Middle of the touching surface, or of the object if nothing touches [m], shape (3,)."""
     front: NDArray[np.float64]
@@ -26,7 +26,7 @@ class Measures:
     penetration_given_m: float
     """Largest depth inside the input scene: the actual or required depth of a dent."""
     gap_m: float
-    """Distance that the object could come down before it touches; inf over nothing."""
+    """Distance by which the object could come down before it touches; inf over nothing."""
     contact_area_m2: float
     """Area of the object's surface within a millimetre of the scene."""
     com_margin_m: float
@@ -47,7 +47,7 @@ class Indentation:
     reference_m: float | None = None
     """Approach of the frictionless elastic contact of the same shapes, layers and weight, quasi-static."""
     reason: str = ""
-    """Why there are no such depths; empty if there are."""
+    """Reason why there are no such depths; empty if there are."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,11 +57,11 @@ class RefereeMeasures:
     drift_m: float | None = None
     """Largest distance of the centre of mass from its start within `seconds`."""
     drift_deg: float | None = None
-    """Largest turn [degrees]."""
+    """Largest rotation [degrees]."""
     supported: bool | None = None
-    """Whether the thing over which it was placed still carries it at the end."""
+    """Whether the thing over which the object was placed still carries it at the end."""
     carrier_id: str = ""
-    """Instance that carries most of it at the end; empty if nothing does."""
+    """Instance that carries most of the object at the end; empty if nothing does."""
     penetration_m: float | None = None
     """Overlap with the final scene, by Open3D's distances."""
     seconds: float | None = None
@@ -69,12 +69,12 @@ class RefereeMeasures:
     deviation_m: float | None = None
     """Largest distance of the collision shapes from the surfaces near the contact."""
     reason: str = ""
-    """Why it cannot judge; empty if it can."""
+    """Reason why it cannot judge; empty if it can."""
 
 
 @dataclass(frozen=True, slots=True)
 class Drift:
-    """Motion when the simulation of the final state is continued."""
+    """Motion during a continued simulation of the final state."""
 
     seconds: float
     """Simulated time; 0 if it could not be simulated."""
@@ -82,12 +82,12 @@ class Drift:
     distance_m: float
     """Largest distance of the centre of mass of a free body from its start; inf if it could not be simulated."""
     angle_rad: float
-    """Largest turn of a free body; inf if it could not be simulated."""
+    """Largest rotation of a free body; inf if it could not be simulated."""
     force_residual: float
-    """Mean over the requested second of the unbalanced force over the weight [-], 0 for time that was not simulated;
-    inf if it could not be simulated."""
+    """Unbalanced force over the weight, averaged over the requested second [-], 0 for time that was not simulated; inf
+    if it could not be simulated."""
     reason: str = ""
-    """Why it could not be simulated."""
+    """Reason why it could not be simulated."""
     broken: bool = False
-    """Whether the reason is a broken step, which depends on the cells. Else it starts too deep inside a body, or the
-    method kept no displacements."""
+    """Whether the reason is a broken step, which depends on the cells; otherwise the object starts too deep inside a
+    body, or the method kept no displacements."""

@@ -68,7 +68,7 @@ class Mesh:
         return self.vertices[self.faces]
 
     def corners(self, face_indices: NDArray[np.integer]) -> NDArray[np.float64]:
-        """Corner positions of the given faces alone [m], shape (k, 3, 3)."""
+        """Corner positions of the given faces [m], shape (k, 3, 3)."""
         return np.asarray(self.vertices[self.faces[face_indices]])
 
     @property
@@ -79,7 +79,7 @@ class Mesh:
 
     @property
     def vertex_normals(self) -> NDArray[np.float64]:
-        """Unit normals, averaged by area over the faces at each vertex; zero where these cancel, shape (n, 3)."""
+        """Unit normals, averaged by area over the faces at each vertex; zero if these cancel, shape (n, 3)."""
         normals = np.zeros_like(self.vertices)
         weighted = np.repeat(self.face_normals, 3, axis=0)
         for axis in range(3):
@@ -95,13 +95,13 @@ class Mesh:
         return areas
 
     def transformed(self, world_from_mesh: NDArray[np.float64]) -> Self:
-        """The mesh under a 4x4 affine map; faces are flipped if the map mirrors."""
+        """The mesh under a 4x4 affine map; faces are reversed if the map mirrors."""
         linear, shift = world_from_mesh[:3, :3], world_from_mesh[:3, 3]
         faces = self.faces if np.linalg.det(linear) > 0 else self.faces[:, ::-1].copy()
         return replace(self, vertices=self.vertices @ linear.T + shift, faces=faces)
 
     def submesh(self, face_indices: NDArray[np.integer]) -> Self:
-        """The given faces with only the vertices they use."""
+        """The given faces with only the vertices that they use."""
         faces = self.faces[face_indices]
         used, inverse = np.unique(faces, return_inverse=True)
         return type(self)(self.vertices[used], inverse.reshape(-1, 3).astype(np.int32), self.colors[used])
@@ -123,11 +123,11 @@ class AlphaMode(StrEnum):
     """Meaning of the alpha of a base colour."""
 
     OPAQUE = "OPAQUE"
-    """Ignored."""
+    """Alpha is ignored."""
     MASK = "MASK"
-    """Texels below the cutoff are cut away."""
+    """Texels with alpha below the cutoff are cut away."""
     BLEND = "BLEND"
-    """Blends the surface with the background."""
+    """Alpha blends the surface with the background."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,14 +137,14 @@ class MaterialMap:
     texture: int
     """Index into the paint's textures."""
     uv_set: int = 0
-    """Set of texture coordinates: 0 for those of the base colour, else one more than the index into `more_uv`."""
+    """Index of the texture coordinates: 0 for those of the base colour, else one more than the index into `more_uv`."""
     strength: float = 1.0
     """Scale of a normal map, strength of an occlusion map; 1 for others [-]."""
 
 
 @dataclass(frozen=True, slots=True)
 class SurfaceMaterial:
-    """A material of a file; its base colour is in the paint."""
+    """A material of a file, without its base colour, which is in the paint."""
 
     name: str = ""
     alpha_mode: AlphaMode = AlphaMode.OPAQUE
@@ -157,7 +157,7 @@ class SurfaceMaterial:
     roughness: float | None = None
     """Factor 0..1 [-]; None: not stated in the file."""
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Linear factor 0..1 of its emitted light."""
+    """Linear factor 0..1 of the emitted light."""
     double_sided: bool | None = None
     """Whether back faces are visible; None: not stated in the file."""
     metallic_roughness_map: MaterialMap | None = None
@@ -171,13 +171,13 @@ class SurfaceMaterial:
 
     @property
     def maps(self) -> tuple[MaterialMap, ...]:
-        """Its further images."""
+        """All further images."""
         each = (self.metallic_roughness_map, self.normal_map, self.occlusion_map, self.emissive_map)
         return tuple(one for one in each if one is not None)
 
 
 PLAIN = SurfaceMaterial()
-"""Material of a face with nothing but a colour."""
+"""Material of a face with only a colour."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -191,12 +191,12 @@ class Paint:
     corner_uv: NDArray[np.float64]
     """Texture coordinates, origin at the lower left, shape (m, 3, 2)."""
     textures: tuple[NDArray[np.uint8], ...]
-    """Images of base colours and further maps, first row on top, each (h, w, 3), or (h, w, 4) where its alpha counts;
-    base colours and light are sRGB."""
+    """Images of base colours and further maps, first row on top, each (h, w, 3), or (h, w, 4) if its alpha counts; base
+    colours and emitted light are sRGB."""
     wraps: tuple[Wrap, ...] = ()
     """Wrapping of each texture beyond its image along u and v; empty: all repeat."""
     face_material: NDArray[np.int32] | None = None
-    """Index into `materials`, shape (m,); None: materials have nothing but their colours."""
+    """Index into `materials`, shape (m,); None: materials only have colours."""
     materials: tuple[SurfaceMaterial, ...] = (PLAIN,)
     more_uv: tuple[NDArray[np.float64], ...] = ()
     """Texture coordinates of maps that do not use `corner_uv`, each (m, 3, 2)."""
@@ -227,7 +227,7 @@ class Paint:
 
     @property
     def says_more(self) -> bool:
-        """Whether it has anything beyond vertex colours."""
+        """Whether there is anything beyond vertex colours."""
         return len(self.textures) > 0 or any(one != PLAIN for one in self.materials)
 
 
@@ -247,7 +247,7 @@ class SourceSurface:
 
     @property
     def kept(self) -> bool:
-        """Whether it has more than a mesh with vertex colours."""
+        """Whether there is more than a mesh with vertex colours."""
         return self.paint.says_more
 
     @property
@@ -276,14 +276,14 @@ class CornerPaint:
     more_uv: tuple[NDArray[np.float32], ...]
     """As in `Paint`."""
     cut_out: NDArray[np.bool_]
-    """Whether rays pass through transparent texels of faces, shape (m,)."""
+    """Whether rays pass through the transparent texels of a face, shape (m,)."""
 
     def wrap(self, texture: int) -> Wrap:
         """Wrapping of a texture beyond its image."""
         return self.wraps[texture] if self.wraps else REPEATING
 
     def of(self, faces: NDArray[np.integer]) -> Self:
-        """The paint of some faces."""
+        """The paint of the given faces."""
         return replace(
             self,
             texture=self.texture[faces],

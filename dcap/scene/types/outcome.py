@@ -2,8 +2,8 @@
 
 Messages of the stages: plain text explains how a result was made; a `Caution` asks a person for action.
 
-Both travel in the same lists, in their order of occurrence. `placement.json` has the cautions as `warnings` and
-the others as `notes`.
+Both are in the same lists, in order of occurrence. `placement.json` has the cautions as `warnings` and the others as
+`notes`.
 """
 
 from collections.abc import Iterable
@@ -48,7 +48,7 @@ class InTheWay:
     id: str
     name: str
     share: float
-    """Share of the tried spots [-]."""
+    """Share of the tried spots that it blocks [-]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,11 +63,11 @@ class NoRoom:
     height_m: float
     part_size_m: tuple[float, float]
     best_supported_share: float
-    """Largest supported share of the object's underside, with nothing in the way [-]."""
+    """Largest supported share of the object's underside at an unobstructed spot [-]."""
     needed_share: float
-    """[-]."""
+    """Required share [-]."""
     blocked_share: float
-    """Share of the tried spots [-]."""
+    """Share of the tried spots that are blocked [-]."""
     in_the_way: tuple[InTheWay, ...]
 
 
@@ -81,15 +81,15 @@ class BesideThePart:
     region: str
     references: tuple[str, ...]
     beside_m: float
-    """Distance of the place from the part."""
+    """Distance between the place and the part."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class HiddenObject:
-    """An object that no camera sees."""
+    """An object that no camera can see."""
 
     visible_fraction: float
-    """[-]."""
+    """Visible share in the best view [-]."""
     camera_position: NDArray[np.float64]
     """Camera position of the best view [m], shape (3,)."""
 
@@ -106,11 +106,11 @@ class ObjectHole:
 
 @dataclass(frozen=True, slots=True)
 class OpenObject:
-    """An object whose surface encloses nothing and cannot be closed."""
+    """An object whose surface encloses no volume and cannot be closed."""
 
     hole_count: int
     holes: tuple[ObjectHole, ...]
-    """The largest ones, the largest first."""
+    """The largest holes, the largest first."""
 
 
 Evidence: TypeAlias = NotInScene | NoRoom | BesideThePart | HiddenObject | OpenObject | LastState
@@ -121,7 +121,7 @@ class Infeasible:
     """An expected negative outcome with its evidence; it travels through the remaining stages unchanged."""
 
     reason: Reason
-    """The code."""
+    """The reason code."""
     message: str
     """One sentence for a person: what, where, which value."""
     evidence: Evidence | None
@@ -163,18 +163,18 @@ class Caution(str):
 
 
 def about(subject: str, message: str) -> str:
-    """A message prefixed with its subject; a caution stays one."""
+    """A message prefixed with its subject; a caution remains a caution."""
     text = f"{subject}: {message}"
     return Caution(message.cause, text) if isinstance(message, Caution) else text
 
 
 def cautions(messages: Iterable[str]) -> list[Caution]:
-    """Messages that ask for action, the most important cause first, each once."""
+    """Messages that ask for action, the most important cause first, without repetitions."""
     order = list(Cause)
     found = dict.fromkeys(one for one in messages if isinstance(one, Caution))
     return sorted(found, key=lambda one: order.index(one.cause))
 
 
 def explanations(messages: Iterable[str]) -> list[str]:
-    """The other messages, each once."""
+    """The other messages, without repetitions."""
     return list(dict.fromkeys(one for one in messages if not isinstance(one, Caution)))

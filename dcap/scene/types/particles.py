@@ -1,6 +1,6 @@
 """Input of the solver: bodies with surfaces, signed distances and, if soft, material points and a grid.
 
-The gravity under which things are placed.
+Gravity for placements.
 """
 
 from dataclasses import dataclass, field
@@ -27,7 +27,7 @@ class DistanceGrid:
     origin: NDArray[np.float64]
     """Position of sample (0, 0, 0) [m], shape (3,)."""
     spacing: float
-    """Distance of neighbouring samples [m]."""
+    """Distance between neighbouring samples [m]."""
     values: NDArray[np.float32]
     """Signed distance [m], shape (nx, ny, nz)."""
 
@@ -41,11 +41,11 @@ class InertialProperties:
     """Mass, centre of mass and inertia; informative for a fixed body."""
 
     mass: float
-    """[kg]."""
+    """Mass [kg]."""
     center_of_mass: NDArray[np.float64]
-    """[m], shape (3,)."""
+    """Centre of mass [m], shape (3,)."""
     inertia: NDArray[np.float64]
-    """About the centre of mass, world axes [kg m^2], shape (3, 3)."""
+    """Inertia about the centre of mass, world axes [kg m^2], shape (3, 3)."""
 
     def __post_init__(self) -> None:
         check_array("center_of_mass of a body", self.center_of_mass, 3)
@@ -58,15 +58,15 @@ class InertialProperties:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class LayeredPoints:
-    """Layer constants of material points, whose E and nu are those across the layers; isotropic points repeat
-    theirs."""
+    """Layer constants of material points, whose E and nu are those across the layers; isotropic points repeat E and
+    nu."""
 
     youngs_modulus: NDArray[np.float64]
-    """In the layers [Pa], shape (p,)."""
+    """Young's modulus in the layers [Pa], shape (p,)."""
     poisson_ratio: NDArray[np.float64]
-    """In the layers [-], shape (p,)."""
+    """Poisson ratio in the layers [-], shape (p,)."""
     shear_modulus: NDArray[np.float64]
-    """Between the layers [Pa], shape (p,)."""
+    """Shear modulus between the layers [Pa], shape (p,)."""
     normal: NDArray[np.float64]
     """Unit normals of the layers, of either sign, shape (p, 3)."""
 
@@ -86,11 +86,11 @@ class MaterialPoints:
     volume: NDArray[np.float64]
     """Rest volumes V_p [m^3], shape (p,)."""
     density: NDArray[np.float64]
-    """[kg/m^3], shape (p,)."""
+    """Density [kg/m^3], shape (p,)."""
     youngs_modulus: NDArray[np.float64]
-    """[Pa], shape (p,)."""
+    """Young's modulus [Pa], shape (p,)."""
     poisson_ratio: NDArray[np.float64]
-    """[-], shape (p,)."""
+    """Poisson ratio [-], shape (p,)."""
     layers: LayeredPoints | None = None
     """Layer constants; None if all points are isotropic."""
 
@@ -108,14 +108,14 @@ class NodeState(IntEnum):
 
     FREE = 0
     HELD = 1
-    """Held by something fixed: a frame below, a clamp, the cut of a crop."""
+    """Held by a fixed thing: a frame below, a clamp, the cut of a crop."""
     CORE = 2
-    """Moves rigidly with the body's own rigid core."""
+    """Moves with the rigid core of the body."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class BackgroundGrid:
-    """The grid on which a soft body's displacement lives: a tensor product of node planes in its start pose."""
+    """The grid for a soft body's displacement: a tensor product of node planes in its start pose."""
 
     x: NDArray[np.float64]
     """Node planes along x [m], increasing, shape (kx,). `y` and `z` likewise."""
@@ -142,24 +142,24 @@ class SimulationBodyBase:
     """Fields common to all bodies at the start of the drop, in the world frame."""
 
     name: str
-    """Unique: 'object', the base instance's id, 'ID/PART' for a further body of the same instance."""
+    """Unique name: 'object', the id of the base instance, or 'ID/PART' for a further body of the same instance."""
     instance: str
-    """'object' or the id of the scene instance that it is a piece of."""
+    """'object', or the id of the scene instance to which it belongs."""
     fixed: bool
     surface: Mesh
-    """Contact and picture surface; faces near the contact are no larger than the contact spacing."""
+    """Surface for contact and pictures; faces near the contact are no larger than the contact spacing."""
     distance: DistanceGrid
-    """Signed distance to its solid, sampled where contact is possible."""
+    """Signed distance to the solid, sampled where contact is possible."""
     inertial: InertialProperties
     friction: ContactFriction
     """Friction of the part with the predicted contact."""
     face_friction: NDArray[np.float64] | None = None
-    """If parts differ, static and dynamic friction [-] and rolling resistance [m] of each face of the surface, shape
-    (m, 3)."""
+    """Static and dynamic friction [-] and rolling resistance [m] of each face of the surface, shape (m, 3), if they
+    differ."""
     velocity: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
-    """[m/s], shape (3,)."""
+    """Initial velocity [m/s], shape (3,)."""
     angular_velocity: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
-    """[rad/s], shape (3,)."""
+    """Initial angular velocity [rad/s], shape (3,)."""
 
     def __post_init__(self) -> None:
         if self.face_friction is not None:
@@ -173,7 +173,7 @@ class RigidSimulationBody(SimulationBodyBase):
     """A body that does not deform."""
 
     vertical: bool = False
-    """Guided: moves along z alone, its x, y and rotation are held."""
+    """Guided: moves only along z; its x, y and rotation are held."""
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -183,7 +183,8 @@ class SoftSimulationBody(SimulationBodyBase):
     points: MaterialPoints
     grid: BackgroundGrid
     loaded: bool
-    """Whether its rest shape is the one under its own weight, as for a scan at rest; else the body has yet to sag."""
+    """Whether the rest shape is that under the body's own weight, as for a scan at rest; otherwise the body still has
+    to sag."""
 
 
 SimulationBody: TypeAlias = RigidSimulationBody | SoftSimulationBody
@@ -195,7 +196,7 @@ class ColumnLayer:
 
     part: str
     material: str
-    """Id in the library."""
+    """Id of the material in the library."""
     from_m: float
     """Depth of its top below the surface [m]."""
     to_m: float
@@ -204,10 +205,10 @@ class ColumnLayer:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Particles:
-    """The whole simulation input."""
+    """The complete input of the simulation."""
 
     bodies: tuple[SimulationBody, ...]
-    """For a placement the object first."""
+    """All bodies; in a placement the object is first."""
     friction_pairs: tuple[tuple[str, str, float, float], ...]
     """(body a, body b, mu_s, mu_d) for pairs that differ from the geometric mean."""
     resolution: float
@@ -215,9 +216,9 @@ class Particles:
     notes: tuple[str, ...]
     """Crops, caps and treatments, one sentence each."""
     geometry: tuple[BodyGeometry, ...] = ()
-    """How the solid of each body was made from its faces, and how far that moved them."""
+    """Report on the construction of each body's solid from its faces, and on its deviation from them."""
     column: tuple[ColumnLayer, ...] = ()
     """Layers under the predicted contact, from the top down; empty on a rigid base."""
     foreseen: NDArray[np.float64] | None = None
-    """Boxes in plan of predicted contact with a soft base, where cells are fine [m], shape (k, 2, 2); None on a rigid
-    base."""
+    """Boxes in plan of the predicted contact with a soft base, where cells are fine [m], shape (k, 2, 2); None on a
+    rigid base."""

@@ -27,10 +27,10 @@ class Visibility:
     """Visibility of the object at rest."""
 
     views: NDArray[np.float64]
-    """Per view around the object: azimuth off the base's front and elevation [degrees], visible share of the
+    """For each view around the object: azimuth off the base's front and elevation [degrees], visible share of the
     silhouette and of its outline [-], shape (n, 4)."""
     from_the_room: float
-    """Mean visible share of the surface that faces people standing around it [-]."""
+    """Mean visible share of the surface that faces people standing around the object [-]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -48,7 +48,7 @@ class Renders:
     camera_position: NDArray[np.float64]
     camera_target: NDArray[np.float64]
     before_after: NDArray[np.uint8]
-    """The place from nearby without the object, and next to it with the object at rest, (h, w, 3)."""
+    """The place in close-up without the object, and next to it with the object at rest, (h, w, 3)."""
     contact: NDArray[np.uint8]
     """The dent and the contact patch with the object lifted away, and a legend, (h, w, 3)."""
     profile: NDArray[np.uint8]
@@ -58,7 +58,7 @@ class Renders:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Overview:
-    """Pictures of an infeasible placement: the scene, and the object at its intended place if that is known."""
+    """Pictures of an infeasible placement: the scene, and the object at its intended place if it is known."""
 
     clean: NDArray[np.uint8]
     """The scene, (h, w, 3)."""
@@ -103,15 +103,15 @@ class Sights:
     overview: Array
     """Share of the object's surface that the scene does not hide, by direction of the overview [-], shape (n,)."""
     closeup: Array
-    """Share of the object's lower edge that nothing hides, by direction of the close-up [-], shape (m,)."""
+    """Share of the object's lower edge that is not hidden, by direction of the close-up [-], shape (m,)."""
     contact: Array
-    """Its contact point, or the point nearest to the surface below, seen from there [m], shape (m, 3)."""
+    """Contact point, or the point nearest to the surface below, as seen from each direction [m], shape (m, 3)."""
     bounds: Array
     """Bounds of the object [m], shape (2, 3)."""
     support: Array
     """Corners of the box of the requested support [m], shape (8, 3)."""
     ahead_deg: float
-    """Azimuth from that support to the middle of the scene [degrees]."""
+    """Azimuth from the requested support to the middle of the scene [degrees]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +119,7 @@ class Viewpoint:
     """A camera of a square picture, in plain numbers."""
 
     position: tuple[float, float, float]
-    """[m]."""
+    """Position [m]."""
     target: tuple[float, float, float]
     """Point in the middle of the picture [m]."""
     fov_deg: float
@@ -128,14 +128,14 @@ class Viewpoint:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ConditioningMaps:
-    """All passes of one view, pixel by pixel of the same rays; h rows, w columns."""
+    """All passes of one view, with the same rays for each pixel; h rows, w columns."""
 
     rgb: ByteArray
     """sRGB with the object at rest, shape (h, w, 3)."""
     object_rgb: ByteArray
     """sRGB of the object's own share of each pixel, black elsewhere, shape (h, w, 3)."""
     depth: Float32Array
-    """Along the optical axis [m], inf where nothing is, shape (h, w)."""
+    """Depth along the optical axis [m], inf where nothing is, shape (h, w)."""
     normal_world: Float32Array
     """Unit shading normals towards the viewer, z up; zeros where nothing is, shape (h, w, 3)."""
     normal_camera: Float32Array
@@ -145,21 +145,21 @@ class ConditioningMaps:
     hidden_mask: ByteArray
     """Share of each pixel in which something hides the object, 0..255, shape (h, w)."""
     contact: ByteArray
-    """SEEN_CONTACT at surface in or next to the contact patch, HIDDEN_CONTACT where the object hides the patch, 0
+    """SEEN_CONTACT for surface in or next to the contact patch, HIDDEN_CONTACT where the object hides the patch, 0
     elsewhere, shape (h, w)."""
     shadow: Float32Array
-    """Light on the scene with the object over that without it, luminance 0..1; on the object that of the
-    nearest pixel outside it, shape (h, w)."""
+    """Light on the scene with the object over light without it, luminance 0..1; on the object the value of the nearest
+    pixel outside it, shape (h, w)."""
     ambient_occlusion: Float32Array
     """Share of the sky that reaches the surface, 0..1; 1 where nothing is, shape (h, w)."""
     dent: Float32Array
     """Displacement of the support along its outward normal, negative inwards; 0 elsewhere [m], shape (h, w)."""
     instance: Numbers
-    """Ids, 0 where nothing is, shape (h, w)."""
+    """Instance ids, 0 where nothing is, shape (h, w)."""
     part: Numbers
     material: Numbers
     names: dict[str, dict[str, str]]
-    """Names of the ids: `instance`, `part` and `material`, each from id to name."""
+    """Names of the ids: `instance`, `part` and `material`, each a mapping from id to name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,7 +168,7 @@ class Pinhole:
 
     id: int
     width: int
-    """[pixel]."""
+    """Width of the picture [pixel]."""
     height: int
     focal: tuple[float, float]
     """Focal lengths along x and y [pixel]."""
@@ -188,12 +188,12 @@ class PosedImage:
 
     id: int
     name: str
-    """Name of its file, with suffix."""
+    """Name of the picture's file, with suffix."""
     camera_id: int
     quaternion: Array
-    """(w, x, y, z) of unit length that turns world directions into the camera's, shape (4,)."""
+    """Unit quaternion (w, x, y, z) that turns world directions into the camera's, shape (4,)."""
     translation: Array
-    """The world's origin in the camera's frame [m], shape (3,)."""
+    """Origin of the world in the camera's frame [m], shape (3,)."""
 
     def __post_init__(self) -> None:
         check_array(f"quaternion of image {self.id}", self.quaternion, 4)
@@ -220,9 +220,9 @@ class ColmapModel:
     cameras: tuple[Pinhole, ...]
     images: tuple[PosedImage, ...]
     points: Array
-    """[m], shape (n, 3)."""
+    """Positions of the points [m], shape (n, 3)."""
     colors: NDArray[np.uint8]
-    """sRGB, shape (n, 3)."""
+    """sRGB colours of the points, shape (n, 3)."""
 
     def __post_init__(self) -> None:
         check_array("points of a COLMAP model", self.points, None, 3)
@@ -235,12 +235,12 @@ class ColmapModel:
                 raise GeometryError(f"image {image.id} names camera {image.camera_id}, which is not there")
 
     def camera_of(self, image: PosedImage) -> Pinhole:
-        """The camera that a picture was taken with."""
+        """The camera of a picture."""
         return next(camera for camera in self.cameras if camera.id == image.camera_id)
 
 
 def posed(id_: int, name: str, camera_id: int, world_from_camera: Array, position: Array) -> PosedImage:
-    """A picture by the camera's axes in the world (columns, shape (3, 3)) and its centre of projection (3,)."""
+    """A picture, given the camera's axes in the world (columns, shape (3, 3)) and its centre of projection (3,)."""
     camera_from_world = world_from_camera.T
     quaternion = Rotation.from_matrix(camera_from_world).as_quat(canonical=True, scalar_first=True)
     return PosedImage(id_, name, camera_id, quaternion, -camera_from_world @ position)

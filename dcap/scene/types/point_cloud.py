@@ -22,11 +22,11 @@ class PointCloud:
     """n points; at least one, all finite."""
 
     position: Array
-    """[m], or the file's unit before its frame is known, shape (n, 3)."""
+    """Positions [m], or in the file's unit before its frame is known, shape (n, 3)."""
     color: NDArray[np.uint8]
-    """sRGB, shape (n, 3)."""
+    """sRGB colours, shape (n, 3)."""
     normal: Array | None = None
-    """Unit normals; None if the source has none, shape (n, 3)."""
+    """Unit normals, shape (n, 3); None if the source has none."""
 
     def __post_init__(self) -> None:
         check_array("positions of points", self.position, None, 3)
@@ -39,12 +39,12 @@ class PointCloud:
         return len(self.position)
 
     def subset(self, index: NDArray[np.integer] | NDArray[np.bool_]) -> Self:
-        """Only the given points."""
+        """A copy with only the given points."""
         normal = None if self.normal is None else self.normal[index]
         return replace(self, position=self.position[index], color=self.color[index], normal=normal)
 
     def transformed(self, world_from_file: Array) -> Self:
-        """Moved, turned and scaled by a similarity (4, 4)."""
+        """A copy moved, turned and scaled by a similarity (4, 4)."""
         linear, shift = world_from_file[:3, :3], world_from_file[:3, 3]
         turn = linear / np.cbrt(np.linalg.det(linear))
         normal = None if self.normal is None else self.normal @ turn.T
@@ -56,9 +56,9 @@ class LocalPlanes:
     """The planes that fit the neighbourhoods of n points."""
 
     near: NDArray[np.int64]
-    """Neighbours, the nearest first and the point itself among them, shape (n, k)."""
+    """Indices of the neighbours, the nearest first, including the point itself, shape (n, k)."""
     gap: Array
-    """Spacing of points around each one, as if they filled a disc evenly [m], shape (n,)."""
+    """Spacing of the points around each point, as if they filled a disc evenly [m], shape (n,)."""
     normal: Array
     """Unit normals of either sign, shape (n, 3)."""
     scatter: Array
@@ -66,7 +66,7 @@ class LocalPlanes:
 
 
 def local_planes(position: Array, threads: int = 1) -> LocalPlanes:
-    """Planes through the nearest NEIGHBOURS points of each point (n, 3) by least squares."""
+    """Planes fitted by least squares to the nearest NEIGHBOURS points of each point (n, 3)."""
     count = min(NEIGHBOURS, len(position))
     distance, near = cKDTree(position).query(position, k=count, workers=threads)
     distance, near = distance.reshape(-1, count), near.reshape(-1, count)

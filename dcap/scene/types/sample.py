@@ -18,22 +18,22 @@ class SourceOptions:
 
 @dataclass(frozen=True, slots=True)
 class GivenPlace:
-    """Place or support of the object in the scene file's own frame and unit; one of the two is given."""
+    """Place or support of the object in the scene file's own frame and unit; exactly one of the two is given."""
 
     at: tuple[float, ...] = ()
-    """x, y, z of a point; or the two level coordinates, for the highest surface there."""
+    """x, y, z of a point; or the two horizontal coordinates, for the highest surface there."""
     support: tuple[float, ...] = ()
-    """Lowest and highest corner, x0, y0, z0, x1, y1, z1, of a box whose faces carry."""
+    """Lowest and highest corner, x0, y0, z0, x1, y1, z1, of a box whose faces carry the object."""
 
 
 @dataclass(frozen=True, slots=True)
 class KnownHeight:
-    """Known height of a thing in the scene, from which the scale of a file without a unit is found."""
+    """Known height of a thing in the scene, which determines the scale of a file without a unit."""
 
     thing: str
-    """Its kind: table."""
+    """Kind of thing: table."""
     height: float
-    """Height of its main surface above the floor [m]."""
+    """Height of the thing's main surface above the floor [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class Sample:
     """One placement to make."""
 
     id: str
-    """Unique within a run, readable: bedroom_01-ball-center."""
+    """Readable id, unique within a run: bedroom_01-ball-center."""
     scene: str
     """Path of a folder or mesh file."""
     object: str
@@ -54,12 +54,12 @@ class Sample:
     """Overrides the mass prior [kg]."""
     seed: int = 0
     labels: str = ""
-    """Path of a file that names the scene's things; empty: none."""
+    """Path of a file that names the scene's things; empty if there is none."""
     place: GivenPlace | None = None
     """A point or a box of the scene that determines the object's place."""
     known_height: KnownHeight | None = None
-    """Known height from which the scene's scale is found."""
+    """Known height that determines the scene's scale."""
     method: str = "dcap"
     """Method of placement (dcap/evaluation/methods.py)."""
     examples: tuple[str, ...] = ()
-    """Paths of other scenes that a method may learn from, read with the same options; empty if it needs none."""
+    """Paths of other scenes from which a method may learn, read with the same options; empty if it needs none."""

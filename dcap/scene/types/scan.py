@@ -15,7 +15,7 @@ from dcap.scene.types.mesh import Mesh
 METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
 """Length of each unit [m], by its symbol."""
 TAKEN_AS_METRES = {"centimetres": METRES["cm"], "inches": METRES["in"], "millimetres": METRES["mm"]}
-"""Lengths that a file may have taken for a metre [m], by name."""
+"""Lengths that a file may use as if they were metres [m], by name."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -45,11 +45,11 @@ class Scan:
 
     mesh: Mesh
     face_node: NDArray[np.int32]
-    """Index into `node_names` for each face, -1 without a name in the source, shape (m,)."""
+    """Index into `node_names` for each face, -1 for a face without a name in the source, shape (m,)."""
     node_names: tuple[str, ...]
     """Names of the nodes, groups or components of the source."""
     boxes: tuple[LabelBox, ...]
-    """Annotated instances; empty when the source has none."""
+    """Annotated instances; empty if the source has none."""
     rooms: tuple[Room, ...]
     label: str
     """Label of the whole mesh (option --label, or the file's stem); empty for a labelled scene."""
@@ -64,10 +64,10 @@ class Scan:
     notes: tuple[str, ...]
     """Repairs, assumptions and ignored parts on reading, one sentence each."""
     node_labels: tuple[str | None, ...] = ()
-    """Label of each node's instance in the source: `chair`; '' for none, None if not stated. Such a node is called
-    `instance id` or `instance id/part`. Empty: there are only names."""
+    """Label of each node's instance in the source: `chair`; '' for none, None if not stated. The name of a labelled
+    node is `instance id` or `instance id/part`. Empty: there are only names."""
     earlier: EarlierPlacements | None = None
-    """Facts of a scene with earlier placed things, whose nodes are the instances. None without such things."""
+    """Facts of a scene with things placed earlier, whose nodes are the instances. None without such things."""
 
     def __post_init__(self) -> None:
         check_index("face_node", self.face_node, length=len(self.mesh.faces), count=len(self.node_names))
@@ -80,7 +80,7 @@ class Method(StrEnum):
     """Surfaces from which distances are computed."""
 
     CLOSED = "closed surface"
-    """The given faces and those that close them."""
+    """The given faces and faces that close them."""
     WINDING = "faces, inside by winding number"
     """The given faces and, for a support, the columns under them: not a clean surface; sides are determined by
     counting."""
@@ -92,13 +92,13 @@ class Method(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class RepairReport:
-    """One surface; lengths in metres."""
+    """Report on the repair of one surface; lengths in metres."""
 
     method: Method
     """Surface from which distances are computed; `closed` and `agreement` are weaker for faces with winding numbers."""
     closed: bool
     """Whether every directed edge has its opposite; for a closed or meshed surface also whether no face is empty or
-    duplicated, and it is wound outwards.
+    duplicated, and the surface is wound outwards.
     """
     agreement: float
     """Share of points in and around the solid whose side is certain [-]: for a closed or meshed surface those whose
@@ -111,27 +111,28 @@ class RepairReport:
     tolerance: float
     """Upper bound that `hausdorff` had to meet [m]."""
     spacing: float
-    """Mean spacing of the points where it was measured, besides all vertices [m]."""
+    """Mean spacing of the points where the distance was measured, in addition to all vertices [m]."""
     volume: float
     """Enclosed volume [m^3]."""
     resolution: float
     """Cell of the remesh [m]; 0: the given faces were kept."""
     repairs: tuple[str, ...]
-    """Repairs, one sentence each; empty: none."""
+    """Repairs made, one sentence each."""
     problem: str
-    """Why the surface is not a good solid; empty if it is."""
+    """Reason why the surface is not a good solid; empty if it is."""
     region: tuple[float, ...] = ()
-    """Lower and upper corner of the box in which `hausdorff` and `mean` were measured [m], six; empty: everywhere."""
+    """Lower and upper corner of the box in which `hausdorff` and `mean` were measured [m], six numbers; empty:
+    everywhere."""
 
 
 @dataclass(frozen=True, slots=True)
 class BodyGeometry:
-    """The report of one piece of one body of the drop."""
+    """The repair report of one piece of one body of the drop."""
 
     body: str
     """Name of the simulated body."""
     part: str
-    """Name of its part or parts."""
+    """Name of the body's part or parts."""
     report: RepairReport
 
 
@@ -142,4 +143,4 @@ class FileScale:
     metres: float
     """Length of the file's unit [m]."""
     note: str
-    """Origin of the length, in a sentence."""
+    """Origin of the length, as a sentence."""

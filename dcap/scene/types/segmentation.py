@@ -25,7 +25,7 @@ class Part:
     box: OrientedBox
     """Oriented box in the world frame."""
     confidence: float
-    """0..1, confidence of the name."""
+    """Confidence of the name, 0..1."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -37,15 +37,16 @@ class Instance:
     """Category in lower case: bed, sofa, table lamp ..."""
     box: OrientedBox
     parts: tuple[Part, ...]
-    """At least one."""
+    """Parts; at least one."""
     front: NDArray[np.float64] | None
-    """Horizontal unit vector out of the front (away from headboard, backrest or wall), None if none, shape (3,)."""
+    """Horizontal unit vector out of the front (away from headboard, backrest or wall), shape (3,); None without a
+    front."""
     structure: bool = False
-    """True for walls, floor, ceiling: never a movable thing, may still be a support (floor)."""
+    """True for walls, floor and ceiling: never a movable thing, but possibly a support (floor)."""
     confidence: float = 1.0
-    """0..1, confidence of the label: 1 if the source names the thing, less if it was guessed from its shape."""
+    """Confidence of the label, 0..1: 1 if the source names the thing, less if it was guessed from its shape."""
     guesses: tuple[tuple[str, float], ...] = ()
-    """Possible labels with probabilities, the likeliest first; empty if the source names it."""
+    """Possible labels with probabilities, the likeliest first; empty if the source names the thing."""
     placed: bool = False
     """True for a thing from an earlier placement, which may move again."""
 
@@ -55,7 +56,7 @@ class Instance:
 
 
 def part_nodes(instance_id: str, parts: Sequence[str]) -> list[str]:
-    """Names of the nodes of an instance's parts, `id/part`: one that repeats is counted, as in scene.glb."""
+    """Names of the nodes of an instance's parts, `id/part`; repeated names are numbered, as in scene.glb."""
     used: dict[str, int] = {}
     nodes = []
     for name in parts:
@@ -94,13 +95,13 @@ class Segmentation:
 
 
 SegmentedScene = NewType("SegmentedScene", Segmentation)
-"""The scene of a placement; a type of its own, so that the wiring of the stages cannot swap it with the object."""
+"""The scene of a placement; a distinct type, so that the wiring of the stages cannot confuse it with the object."""
 SegmentedObject = NewType("SegmentedObject", Segmentation)
 """The object of a placement."""
 
 
 class CornerFrame(StrEnum):
-    """Frames of the corners of given boxes."""
+    """Frames for the corners of given boxes."""
 
     FILE = "file"
     """The scene file's own axes and unit."""
@@ -126,13 +127,13 @@ class GivenThing:
     id: str
     label: str
     confidence: float
-    """0..1, confidence of the label; 1 if a person gave it."""
+    """Confidence of the label, 0..1; 1 if a person gave it."""
     faces: NDArray[np.int64]
-    """Runs of faces of the scene's mesh, first and one past the last, shape (k, 2); none: the box decides."""
+    """Runs of faces of the scene's mesh, first and one past the last, shape (k, 2); empty: the box decides."""
     corners: NDArray[np.float64]
-    """The corners of its box, shape (8, 3), or (0, 3) without one."""
+    """The corners of the box, shape (8, 3), or (0, 3) without a box."""
     parts: tuple[GivenPart, ...] = ()
-    """Its parts if they are known; empty: found by its label."""
+    """Parts if they are known; empty: determined by the label."""
     guesses: tuple[tuple[str, float], ...] = ()
     """Alternative labels with probabilities, if nobody has corrected the label."""
 
@@ -153,9 +154,10 @@ class GivenLabels:
     frame: CornerFrame
     """Frame of the corners."""
     complete: bool
-    """Whether these are all things, so that the other faces belong to none. Else the rest is found by its shape."""
+    """Whether these are all things of the scene, so that other faces belong to none; otherwise the rest is found by
+    shape."""
     mesh: str
-    """Digest of the mesh that runs of faces refer to; empty without runs."""
+    """Digest of the mesh to which runs of faces refer; empty without runs."""
     notes: tuple[str, ...] = ()
 
 
@@ -169,32 +171,33 @@ class VertexLabels:
     """Index into `ids` for each vertex in the file's order, -1 for nothing, shape (n,)."""
     ids: tuple[str, ...]
     labels: tuple[str, ...]
-    """One for each id; empty if it has no name."""
+    """Label of each id; empty if it has none."""
     notes: tuple[str, ...] = ()
 
 
 def faces_digest(mesh: Mesh) -> str:
-    """Digest of a mesh's connectivity, 16 hex digits, which decides whether runs of faces fit it.
+    """Digest of a mesh's connectivity, 16 hex digits, which decides whether runs of faces apply to it.
 
-    Positions do not count, so the same file read in another unit still fits.
+    Positions do not count, so that the same file read in another unit still matches.
     """
     return hashlib.sha256(np.ascontiguousarray(mesh.faces, dtype="<i4").tobytes()).hexdigest()[:16]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Pointed:
-    """A point on a thing, or a region that carries."""
+    """A point on a thing, or a region that carries the object."""
 
     base_id: str
-    """Id of the thing; that of a new one if faces are cut out."""
+    """Id of the thing; a new id if faces are cut out."""
     label: str
-    """Its name from now on."""
+    """Label of the thing from now on."""
     part: str
-    """Name of its one part if faces are cut out, else empty: parts stay or are found by its label."""
+    """Name of its only part if faces are cut out, else empty: parts are kept, or determined by the label."""
     point: NDArray[np.float64]
-    """The place on its surface [m], shape (3,), or (0,) if a region was given."""
+    """The place on the surface [m], shape (3,), or (0,) if a region was given."""
     cut: NDArray[np.int64]
-    """Faces that become the thing, as runs, first and one past the last, shape (k, 2); none: it is not changed."""
+    """Faces that become the thing, as runs, first and one past the last, shape (k, 2); empty: the thing is not
+    changed."""
     renamed: bool
     """Whether the existing thing gets the label, and its parts are segmented again."""
     notes: tuple[str, ...]

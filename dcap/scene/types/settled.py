@@ -1,4 +1,4 @@
-"""Result of the drop: the state at rest and its certificate, or the last state and why it is not at rest."""
+"""Result of the drop: the state at rest and its certificate, or the last state and the reason why it is not at rest."""
 
 from dataclasses import dataclass
 
@@ -20,15 +20,15 @@ class SettledBody:
     surface: Mesh
     """Deformed surface, same faces as in Particles."""
     position: NDArray[np.float64]
-    """Displacement of the start pose's origin: world_from_start translation [m], shape (3,)."""
+    """Translation of world_from_start, the displacement of the start pose's origin [m], shape (3,)."""
     quaternion: NDArray[np.float64]
-    """world_from_start rotation (w, x, y, z), best fit for soft bodies, shape (4,)."""
+    """Rotation of world_from_start as a quaternion (w, x, y, z), best fit for soft bodies, shape (4,)."""
     displacement: NDArray[np.float64]
     """Surface displacement from the start [m], shape (n, 3)."""
 
     @property
     def world_from_start(self) -> NDArray[np.float64]:
-        """Rigid motion of its start pose, shape (4, 4)."""
+        """Rigid motion of the start pose, shape (4, 4)."""
         pose = np.eye(4)
         pose[:3, :3] = Rotation.from_quat(self.quaternion, scalar_first=True).as_matrix()
         pose[:3, 3] = self.position
@@ -40,16 +40,16 @@ class LeanCheck:
     """Leaning of the object: request and result."""
 
     on: str
-    """Instance id, or 'part:NAME' of the base, that it should lean on."""
+    """Instance id, or 'part:NAME' of the base, on which the object should lean."""
     asked_rad: float
-    """Tilt of its upright axis from the vertical at the start [rad]."""
+    """Tilt of the object's upright axis from the vertical at the start [rad]."""
     rest_rad: float
-    """Tilt of its upright axis from the vertical at rest [rad]."""
+    """Tilt of the object's upright axis from the vertical at rest [rad]."""
     change_rad: CertificateRow
-    """The difference of the two."""
+    """The difference between the two tilts."""
     held_share: CertificateRow
-    """Normal force between the object and the thing that it leans on over all normal force on it; for a part of the
-    base the share of the contact's points above the object's foot [-]."""
+    """Normal force between the object and the thing that it leans on over the total normal force on it; for a part of
+    the base the share of the contact points above the object's foot [-]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,16 +57,16 @@ class PoseCheck:
     """A requested pose or facing, and the result."""
 
     asked: str
-    """upright, on_back ...; `facing ID`; `turned by N degrees`."""
+    """Request: upright, on_back ...; `facing ID`; `turned by N degrees`."""
     found: str
     """Pose at rest, in the same words; for a facing its angular error."""
     angle_rad: float
     """Angle between the requested and the actual direction [rad]."""
     threshold_rad: float
-    """Largest angle that meets it [rad]."""
+    """Largest angle that meets the request [rad]."""
     met: bool
     doubt: str = ""
-    """Why the shape does not determine whether it is met; empty: it does."""
+    """Reason why the shape does not determine whether the request is met; empty: it does."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,12 +84,13 @@ class PlacementChecks:
     column: tuple[ColumnLayer, ...] | None = None
     """Layers of a soft base under the predicted contact, from the top down."""
     foreseen_share: CertificateRow | None = None
-    """Share of the contact's points inside the predicted patch, where cells are fine [-]; None unless most of the force
-    on the object is by soft bodies, and for a leaning object."""
+    """Share of the contact points inside the predicted patch, where cells are fine [-]; None for a leaning object, and
+    if soft bodies exert less than most of the force on the object."""
     poses: tuple[PoseCheck, ...] = ()
     """Every requested pose and facing, in the words of the request."""
     indentation_m: float = 0.0
-    """Largest downward displacement of the base's surface since the start [m]: depth of the dent; 0 on a rigid base."""
+    """Largest downward displacement of the base's surface since the start [m]: the depth of the dent; 0 on a rigid
+    base."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -98,25 +99,26 @@ class Settled:
 
     verdict: Verdict
     bodies: tuple[SettledBody, ...]
-    """The object first."""
+    """All bodies; the object is first."""
     contacts: tuple[ContactRow, ...]
-    """One per touching pair."""
+    """Contacts, one per touching pair."""
     contact_points: NDArray[np.float64]
     """Points of the object's contact patch [m], shape (k, 3)."""
     certificate: Certificate | None
-    """None if nothing was simulated: the pose is only a proposal."""
+    """Certificate; None if nothing was simulated because the pose is only a proposal."""
     history: History
     steps: int
     simulated_seconds: float
     warnings: tuple[str, ...]
     checks: PlacementChecks | None = None
-    """None before the rest state is compared with the request."""
+    """Checks; None before the rest state is compared with the request."""
     frames: DropFrames | None = None
-    """Frames of the bodies' motion, in their order; None if not kept."""
+    """Frames of the bodies' motion, in their order; None if they were not kept."""
     material: tuple[MaterialState | None, ...] = ()
-    """Material of each body, None for rigid ones; empty if the method does not return it."""
+    """Material of each body, None for a rigid body; empty if the method does not return it."""
     nodes: tuple[NDArray[np.float32] | None, ...] = ()
-    """Displacement of the nodes of each body's grid [m], shape (n, 3), None for rigid ones; empty as `material`."""
+    """Displacements of the nodes of each body's grid [m], shape (n, 3), None for a rigid body; empty like
+    `material`."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -137,10 +139,10 @@ class LastState:
 
 @dataclass(frozen=True, slots=True)
 class EndPose:
-    """Pose of the object at the end of a drop, as in SettledBody: a second drop has fine cells there."""
+    """Pose of the object at the end of a drop, as in SettledBody, around which a second drop has fine cells."""
 
     position: tuple[float, float, float]
-    """[m]."""
+    """Position [m]."""
     quaternion: tuple[float, float, float, float]
 
 
@@ -150,16 +152,16 @@ class SettledMaterial:
 
     body: str
     points: int
-    """Material points."""
+    """Number of material points."""
     volume_before_m3: float
     """Volume of the material before the drop."""
     volume_m3: float
     """Volume of the material at rest."""
     largest_displacement_m: float
     largest_stress_pa: float
-    """Von Mises stress."""
+    """Largest von Mises stress."""
     surface_to_points_mean_m: float
-    """Distance of the settled surface's vertices from the nearest material point."""
+    """Mean distance of the settled surface's vertices from the nearest material point."""
     surface_to_points_max_m: float
 
 

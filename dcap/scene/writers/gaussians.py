@@ -25,7 +25,7 @@ AT_ONCE = 100_000
 """Gaussians per batch of rows [-]: 25 MB."""
 
 MORTON_BITS = 10
-"""Bits per axis of the order in which splats are written: neighbours share a chunk, so that its ranges are small."""
+"""Bits per axis for the order in which splats are written: neighbours share a chunk, so that its ranges are small."""
 
 
 def write_splats(path: Path, splats: Gaussians, *, degree: int | None = None) -> None:
@@ -36,7 +36,7 @@ def write_splats(path: Path, splats: Gaussians, *, degree: int | None = None) ->
 def write_splat_parts(
     path: Path, parts: Iterable[Gaussians], total: int, degree: int, comments: Sequence[str] = ()
 ) -> None:
-    """Write the plain schema of parts one after the other, `total` Gaussians in total, with the memory of one part."""
+    """Write the plain schema of parts one after the other, `total` Gaussians overall, with the memory of one part."""
     count = COEFFICIENTS[degree]
     names = [*FIRST.split(), *(f"f_rest_{i}" for i in range(3 * count)), *LAST.split()]
     lines = ["ply", "format binary_little_endian 1.0", *(f"comment {one}" for one in (*GENERATED, *comments))]
@@ -70,7 +70,7 @@ def write_compressed_splats(path: Path, splats: Gaussians) -> None:
         np.clip(splats.log_scale.astype(np.float64), -LARGEST_LOG_SCALE, LARGEST_LOG_SCALE),
         DC * splats.dc.astype(np.float64) + 0.5,
     )
-    # ranges in single precision, as they are stored, so that shares refer to a reader's ranges
+    # ranges in single precision, as stored, so that shares refer to the ranges that a reader uses
     ranges = [_ranges(part, owner) for part in parts]
     shares = [_share(part, low[owner], high[owner]) for part, (low, high) in zip(parts, ranges, strict=True)]
     words = np.stack(
@@ -116,7 +116,7 @@ def _share(values: Array, low: Array, high: Array) -> Array:
 
 
 def _pack(shares: Array, bits: tuple[int, ...]) -> NDArray[np.uint32]:
-    """Columns of numbers from 0 to 1 in one word, the first in the highest bits."""
+    """Columns of numbers from 0 to 1 packed into one word, the first in the highest bits."""
     word = np.zeros(len(shares), dtype=np.uint32)
     for column, width in zip(shares.T, bits, strict=True):
         most = (1 << width) - 1
@@ -125,7 +125,7 @@ def _pack(shares: Array, bits: tuple[int, ...]) -> NDArray[np.uint32]:
 
 
 def _packed_rotation(splats: Gaussians) -> NDArray[np.uint32]:
-    """The three smaller components of each unit quaternion, with the largest made positive and left out."""
+    """The three smaller components of each unit quaternion; the largest is made positive and omitted."""
     q = splats.rotation.astype(np.float64)
     q /= np.linalg.norm(q, axis=1, keepdims=True)
     which = np.argmax(np.abs(q), axis=1)

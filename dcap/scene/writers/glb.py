@@ -1,15 +1,14 @@
-"""Writes GLB files: a tree of named nodes with vertex colours or textures, y up and metres as the standard asks.
+"""Writes GLB files: a tree of named nodes with vertex colours or textures, y up and metres as the standard requires.
 
 Same input, same bytes. Faces with vertex colours have no material: many readers drop the colours if there is one. A
 labelled scene has one node per instance, named by its id, with its label in `extras.label`, and below it one node per
-part; `dcap.scene.readers.gltf.gltf` gives the same instances and parts back.
-Source: Khronos, "glTF 2.0 Specification", sections 3.5 to 3.7 and 4.4.
+part; `dcap.scene.readers.gltf.gltf` reads the same instances and parts back. Source: Khronos, "glTF 2.0 Specification",
+sections 3.5 to 3.7 and 4.4.
 
 Materials, textures and images of a GLB file.
 
-Equal images are written once, whatever their use; pixels are unchanged. If a source does not state how its surface
-reflects, it is rough and not metallic, and both sides are visible.
-Source: Khronos, "glTF 2.0 Specification", sections 3.8 and 3.9.
+Equal images are written once, whatever their use; pixels are unchanged. A surface without stated reflectance is rough
+and not metallic, and both its sides are visible. Source: Khronos, "glTF 2.0 Specification", sections 3.8 and 3.9.
 """
 
 import io
@@ -30,16 +29,16 @@ from dcap.scene.types.mesh import PLAIN, AlphaMode, CornerPaint, MaterialMap, Me
 from dcap.scene.types.segmentation import Segmentation
 
 SAMPLER = {"magFilter": 9729, "minFilter": 9987}
-"""Linear, with smaller copies."""
+"""Linear filters, with mipmaps."""
 WRAPS = {REPEAT: 10497, MIRROR: 33648, CLAMP: 33071}
 METALLIC, ROUGHNESS = 0.0, 0.9
-"""Factors if the source states none [-]."""
+"""Metalness and roughness if the source states none [-]."""
 CUTOFF = 0.5
-"""Default factors of the standard [-]."""
+"""Default alpha cutoff of the standard [-]."""
 
 Entry = dict[str, object]
 GLTF_FROM_WORLD = np.array([[1.0, 0, 0, 0], [0, 0, 1.0, 0], [0, -1.0, 0, 0], [0, 0, 0, 1.0]])
-"""(x, y, z) with z up to (x, z, -y) with y up."""
+"""From (x, y, z) with z up to (x, z, -y) with y up."""
 
 FLOAT, BYTE, INDEX = 5126, 5121, 5125
 """Component types of positions, colours and indices."""
@@ -48,16 +47,16 @@ VERTICES, INDICES = 34962, 34963
 """Targets of buffer views."""
 
 MIX = np.uint64(0x9E3779B97F4A7C15)
-"""Odd, and 2^64 over the golden ratio: multiplying by it moves similar numbers far apart."""
+"""Odd number, 2^64 over the golden ratio: multiplication by it moves similar numbers far apart."""
 MOST_TINTS = 32
-"""Most colours that multiply one texture as a material each; more become vertex colours."""
+"""Maximum number of colours that multiply one texture as separate materials; more become vertex colours."""
 
 UNASSIGNED = "unassigned"
 """Name of the node of the faces that belong to no instance; its label is empty."""
 
 
 class MaterialWriter:
-    """Collects the entries of the document for the look of its faces."""
+    """Collects the entries of the document for the appearance of its faces."""
 
     def __init__(self, add_image: Callable[[bytes], int]) -> None:
         """`add_image` stores an encoded image and returns the index of its view."""
@@ -73,9 +72,10 @@ class MaterialWriter:
     def material(
         self, paint: CornerPaint, said: SurfaceMaterial, texture: int | None, shade: Float32Array, sets: Sequence[int]
     ) -> int:
-        """Index of a material from a base colour's texture, a linear colour that multiplies it, and further properties.
+        """Index of a material from the texture of a base colour, a linear colour that multiplies it, and further
+        properties.
 
-        `sets` are the numbers of the texture coordinates in the order of its faces.
+        `sets` are the indices of the texture coordinates in the order of its faces.
         """
         alpha = 1.0 if said.alpha_mode is AlphaMode.OPAQUE else said.alpha
         look: Entry = {} if texture is None else {"baseColorTexture": {"index": texture}}
@@ -108,7 +108,7 @@ class MaterialWriter:
         return self._material_of[key]
 
     def texture(self, image: NDArray[np.uint8], wrap: Wrap) -> int:
-        """Index of the texture of an image; equal images are written once."""
+        """Index of the texture for an image; equal images are written once."""
         content = self._content(image)
         if content not in self._image_of:
             file = io.BytesIO()
@@ -131,7 +131,8 @@ class MaterialWriter:
         return {key: found for key, found in lists.items() if found}
 
     def _content(self, image: NDArray[np.uint8]) -> bytes:
-        """Content of an image; computed once for each array, which is kept alive so that its id stays unique."""
+        """Encoded content of an image; computed once for each array, which is kept alive so that its id stays
+        unique."""
         if id(image) not in self._known:
             self._known[id(image)] = image, sha256(image.tobytes()).digest() + repr(image.shape).encode()
         return self._known[id(image)][1]
@@ -162,7 +163,7 @@ class Node:
 
 
 def glb_bytes(roots: Sequence[Node]) -> bytes:
-    """The file of a tree of nodes; meshes without faces are left out."""
+    """The file for a tree of nodes; meshes without faces are left out."""
     writer = _Writer()
     writer.document["scenes"] = [{"nodes": [writer.add(node) for node in roots]}]
     return writer.packed()
@@ -172,7 +173,7 @@ def labelled_nodes(
     segmentation: Segmentation, paint: CornerPaint | None = None, normals: NDArray[np.float32] | None = None
 ) -> list[Node]:
     """A node per instance with a child per part, and one for the faces of no instance; with the paint and the corner
-    normals of the segmented mesh, if there are any."""
+    normals of the segmented mesh, if given."""
 
     def node_of(name: str, faces: NDArray[np.int64], label: str | None = None) -> Node:
         own = None if paint is None else paint.of(faces)
@@ -195,7 +196,7 @@ def labelled_nodes(
 
 
 def in_gltf(normals: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Corner normals (m, 3, 3) in glTF's axes, one row a corner, of unit length to machine precision."""
+    """Corner normals (m, 3, 3) in glTF's axes, one row per corner, of unit length to machine precision."""
     turned = normals.reshape(-1, 3).astype(np.float64) @ GLTF_FROM_WORLD[:3, :3].T
     length = np.linalg.norm(turned, axis=1, keepdims=True)
     upward = np.array([0.0, 1.0, 0.0])  # of faces without area
@@ -218,7 +219,7 @@ class _Writer:
         self.looks = MaterialWriter(self._add_image)
 
     def add(self, node: Node) -> int:
-        """Append a node and those below it; returns its index."""
+        """Append a node with its children; returns its index."""
         index = len(self.nodes)
         entry: dict[str, object] = {"name": node.name}
         self.nodes.append(entry)
@@ -281,7 +282,7 @@ class _Writer:
     def _plain(
         self, mesh: Mesh, faces: NDArray[np.int64], normals: NDArray[np.float32] | None, colors: NDArray[np.uint8]
     ) -> dict[str, object]:
-        """Faces with the colours of their corners, (3 m, 3), and no material."""
+        """Faces with the colours of their corners, (3 m, 3), and without material."""
         columns = {"POSITION": mesh.vertices[mesh.faces[faces].reshape(-1)].astype("<f4")}
         if normals is not None:
             columns["NORMAL"] = in_gltf(normals[faces])
@@ -290,7 +291,7 @@ class _Writer:
     def _painted(
         self, mesh: Mesh, faces: NDArray[np.int64], node: Node, paint: CornerPaint, shade: Float32Array, *, tinted: bool
     ) -> dict[str, object]:
-        """Faces with one texture, or none, and one material."""
+        """Faces with at most one texture, and one material."""
         texture, material = int(paint.texture[faces[0]]), paint.materials[max(int(paint.material[faces[0]]), 0)]
         columns = {"POSITION": mesh.vertices[mesh.faces[faces].reshape(-1)].astype("<f4")}
         sets = sorted({one.uv_set for one in material.maps} | ({0} if texture >= 0 else set()))
@@ -306,7 +307,7 @@ class _Writer:
     def _primitive(
         self, columns: dict[str, NDArray[np.float32]], colors: NDArray[np.uint8] | None, material: int | None = None
     ) -> dict[str, object]:
-        """Corners (3 m, k) of faces as vertices that equal ones share, with their indices."""
+        """Corners (3 m, k) of faces as shared vertices, with their indices."""
         rows = [np.ascontiguousarray(one).view("<u4").reshape(len(one), -1) for one in columns.values()]
         if colors is not None:
             rows.append(np.column_stack([colors, np.full(len(colors), 255, np.uint8)]).copy().view("<u4"))
@@ -330,7 +331,7 @@ class _Writer:
         return entry if material is None else entry | {"material": material}
 
     def _add_image(self, data: bytes) -> int:
-        """Index of the view of an encoded image."""
+        """Index of the view for an encoded image."""
         self.views.append({"buffer": 0, "byteOffset": len(self.binary), "byteLength": len(data)})
         self.binary += data + bytes(-len(data) % 4)
         return len(self.views) - 1
@@ -367,7 +368,7 @@ class _Writer:
 
 
 def distinct_rows(rows: NDArray[np.uint32]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """First index of each distinct row (n, k), in that order, and the number of each row among them, shape (n,).
+    """First index of each distinct row (n, k), in order, and the index of each row among them, shape (n,).
 
     Rows are compared by a 64-bit hash of their columns, which sorts ten times as fast; on a collision the rows
     themselves are sorted.

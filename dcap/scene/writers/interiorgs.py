@@ -33,11 +33,11 @@ class Label:
     """An entry of labels.json."""
 
     id: str
-    """Empty: the key is left out."""
+    """Id; if empty, the key is left out."""
     name: str
-    """As written, any case."""
+    """Name as written, in any case."""
     box: OrientedBox | None
-    """None for rooms and walls, which are annotated without one."""
+    """Box; None for rooms and walls, which are annotated without one."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -48,9 +48,9 @@ class Wall:
     """One end of the centre line [m], shape (2,)."""
     end: NDArray[np.float64]
     thickness: float
-    """Total [m]."""
+    """Total thickness [m]."""
     height: float
-    """[m]."""
+    """Height [m]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -82,7 +82,7 @@ class RoomRecord:
 
 
 def write_interiorgs(folder: Path, room: RoomRecord, seed: int) -> list[Path]:
-    """Write the folder with its mesh; `seed` shuffles the corners of the boxes. Returns the files written."""
+    """Write the folder with its mesh; `seed` shuffles the corners of the boxes. Returns the written files."""
     files = _write_annotations(folder, room, seed)
     write_ply(folder / MESH_NAME, room.mesh)
     return [folder / MESH_NAME, *files]
@@ -96,7 +96,7 @@ def write_interiorgs_splats(folder: Path, room: RoomRecord, splats: Gaussians, s
 
 
 def _write_annotations(folder: Path, room: RoomRecord, seed: int) -> list[Path]:
-    """Everything but the surface."""
+    """Write everything but the surface."""
     folder.mkdir(parents=True, exist_ok=True)
     rng = np.random.default_rng(seed)
     _write_json(folder / "labels.json", [_label(one, rng) for one in room.labels])
@@ -141,9 +141,9 @@ def _structure(room: RoomRecord) -> dict[str, object]:
 
 
 def _write_occupancy(folder: Path, room: RoomRecord) -> None:
-    """A map whose columns run against x: x = upper_x - column * scale, y = lower_y + row * scale."""
+    """Write a map whose columns run against x: x = upper_x - column * scale, y = lower_y + row * scale."""
     low, high = room.profile.min(axis=0), room.profile.max(axis=0)
-    # More margin on the upper side: with an off-centre room, a reader that forgets the mirror meets unknown ground.
+    # More margin on the upper side: with an off-centre room, a reader that forgets to mirror gets unknown ground.
     lower = low - 0.3
     scale = round(float((high - lower + 0.9).max()) / OCCUPANCY_PIXELS, 6)
     upper = lower + scale * OCCUPANCY_PIXELS
@@ -171,7 +171,7 @@ def _write_occupancy(folder: Path, room: RoomRecord) -> None:
 
 
 def write_ply(path: Path, mesh: Mesh, comments: Sequence[str] = ()) -> None:
-    """A binary PLY with vertex normals and colours, properties as Open3D writes them."""
+    """Write a binary PLY with vertex normals and colours, with the properties that Open3D writes."""
     place: NDArray[np.float64] = np.hstack([mesh.vertices, mesh.vertex_normals])
     vertex: dict[str, NDArray[Any]] = {"x y z nx ny nz": place, "red green blue": mesh.colors}
     face = {"list vertex_indices": mesh.faces.astype(np.uint32)}

@@ -21,7 +21,7 @@ class FoundThing:
     """A found thing."""
 
     number: int
-    """Number on the pictures; 0 without one."""
+    """Number on the pictures; 0 if it is not shown."""
     index: int
     """Index among the instances."""
     id: str
@@ -71,7 +71,7 @@ def thing_tree(scan: Scan, scene: Segmentation, thing: FoundThing) -> dict[str, 
 
 
 def box_tree(scan: Scan, box: OrientedBox) -> dict[str, object]:
-    """A box in the file's own axes and unit: centre; length, breadth and height; its turn about the upward axis."""
+    """A box in the file's own axes and unit: centre; length, breadth and height; turn about the upward axis."""
     file_from_world = np.linalg.inv(scan.world_from_file)
     unit = float(np.cbrt(np.linalg.det(file_from_world[:3, :3])))
     center = file_from_world[:3, :3] @ box.center + file_from_world[:3, 3]
@@ -96,7 +96,7 @@ def runs(faces: NDArray[np.integer]) -> list[list[int]]:
 
 
 def labels_text(tree: Mapping[str, object]) -> str:
-    """The document for people: a line for each key of a thing, however many faces it has."""
+    """The document for people: one line per key of a thing, however many faces it has."""
     things = tree["things"]
     assert isinstance(things, list)
     head = [f"  {json.dumps(key)}: {compact(value)}," for key, value in tree.items() if key != "things"]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from dcap.scene.types.mesh import Mesh
 
 KINDS = {"u1": "uchar", "i4": "int", "u4": "uint", "f4": "float", "f8": "double"}
-"""The format's names of numpy's types."""
+"""PLY names of numpy's types."""
 
 Columns = Mapping[str, NDArray[np.generic]]
 """Columns of numbers by the names of their properties."""
@@ -28,8 +28,8 @@ FACE = np.dtype([("count", "u1"), ("indices", "<i4", 3)])
 def ply_bytes(elements: Mapping[str, Columns], comments: Sequence[str] = ()) -> bytes:
     """A little-endian file of elements by name.
 
-    An element maps names of properties, with blanks between, to their columns (n, k), `list NAME` to a list of k in
-    each row.
+    An element maps names of properties, separated by blanks, to their columns (n, k), and `list NAME` to a list of k
+    per row.
     """
     lines, body = ["ply", "format binary_little_endian 1.0", *(f"comment {one}" for one in comments)], b""
     for element, columns in elements.items():

@@ -1,8 +1,9 @@
 """Writes an `ExportScene` as MJCF, MuJoCo's own format: `scene.xml` and its meshes.
 
-Same input, same bytes. Source: MuJoCo's XML reference. MuJoCo takes the larger friction of two shapes, unless one has
-a higher priority: the fixed shapes have it, with the friction of the pair; a piece of the object whose friction is not
-the main one has explicit pairs. MuJoCo has one coefficient: the static one, with which things stay at rest.
+Same input, same bytes. Source: MuJoCo's XML reference. MuJoCo takes the larger friction of two shapes, unless one has a
+higher priority: the fixed shapes have it, with the friction of the pair; a piece of the object whose friction differs
+from the main one has explicit pairs. MuJoCo has a single coefficient: it gets the static one, which holds things at
+rest.
 """
 
 from collections.abc import Iterator
@@ -19,13 +20,13 @@ from dcap.scene.writers.meshes import obj_bytes, shape_bytes
 
 SCENE = "scene.xml"
 TIMESTEP = 0.002
-"""[s]."""
+"""Time step [s]."""
 SOLREF = "0.005 1"
 """Time constant [s] (at least two steps) and damping ratio of contacts: a body at rest sinks in by micrometres."""
 SOLIMP = "0.95 0.99 0.0005"
-"""Impedance at the surface and at its width [m] below."""
+"""Impedance at the surface, at depth, and the depth of the transition [m]."""
 TORSION = 0.001
-"""Torsional friction [m], which the drop lacks: that of a contact of points a millimetre apart."""
+"""Torsional friction [m], which the drop lacks: that of contact points a millimetre apart."""
 UP = np.array([0.0, 0.0, 1.0])
 LEAST = 1e-5
 """Least friction that MuJoCo accepts."""
@@ -153,7 +154,7 @@ class _MjcfWriter:
         return f'      <geom name={quoteattr(name)} mesh={quoteattr(name)} pos="{numbers(middle)}" {shared}/>'
 
     def contacts(self) -> Iterator[str]:
-        """Lines of pairs with a friction of their own."""
+        """Lines for pairs with their own friction."""
         if self.scene.pairs:
             yield "  <contact>"
             for one in self.scene.pairs:
@@ -164,7 +165,7 @@ class _MjcfWriter:
             yield "  </contact>"
 
     def say(self, name: str, text: str) -> None:
-        """Keep a text in <custom>."""
+        """Add a text to <custom>."""
         if text:
             self.texts.append(f"    <text name={quoteattr(name)} data={quoteattr(text)}/>")
 

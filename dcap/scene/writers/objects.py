@@ -1,4 +1,4 @@
-"""Writes objects as GLB (a named node per part, y up as the standard asks), OBJ or PLY (one mesh, z up as given).
+"""Writes objects as GLB (a named node per part, y up as required), OBJ or PLY (one mesh, z up as given).
 
 Vertex colours are the sRGB bytes of the mesh. Same input, same bytes.
 """

@@ -4,8 +4,8 @@ Same scene, same bytes. `dcap.scene.readers.scenes.placed_scene` has the schema 
 
 Copies the files of earlier results instead of making them again.
 
-A key identifies the files. A note in the cache holds the folder where they were written last, and the digest of each.
-Files that were moved, deleted or edited there are made again, so a lost or damaged note only costs time.
+A key identifies the files. A note in the cache contains the folder where they were written last, and the digest of
+each. Files that were moved, deleted or edited there are made again, so a lost or damaged note only costs time.
 """
 
 import hashlib
@@ -47,8 +47,8 @@ DAMAGED = (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionEr
 def placed_scene_files_of(
     earlier: EarlierPlacements, last: str | None, last_parts: NDArray[np.integer] | None
 ) -> dict[str, bytes]:
-    """The files by name. `last` is the thing of the node `object` in scene.glb, `last_parts` the part of each face of
-    object.ply, shape (m,)."""
+    """The files by name. `last` is the thing that is the node `object` in scene.glb, `last_parts` the part of each face
+    of object.ply, shape (m,)."""
     names = [f"deformed_{number}.ply" for number in range(1, len(earlier.deformations) + 1)]
     facts = SceneFile(
         version=VERSION,
@@ -136,7 +136,7 @@ def runs_of(mine: NDArray[np.bool_]) -> list[tuple[int, int]]:
 def copy_earlier(key: str, folder: Path) -> dict[str, str]:
     """Copy the files of a key into a folder.
 
-    Returns their names there by kind; none unless all are complete.
+    Returns their names there by kind; empty unless all are complete.
     """
     try:
         note = read_note(note_path(key))
@@ -165,7 +165,7 @@ def note_path(key: str) -> Path:
 
 
 def read_note(path: Path) -> Any:
-    """Return the content of a note; ValueError for a damaged one."""
+    """Return the content of a note; raises ValueError if it is damaged."""
     note = json.loads(path.read_bytes())
     if note.pop("check") != check_of(note):
         raise ValueError(f"{path} does not match its own digest")

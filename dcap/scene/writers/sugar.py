@@ -6,9 +6,9 @@ and so is the resulting mesh.
 
 [G24] Guedon, Lepetit: SuGaR: surface-aligned Gaussian splatting for efficient 3D mesh reconstruction. CVPR 2024.
 
-COLMAP models to files: cameras, images and points3D, binary (what programs read first) or as text.
+COLMAP models to files: cameras, images and points3D, binary (which programs prefer) or as text.
 
-The layouts are COLMAP's (https://colmap.github.io/format.html); no observations and no tracks are written.
+The layouts are those of dcap/scene/readers/scenes/colmap.py; observations and tracks are not written.
 """
 
 import json
@@ -40,7 +40,7 @@ ITERATION = 7000
 DEGREE = 3
 """Degree of the harmonics: SuGaR refuses fewer than 45 numbers."""
 MESHES = ("coarse_mesh", "refined_mesh")
-"""Folders of `output/` that SuGaR writes meshes to."""
+"""Folders of `output/` in which SuGaR writes meshes."""
 
 
 def write_colmap(folder: Path, model: ColmapModel) -> None:
@@ -88,7 +88,7 @@ def write_colmap_text(folder: Path, model: ColmapModel) -> None:
 
 
 def write_sugar_model(folder: Path, model: ColmapModel, splats: Gaussians) -> None:
-    """Write everything but the pictures."""
+    """Write everything except the pictures."""
     write_colmap(folder / "sparse" / "0", model)
     cloud = folder / CHECKPOINT / "point_cloud" / f"iteration_{ITERATION}" / "point_cloud.ply"
     cloud.parent.mkdir(parents=True)
@@ -126,7 +126,7 @@ def write_picture(folder: Path, name: str, image: NDArray[np.uint8]) -> None:
 
 def train_command(folder: Path) -> str:
     """The command that makes meshes from a folder, to be run in SuGaR's own folder."""
-    # SuGaR joins the checkpoint's path and file names as text: the slash at its end matters
+    # SuGaR concatenates the checkpoint's path and file names as text: the trailing slash matters
     source, checkpoint = shlex.quote(str(folder)), shlex.quote(f"{folder / CHECKPOINT}/")
     return f"python train.py -s {source} -c {checkpoint} -r sdf --refinement_time short --eval False"
 

@@ -1,7 +1,7 @@
 """Writes an `ExportScene` as URDF: the object and, as a fixed robot, the scene, with their meshes.
 
-Same input, same bytes. Source: the XML specification of URDF (ROS wiki). It has no free bodies, no poses of robots in a
-world and no friction: README.txt states the pose, and <gazebo> tags carry the friction.
+Same input, same bytes. Source: the XML specification of URDF (ROS wiki). URDF has no free bodies, no poses of robots in
+a world and no friction: README.txt states the pose, and <gazebo> tags carry the friction.
 """
 
 from collections.abc import Iterator
@@ -106,7 +106,7 @@ def collision(name: str, mesh: Mesh, files: dict[str, bytes]) -> Iterator[str]:
 
 
 def gazebo(link: str, friction: ContactFriction) -> Iterator[str]:
-    """Friction in Gazebo's own tag."""
+    """Friction in a tag of Gazebo."""
     yield f"  <gazebo reference={quoteattr(link)}>"
     yield f"    <mu1>{friction.static:.6g}</mu1><mu2>{friction.static:.6g}</mu2>"
     yield "  </gazebo>"

@@ -26,7 +26,7 @@ def usda_files(scene: ExportScene) -> dict[str, bytes]:
 
 
 class _UsdaWriter:
-    """Collects prims, and the physics materials that they are bound to."""
+    """Collects prims and the physics materials to which they are bound."""
 
     def __init__(self, scene: ExportScene) -> None:
         self.scene = scene
@@ -194,7 +194,7 @@ class _Names:
         self.used: set[tuple[str, str]] = set()
 
     def of(self, parent: str, name: str) -> str:
-        """A free name below a parent."""
+        """An unused name below a parent."""
         plain = "".join(one if one.isascii() and (one.isalnum() or one == "_") else "_" for one in name) or "_"
         plain = f"_{plain}" if plain[0].isdigit() else plain
         found, number = plain, 2
@@ -210,7 +210,7 @@ def head_of(material: str) -> str:
 
 
 def bound(material: str, purpose: str) -> Iterator[str]:
-    """The relation to a material; nothing for none."""
+    """The relation to a material; empty without one."""
     if material:
         yield f"    rel material:binding{purpose} = <{LOOKS}/{material}>"
 
@@ -248,5 +248,5 @@ def quoted(words: str) -> str:
 
 
 def indented(lines: Iterator[str] | Sequence[str], times: int = 1) -> Iterator[str]:
-    """Lines inside of a prim, indented."""
+    """Lines inside a prim, indented."""
     return ("    " * times + one for one in lines)

@@ -3,9 +3,9 @@
 Guaranteed: a document is an object, its lists hold objects, and chunks end within the file.
 Source: Khronos, "glTF 2.0 Specification", section 4.4 (GLB).
 
-Content that URIs of a glTF file stand for: data of their own, or a file next to the document.
+Content of the URIs of a glTF file: embedded data, or a file next to the document.
 
-glTF accessors: typed views into buffers, checked against the bytes that are there before they are read.
+glTF accessors: typed views into buffers, checked against the available bytes before they are read.
 """
 
 import base64
@@ -27,7 +27,7 @@ Json = dict[str, object]
 """The document, whose values are checked where they are used."""
 
 Entry = dict[str, Any]
-"""One entry of the document; a wrong type inside it is found where it is used."""
+"""One entry of the document; wrong types inside it are detected on use."""
 
 Value = TypeVar("Value")
 
@@ -43,7 +43,7 @@ INCONSISTENT = (LookupError, TypeError, ValueError, AttributeError, OverflowErro
 
 
 def require(path: Path, document: Json, key: str, kind: type[Value], default: Value) -> Value:
-    """`document[key]`, which must have the stated type if it is there."""
+    """`document[key]`, which must have the stated type if it exists."""
     value = document.get(key, default)
     if not isinstance(value, kind):
         raise FormatError(f"{path}: glTF key {key!r} is a {type(value).__name__}, expected {kind.__name__}")
@@ -60,7 +60,7 @@ def entries(path: Path, document: Json, key: str) -> list[Entry]:
 
 
 def read_document(path: Path, data: bytes | mmap) -> tuple[Json, int]:
-    """The document and where what follows it begins [bytes]."""
+    """The document, and the offset at which it ends [bytes]."""
     if data[:4] != b"glTF":
         return _parsed(path, data[:]), len(data)
     if len(data) < 20:
@@ -74,7 +74,7 @@ def read_document(path: Path, data: bytes | mmap) -> tuple[Json, int]:
 
 
 def binary_chunk(path: Path, data: bytes, start: int) -> bytes | None:
-    """The bytes of the chunk that begins at `start`; None where the file ends there."""
+    """The bytes of the chunk that begins at `start`; None if the file ends there."""
     if start + 8 > len(data) or start + 8 > struct.unpack_from("<I", data, 8)[0]:
         return None
     size, kind = struct.unpack_from("<II", data, start)
@@ -86,7 +86,7 @@ def binary_chunk(path: Path, data: bytes, start: int) -> bytes | None:
 
 
 def uris(path: Path, document: Json) -> Iterator[str]:
-    """Every URI of a buffer or picture that is not the data itself."""
+    """Every URI of a buffer or picture that is not embedded data."""
     for entry in (*entries(path, document, "buffers"), *entries(path, document, "images")):
         uri = require(path, entry, "uri", str, "data:")
         if not uri.startswith("data:"):
@@ -117,7 +117,8 @@ def uri_bytes(path: Path, uri: str) -> bytes:
 
 
 def missing(path: Path, uri: str) -> str:
-    """Why the file that a URI names is not there, to end a sentence with; empty if it is, or if the URI is data."""
+    """Reason why the file named by a URI is missing, as the end of a sentence; empty if it exists, or if the URI is
+    data."""
     if uri.startswith("data:") or find_file(path.parent, unquote(uri)) is not None:
         return ""
     return absence(unquote(uri))
@@ -156,7 +157,7 @@ class Accessors:
     def read(self, index: int) -> NDArray[np.generic]:
         """The values of one accessor, shape (count, width); normalised integers become floats."""
         try:
-            if index < 0 or index in self.broken:  # told before; what it promises is not to be allocated
+            if index < 0 or index in self.broken:  # already reported; its stated size must not be allocated
                 raise FormatError(f"{self.path}: accessor {index} is broken")
             return self._read(index)
         except INCONSISTENT as broken:
@@ -200,7 +201,7 @@ class Accessors:
         return values
 
     def _check(self, index: int) -> None:
-        """Refuse an accessor that reaches beyond its bytes, or that would allocate zeros without bound."""
+        """Refuse an accessor that extends beyond its bytes, or that would allocate zeros without limit."""
         entry = self.entries[index]
         count = int(entry["count"])
         row = np.dtype(COMPONENTS[entry["componentType"]]).itemsize * WIDTHS[entry["type"]]

@@ -1,9 +1,9 @@
-"""glTF 2.0 meshes (.glb, .gltf): the node tree, triangles and what they look like.
+"""glTF 2.0 meshes (.glb, .gltf): the node tree, triangles and their appearance.
 
-Guaranteed: compressed files are refused by name, and every accessor is checked against its buffer, before any of it is
-decoded. Source: Khronos, "glTF 2.0 Specification", sections 3.5 (nodes), 3.6 (accessors), 3.7 (geometry), 4 (GLB).
+Guaranteed: compressed files are refused by name, and every accessor is checked against its buffer before it is decoded.
+Source: Khronos, "glTF 2.0 Specification", sections 3.5 (nodes), 3.6 (accessors), 3.7 (geometry), 4 (GLB).
 
-Where the vertices of a glTF node are: its transform, its copies, its morph targets and its skin.
+Positions of the vertices of a glTF node: its transform, copies, morph targets and skin.
 
 Source: Khronos, "glTF 2.0 Specification", sections 3.5.2 (transforms), 3.7.2.2 (morph targets), 3.7.3 (skins);
 EXT_mesh_gpu_instancing.
@@ -39,13 +39,13 @@ from dcap.scene.types.mesh import Paint
 INSTANCING = "EXT_mesh_gpu_instancing"
 VISIBILITY = "KHR_node_visibility"
 DEEPEST_NODE = 256
-"""Levels of the node tree: far above any scene that people make, far below Python's limit of recursion."""
+"""Maximum depth of the node tree: far above any real scene, far below Python's recursion limit."""
 COMPRESSED = {
     "KHR_draco_mesh_compression": "`gltf-transform copy in.glb out.glb`",
     "EXT_meshopt_compression": "`gltf-transform copy in.glb out.glb`, or pack again with gltfpack without -c",
     "KHR_meshopt_compression": "`gltf-transform copy in.glb out.glb`, or pack again with gltfpack without -c",
 }
-"""Extensions that hide the geometry, and how to decode each."""
+"""Extensions that hide the geometry, with the way to decode each."""
 
 UNDERSTOOD = {
     "KHR_mesh_quantization", "KHR_texture_transform", "KHR_materials_unlit", "EXT_texture_webp",
@@ -55,11 +55,12 @@ UNDERSTOOD = {
     "KHR_materials_anisotropy", "KHR_xmp_json_ld", "KHR_materials_dispersion", "KHR_materials_diffuse_transmission",
     "EXT_mesh_gpu_instancing", "KHR_node_visibility", "KHR_texture_basisu", "EXT_texture_avif", "MSFT_texture_dds",
 }  # fmt: skip
-"""Extensions that we read, that change neither shape nor base colour, or whose loss is told where they are used."""
+"""Extensions that we read, that change neither shape nor base colour, or whose loss is reported where they are used."""
 
 
 def local_matrix(node: Entry) -> Array:
-    """parent_from_node of a node, from its matrix or its translation, rotation and scale, shape (4, 4)."""
+    """The transform parent_from_node of a node, from its matrix or its translation, rotation and scale, shape (4,
+    4)."""
     if "matrix" in node:
         return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
     rotation = Rotation.from_quat(np.array(node.get("rotation", [0, 0, 0, 1]), dtype=np.float64)).as_matrix()
@@ -70,18 +71,19 @@ def local_matrix(node: Entry) -> Array:
 
 
 def is_hidden(node: Entry) -> bool:
-    """Whether a node, and all below it, is not shown."""
+    """Return whether a node, with all nodes below it, is hidden."""
     return extension(node, VISIBILITY).get("visible", True) is False
 
 
 def extension(entry: Entry, name: str) -> Entry:
-    """Values of an entry's extension, empty where it has none."""
+    """Values of an entry's extension, empty if it is missing."""
     found = (entry.get("extensions") or {}).get(name)
     return found if isinstance(found, dict) else {}
 
 
 def copies(node: Entry, accessors: Accessors) -> list[Array]:
-    """node_from_copy of each copy of a node's mesh, shape (4, 4) each; the identity alone without instancing."""
+    """The transform node_from_copy of each copy of a node's mesh, shape (4, 4) each; only the identity without
+    instancing."""
     attributes = extension(node, INSTANCING).get("attributes", {})
     read = {key: accessors.read(int(attributes[key])).astype(np.float64) for key in
             ("TRANSLATION", "ROTATION", "SCALE") if key in attributes}  # fmt: skip
@@ -105,7 +107,7 @@ def morphed(position: Array, primitive: Entry, mesh: Entry, node: Entry, accesso
 
 
 class Skins:
-    """The skins of a document, posed as its nodes stand."""
+    """The skins of a document, posed by its nodes."""
 
     def __init__(self, path: Path, document: Json, accessors: Accessors) -> None:
         self.path, self.accessors = path, accessors
@@ -127,7 +129,7 @@ class Skins:
         raise FormatError(f"{self.path}: node {index} is its own ancestor, or lies more than {DEEPEST_NODE} nodes deep")
 
     def world_positions(self, skin: int, position: Array, attributes: dict[str, int]) -> Array:
-        """Vertices (n, 3) moved with their joints, in the world: the node that has the skin does not move them."""
+        """Vertices (n, 3) moved with their joints, in the world: the node of the skin does not move them."""
         entry = self.skins[skin]
         joints = [self.world_from_node(int(one)) for one in entry["joints"]]
         if "inverseBindMatrices" in entry:
@@ -150,9 +152,9 @@ class Skins:
 
 
 def read_gltf(path: Path, report: Report | None = None, *, all_maps: bool = False) -> RawMesh:
-    """Read the default scene of a glTF file; with a `report`, accessors and faces that are broken are told.
+    """Read the default scene of a glTF file; with a `report`, broken accessors and faces are reported.
 
-    `all_maps`: transparency, factors, further maps and names of materials are read too, along with their base colours.
+    `all_maps`: also read transparency, factors, further maps and names of materials, in addition to base colours.
     """
     report = report or refusing(path)
     data = read_bytes(path)
@@ -163,8 +165,8 @@ def read_gltf(path: Path, report: Report | None = None, *, all_maps: bool = Fals
 
 
 def _unread_extensions(path: Path, document: Json) -> list[str]:
-    """Refuse compression, named with its remedy, and required extensions that we do not know; a note for each other
-    one that we do not know."""
+    """Refuse compression, with its remedy, and unknown required extensions; add a note for each other unknown
+    extension."""
     used = {str(e) for key in ("extensionsUsed", "extensionsRequired") for e in require(path, document, key, list, [])}
     used |= _at_work(path, document)
     for name, remedy in COMPRESSED.items():
@@ -184,7 +186,7 @@ def _at_work(path: Path, document: Json) -> set[str]:
 
 
 def _buffers(path: Path, document: Json, binary: bytes | None) -> list[bytes]:
-    """All buffers, each at least as long as it says."""
+    """All buffers, each at least as long as stated."""
     buffers = []
     for index, entry in enumerate(entries(path, document, "buffers")):
         uri = require(path, entry, "uri", str, "")
@@ -226,7 +228,7 @@ class _GltfBuilder:
         self.face_count = 0
 
     def build(self) -> RawMesh:
-        """Walk the default scene and join what it holds."""
+        """Walk the default scene and join its meshes."""
         for root in self._roots():
             self._visit(root, np.eye(4), (), None, 0)
         if not self.faces:
@@ -273,7 +275,7 @@ class _GltfBuilder:
     def _visit(
         self, index: int, world_from_parent: NDArray[np.float64], trail: tuple[str, ...], label: str | None, depth: int
     ) -> None:
-        """Collect a node and what is below it; `label` is what its instance is annotated as, where trails begin."""
+        """Collect a node and its descendants; `label` is the annotated label of its instance, at which trails begin."""
         if index in self.visited:
             raise FormatError(f"{self.path}: node {index} has two parents, or is its own ancestor")
         if depth == DEEPEST_NODE:
@@ -295,7 +297,7 @@ class _GltfBuilder:
     def _take(
         self, index: int, world_from_parent: NDArray[np.float64], trail: tuple[str, ...], label: str | None
     ) -> tuple[NDArray[np.float64], tuple[str, ...], str | None]:
-        """Collect what one node draws; its own frame, trail and label."""
+        """Collect the meshes that one node draws; returns its own frame, trail and label."""
         node = self.nodes[index]
         world_from_node = world_from_parent @ local_matrix(node)
         mesh = self.meshes[require(self.path, node, "mesh", int, 0)] if "mesh" in node else None
@@ -313,7 +315,8 @@ class _GltfBuilder:
         return world_from_node, trail, label
 
     def _unique(self, trail: tuple[str, ...]) -> tuple[str, ...]:
-        """The trail with a number behind its last name where a node before has the same: they are two things."""
+        """The trail with a number after its last name if an earlier node has the same trail: they are different
+        things."""
         free = trail
         while free in self.taken:
             self.taken[trail] += 1
@@ -355,7 +358,7 @@ class _GltfBuilder:
         self._add_paint(primitive, attributes, faces)
 
     def _vertex_colors(self, attributes: dict[str, int], count: int) -> NDArray[np.uint8] | None:
-        """COLOR_0 as bytes. The standard says linear; the tools that write it mostly mean sRGB, and so do we."""
+        """COLOR_0 as bytes. The standard says linear, but most tools that write it mean sRGB, and so do we."""
         if "COLOR_0" not in attributes:
             return None
         values = self.accessors.read(attributes["COLOR_0"])[:, :3]
@@ -373,12 +376,12 @@ class _GltfBuilder:
 
 
 def _name(node: Entry, mesh: Entry | None, index: int) -> str:
-    """The node's name, else its mesh's; '/' is for trails."""
+    """The node's name, else its mesh's; '/' is reserved for trails."""
     return short_name(str(node.get("name") or (mesh or {}).get("name") or f"node_{index}")).replace("/", "_")
 
 
 def _annotated_label(node: Entry) -> str | None:
-    """Label that a node is annotated with: `label` of its extras, as `dcap.scene.writers.glb` writes it."""
+    """Annotated label of a node: `label` of its extras, as written by `dcap.scene.writers.glb`."""
     extras = node.get("extras")
     label = extras.get("label") if isinstance(extras, dict) else None
     return " ".join(label.lower().split()) if isinstance(label, str) else None

@@ -1,7 +1,7 @@
-"""glTF materials: base colours and their textures, and where all is asked for, transparency, factors and further maps.
+"""glTF materials: base colours and their textures, and on request transparency, factors and further maps.
 
-A map that is missing or broken is a note, not an error: the shape and its colour are still there.
-Source: Khronos, "glTF 2.0 Specification", sections 3.8 (textures) and 3.9 (materials); KHR_texture_transform.
+A missing or broken map is a note, not an error: the shape and its colour are still available. Source: Khronos, "glTF
+2.0 Specification", sections 3.8 (textures) and 3.9 (materials); KHR_texture_transform.
 """
 
 import json
@@ -20,10 +20,10 @@ from dcap.scene.srgb import CLAMP, MIRROR, REPEAT, Wrap, srgb_from_linear
 from dcap.scene.types.mesh import PLAIN, AlphaMode, MaterialMap, SurfaceMaterial
 
 WRAPS = {10497: REPEAT, 33648: MIRROR, 33071: CLAMP}
-"""Modes of a sampler."""
+"""Wrap modes of a sampler."""
 
 LONGEST_NAME = 200
-"""Letters of a material's name that are kept."""
+"""Maximum length of a material's name [characters]."""
 
 OLDER = "KHR_materials_pbrSpecularGlossiness"
 """The extension that older files have instead of metalness and roughness."""
@@ -40,15 +40,15 @@ class PrimitiveLook:
     material: int = 0
     """Index of its material."""
     uv_sets: dict[str, NDArray[np.float64]] = field(default_factory=dict)
-    """Texture coordinates of its vertices, origin at the lower left, each (n, 2), by what they are made of; the first
-    are the base colour's."""
+    """Texture coordinates of its vertices, origin at the lower left, each (n, 2), by their source; the first are the
+    base colour's."""
 
 
 class GltfMaterials:
     """Collects the textures and materials of the primitives that are read."""
 
     def __init__(self, path: Path, document: Json, accessors: Accessors, notes: list[str], *, all_maps: bool) -> None:
-        """`all_maps`: what is more than a base colour is read too."""
+        """`all_maps`: also read properties beyond the base colour."""
         self.path, self.document, self.accessors, self.notes, self.all_maps = path, document, accessors, notes, all_maps
         self.entries = entries(path, document, "materials")
         self.textures: list[NDArray[np.uint8]] = []
@@ -78,7 +78,7 @@ class GltfMaterials:
     def _said(
         self, material: Entry, mode: AlphaMode, factor: float, used: Callable[[object], MaterialMap | None]
     ) -> SurfaceMaterial:
-        """All that a material says beyond its base colour; `used` reads what it says of one of its maps."""
+        """All properties of a material beyond its base colour; `used` reads one of its maps."""
         modern = _part(material, "pbrMetallicRoughness")
         surface = used(modern.get("metallicRoughnessTexture"))
         metallic, roughness = (_share(modern.get(key)) for key in ("metallicFactor", "roughnessFactor"))
@@ -101,7 +101,7 @@ class GltfMaterials:
         )  # fmt: skip
 
     def _map(self, look: PrimitiveLook, attributes: dict[str, int], use: object) -> MaterialMap | None:
-        """A further image of the primitive's material; None where there is none that can be used."""
+        """A further image of the primitive's material; None if there is no usable one."""
         if not isinstance(use, dict) or "index" not in use:
             return None
         try:
@@ -114,7 +114,7 @@ class GltfMaterials:
         return None if number is None else MaterialMap(slot, number, strength)
 
     def _uv_set(self, look: PrimitiveLook, attributes: dict[str, int], use: Entry) -> int | None:
-        """Number of the texture coordinates that a texture of a primitive uses; None where the primitive has none."""
+        """Index of the texture coordinates that a texture of a primitive uses; None if the primitive has none."""
         transform: Entry = use.get("extensions", {}).get("KHR_texture_transform", {})
         number = transform["texCoord"] if "texCoord" in transform else use.get("texCoord", 0)
         wanted = f"TEXCOORD_{int(number)}"
@@ -127,7 +127,7 @@ class GltfMaterials:
         return list(look.uv_sets).index(key)
 
     def _slot(self, index: int, *, transparent: bool, lost: str = "the material's colour is used") -> int:
-        """Slot of a texture's decoded image; -1 where its image is missing, which a note says with what is `lost`."""
+        """Slot of a texture's decoded image; -1 if its image is missing, with a note that names the loss `lost`."""
         entry = entries(self.path, self.document, "textures")[index]
         extensions = entry.get("extensions", {})
         source = extensions.get("EXT_texture_webp", {}).get("source", entry.get("source"))
@@ -146,7 +146,7 @@ class GltfMaterials:
         return self._slots[key]
 
     def _wrap(self, texture: Entry) -> Wrap:
-        """How a texture goes on beyond its image, along u and v; it repeats where nothing is said."""
+        """Wrapping of a texture beyond its image, along u and v; repeats by default."""
         samplers = entries(self.path, self.document, "samplers")
         sampler = samplers[int(texture["sampler"])] if "sampler" in texture else {}
         along_u, along_v = (WRAPS.get(sampler.get(name, 10497), REPEAT) for name in ("wrapS", "wrapT"))
@@ -165,7 +165,7 @@ class GltfMaterials:
 
 
 def _base_color(material: Entry) -> tuple[tuple[int, int, int], float, Entry]:
-    """Base colour (sRGB), its alpha and its texture of a material, also in its older specular-glossiness form."""
+    """Base colour (sRGB), alpha and texture of a material, also in its older specular-glossiness form."""
     older: Entry = material.get("extensions", {}).get(OLDER, {})
     modern: Entry = material.get("pbrMetallicRoughness", {})
     factor = np.array(modern.get("baseColorFactor", older.get("diffuseFactor", [1, 1, 1, 1])), dtype=np.float64)
@@ -176,13 +176,13 @@ def _base_color(material: Entry) -> tuple[tuple[int, int, int], float, Entry]:
 
 
 def _alpha_mode(material: Entry) -> AlphaMode:
-    """Its alpha mode; opaque where it says nothing that the standard knows."""
+    """Alpha mode of a material; opaque if the standard does not define its value."""
     said = material.get("alphaMode")
     return AlphaMode(said) if said in list(AlphaMode) else AlphaMode.OPAQUE
 
 
 def _part(entry: Entry, key: str) -> Entry:
-    """An object within an entry, empty where there is none."""
+    """An object within an entry, empty if it is missing."""
     found = entry.get(key)
     return found if isinstance(found, dict) else {}
 
@@ -206,7 +206,7 @@ def _positive(value: object, default: float) -> float:
 
 
 def _share(value: object) -> float | None:
-    """A number within 0..1; None where it is none."""
+    """A number within 0..1; None for any other value."""
     found = _number(value, -1.0) if value is not None else -1.0
     return None if found < 0.0 else min(1.0, found)
 

@@ -1,9 +1,9 @@
-"""One door for all files of labels: a path in, the labels of things or of vertices out.
+"""Single entry point for all files of labels: from a path to the labels of things or of vertices.
 
 A phone's plan of a room: Apple RoomPlan's CapturedRoom as Swift's JSONEncoder writes it, as labelled boxes.
 
 `objects`, `doors`, `windows`, `openings` and `walls` are lists of `{identifier, category, dimensions, transform}`;
-several rooms stand under `rooms`. A category is an enum, `{"sofa": {}}` or `{"door": {"isOpen": false}}`, or text.
+several rooms are listed under `rooms`. A category is an enum, `{"sofa": {}}` or `{"door": {"isOpen": false}}`, or text.
 Dimensions are width, height and depth [m]; the transform is column by column, 16 numbers or 4 x 4, from the box's
 middle to the session's frame, y up. Floors and sections are left out: the floor is found by its height.
 
@@ -33,7 +33,7 @@ from dcap.scene.text import short_name
 from dcap.scene.types.segmentation import CornerFrame, GivenLabels, GivenThing, VertexLabels
 
 SURFACES = {"walls": "wall", "doors": "door", "windows": "window", "openings": "opening"}
-"""Lists of the building and what is in them."""
+"""Lists of parts of the building, and their labels."""
 LISTS = (*SURFACES, "objects")
 NAMES = {
     "storage": "storage", "washerDryer": "washing machine", "television": "tv", "sink": "sink", "stairs": "stairs",
@@ -41,20 +41,20 @@ NAMES = {
     "oven": "oven", "dishwasher": "dishwasher", "table": "table", "sofa": "sofa", "chair": "chair",
     "fireplace": "fireplace",
 }  # fmt: skip
-"""Categories of objects and what people call them; which storage is a shelf and which a cupboard, their shapes tell."""
+"""Categories of objects and their usual names; shapes distinguish shelves from cupboards among storage."""
 THINNEST = 0.05
-"""Walls and openings are planes: their boxes are this thick at least [m]."""
+"""Least thickness of the boxes of walls and openings, which are planes [m]."""
 
 LARGEST = 2**31
-"""Numbers of things are smaller [-]."""
+"""Upper bound for numbers of things [-]."""
 LONGEST_NUMBER = 30
-"""Characters of a number's line [-]."""
+"""Maximum length of a number's line [characters]."""
 MAGIC = b"\x93NUMPY"
-"""How a file of one array begins; archives and pickles begin otherwise."""
+"""First bytes of a file with a single array; archives and pickles begin otherwise."""
 BROKEN_ARRAY = (ValueError, EOFError, SyntaxError, OverflowError, MemoryError, RecursionError)
-"""Errors that numpy raises for bytes that are no array."""
+"""Errors that numpy raises for bytes that are not an array."""
 SHOWN = 200
-"""Characters of what numpy says that are shown."""
+"""Maximum length of numpy's message that is shown [characters]."""
 KNOWN = (
     "labels.json of `dcap dataset label`, vertex ids (.npy, .txt, .json), ScanNet's segs.json with aggregation.json, "
     "RoomPlan's JSON or InteriorGS' labels.json"
@@ -62,7 +62,7 @@ KNOWN = (
 
 
 def is_roomplan(document: Mapping[str, object]) -> bool:
-    """Whether a JSON document looks like a plan: lists of placed boxes."""
+    """Return whether a JSON document looks like a plan: lists of placed boxes."""
     rooms = document.get("rooms")
     inner = rooms if isinstance(rooms, list) else [document]
     rows = [row for room in inner if isinstance(room, dict) for row in items(room)]
@@ -77,7 +77,7 @@ def items(room: Mapping[str, object]) -> Iterator[tuple[str, Mapping[str, object
 
 
 def read_roomplan(path: Path, document: Mapping[str, object]) -> GivenLabels:
-    """The boxes of a plan; FormatError with the entry and what is wrong with it."""
+    """The boxes of a plan; raises FormatError with the entry and its problem."""
     rooms = document.get("rooms")
     inner = [room for room in (rooms if isinstance(rooms, list) else [document]) if isinstance(room, dict)]
     found: list[GivenThing] = []
@@ -99,7 +99,7 @@ def read_roomplan(path: Path, document: Mapping[str, object]) -> GivenLabels:
 
 
 def category(where: str, value: object) -> str:
-    """The case of an enum."""
+    """The name of an enum's case."""
     if isinstance(value, str) and value:
         return short_name(value)
     if isinstance(value, dict) and len(value) == 1:
@@ -108,7 +108,7 @@ def category(where: str, value: object) -> str:
 
 
 def spaced(kind: str) -> str:
-    """Words of a name in camel case."""
+    """Words of a camel-case name."""
     return " ".join(re.sub(r"(?<=[a-z])(?=[A-Z])", " ", kind).lower().replace("_", " ").split()) or "thing"
 
 
@@ -143,7 +143,7 @@ def read_numpy(path: Path) -> VertexLabels:
     if read_bytes(path, len(MAGIC)) != MAGIC:
         raise FormatError(f"{path}: not an array of numpy: it does not begin as one")
     try:
-        # mapped: what a header promises is compared with the file before memory is taken for it
+        # mapped: the size in the header is compared with the file before memory is allocated
         array = np.load(path, mmap_mode="r", allow_pickle=False)
     except (*BROKEN_ARRAY, OSError) as broken:
         raise FormatError(f"{path}: cannot be read as an array of numpy: {one_line(broken)}") from None
@@ -158,7 +158,7 @@ def one_line(error: Exception) -> str:
 
 
 def read_text(path: Path) -> VertexLabels:
-    """One number per line."""
+    """The numbers of a text file, one per line."""
     rows = read_bytes(path).decode("utf-8", "replace").split("\n")
     while rows and not rows[-1].strip():
         rows.pop()
@@ -178,7 +178,7 @@ def read_vertex_list(path: Path, document: Mapping[str, object]) -> VertexLabels
 
 
 def read_segments(path: Path, document: Mapping[str, object]) -> VertexLabels:
-    """ScanNet's two files, one of which is given."""
+    """ScanNet's pair of files, given one of them."""
     groups_given = GROUPS in document
     wanted = SEGMENTS if groups_given else GROUPS
     end = ".segs.json" if groups_given else ".aggregation.json"
@@ -202,7 +202,7 @@ def read_segments(path: Path, document: Mapping[str, object]) -> VertexLabels:
 
 
 def whole(path: Path, values: NDArray[np.generic]) -> IntArray:
-    """Numbers of things, shape (n,)."""
+    """Whole numbers of things, shape (n,)."""
     if not len(values):
         raise FormatError(f"{path}: no vertices")
     array = np.asarray(values)
@@ -216,7 +216,7 @@ def whole(path: Path, values: NDArray[np.generic]) -> IntArray:
 
 
 def names_beside(path: Path) -> dict[int, str]:
-    """The names in NAME.labels.json; none where there is no such file."""
+    """The names in NAME.labels.json; empty if the file does not exist."""
     beside = path.with_suffix(".labels.json")
     return names_of(beside, read_json(beside)) if beside.is_file() else {}
 
@@ -253,13 +253,14 @@ def named(path: Path, numbers: IntArray, names: Mapping[int, str]) -> VertexLabe
 
 
 def listing(numbers: IntArray) -> str:
-    """A few numbers."""
+    """A few numbers as text."""
     shown = ", ".join(str(one) for one in numbers[:8])
     return f"{shown} ..." if len(numbers) > 8 else shown
 
 
 def read_given_labels(path: Path) -> GivenLabels | VertexLabels:
-    """Read any of the formats; FormatError or InputError with one line where it is none or broken."""
+    """Read any of the formats; raises FormatError or InputError with one line for an unknown format or a broken
+    file."""
     if path.is_dir():
         raise InputError(f"--labels {path}: a folder; give the file: {KNOWN}")
     suffix = path.suffix.lower()

@@ -1,8 +1,9 @@
-"""labels.json as `dcap dataset label` writes it: things with names, faces and boxes, corrected by hand or not.
+"""labels.json as written by `dcap dataset label`: things with names, faces and boxes, with or without corrections by
+hand.
 
-Entries with the same id are one thing. An entry without `faces` has its box: six numbers (lowest and highest corner) or
-`{center, size, turn_deg}`, in the scene file's own axes and unit. A label that is not the entry's `guess` is a
-person's: it is sure, and its parts are found anew.
+Entries with the same id are one thing. An entry without `faces` has a box: six numbers (lowest and highest corner) or
+`{center, size, turn_deg}`, in the scene file's own axes and unit. A label that differs from the entry's `guess` comes
+from a person: it is certain, and its parts are determined again.
 """
 
 from collections.abc import Mapping
@@ -23,7 +24,7 @@ KEYS = ("number", "id", "label", "guess", "confidence", "structure", "size_m", "
 
 
 def read_things(path: Path, document: Mapping[str, object]) -> GivenLabels:
-    """The things of a document; FormatError with the entry and what is wrong with it."""
+    """The things of a document; raises FormatError with the entry and its problem."""
     if document.get("dcap_labels") != VERSION:
         raise FormatError(f"{path}: dcap_labels is {short(document.get('dcap_labels'))}, expected {VERSION}")
     entries = document.get("things")
@@ -40,7 +41,7 @@ def read_things(path: Path, document: Mapping[str, object]) -> GivenLabels:
 
 
 def merged(path: Path, read: list[GivenThing]) -> tuple[GivenThing, ...]:
-    """Entries of one id as one thing; they may not contradict each other."""
+    """Entries with the same id merged into one thing; they must not contradict each other."""
     groups: dict[str, list[GivenThing]] = {}
     for number, one in enumerate(read):
         groups.setdefault(one.id or f" {number}", []).append(one)
@@ -48,7 +49,7 @@ def merged(path: Path, read: list[GivenThing]) -> tuple[GivenThing, ...]:
 
 
 def together(path: Path, group: list[GivenThing]) -> GivenThing:
-    """One thing of several entries."""
+    """One thing from several entries."""
     if len(group) == 1:
         return group[0]
     named = {one.label for one in group if one.confidence == 1.0} or {one.label for one in group}
@@ -77,7 +78,7 @@ class EntryReader:
         self.where += f" ({named})" if isinstance(named, str) else ""
 
     def wrong(self, what: str) -> FormatError:
-        """A mistake in the entry."""
+        """The error for a mistake in the entry."""
         return FormatError(f"{self.path}: {self.where}: {what}")
 
     def thing(self) -> GivenThing:
@@ -105,14 +106,14 @@ class EntryReader:
         )
 
     def text(self, key: str) -> str:
-        """A word or several, in lower case; empty where it is missing."""
+        """A text of one or more words, in lower case; empty if it is missing."""
         value = self.entry.get(key, "")
         if isinstance(value, bool) or not isinstance(value, str | int):
             raise self.wrong(f"{key} is {short(value)}, expected text")
         return short_name(" ".join(str(value).lower().split() if key != "id" else str(value).split()))
 
     def confidence(self) -> float:
-        """0..1."""
+        """Confidence of the label, 0..1."""
         value = self.entry.get("confidence", 1.0)
         if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value <= 1.0:
             raise self.wrong(f"confidence is {short(value)}, expected a number from 0 to 1")
@@ -138,7 +139,7 @@ class EntryReader:
         return np.array(rows, dtype=np.int64).reshape(-1, 2)
 
     def parts(self) -> tuple[GivenPart, ...]:
-        """The parts of a thing whose label nobody changed."""
+        """The parts of a thing whose label was not changed."""
         rows = self.entry.get("parts") or []
         if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
             raise self.wrong(f"parts is {short(rows)}, expected a list of objects with name and faces")
@@ -174,7 +175,7 @@ class EntryReader:
 
 
 def turned_corners(center: Array, size: Array, turn_deg: float, up: str) -> Array:
-    """Corners of a box of this length, breadth and height, turned about the file's upward axis, shape (8, 3)."""
+    """Corners of a box with the given length, breadth and height, turned about the file's upward axis, shape (8, 3)."""
     along, across, upward = up_frame(up)
     turn = np.radians(turn_deg)
     x = np.cos(turn) * along + np.sin(turn) * across
@@ -184,7 +185,7 @@ def turned_corners(center: Array, size: Array, turn_deg: float, up: str) -> Arra
 
 
 def up_frame(up: str) -> tuple[Array, Array, Array]:
-    """The file's axes that are world x, y and z: of a file with y up, x, -z and y; each of shape (3,)."""
+    """The file's axes that are world x, y and z: x, -z and y for a file with y up; each of shape (3,)."""
     x = np.array([1.0, 0.0, 0.0])
     upward = {"z": [0, 0, 1.0], "-z": [0, 0, -1.0], "y": [0, 1.0, 0], "-y": [0, -1.0, 0]}.get(up, [0, 0, 1.0])
     return x, np.cross(upward, x), np.array(upward)

@@ -1,10 +1,10 @@
-"""MTL material libraries: diffuse colour and texture of each material, and where all is asked for, what else it says.
+"""MTL material libraries: diffuse colour and texture of each material, and on request further properties.
 
-What is missing or cannot be used is a note, not an error: the shape is still there. A diffuse texture's own alpha does
-not count, as the format has `map_d` for that. Of the keywords for physically based rendering `Pm`, `Pr`, `Ke`, `map_Ke`
-and `norm` are read.
+A missing or unusable value is a note, not an error: the shape is still available. The alpha of a diffuse texture does
+not count, because the format has `map_d` for that. Of the keywords for physically based rendering, `Pm`, `Pr`, `Ke`,
+`map_Ke` and `norm` are read.
 
-Properties of the materials of an OBJ beyond colours and diffuse textures, put on its faces.
+Properties of the materials of an OBJ beyond colours and diffuse textures, assigned to its faces.
 """
 
 import posixpath
@@ -32,7 +32,7 @@ from dcap.scene.srgb import linear_from_srgb
 from dcap.scene.types.mesh import PLAIN, AlphaMode, MaterialMap, Paint, SurfaceMaterial
 
 GREY = (200, 200, 200)
-"""Colour of a surface that names none (sRGB)."""
+"""Colour of a surface without a stated colour (sRGB)."""
 
 DIFFUSE, CUTOUT, LIGHT, NORMAL = MTL_TEXTURES
 
@@ -45,19 +45,19 @@ class MtlMaterial:
 
     color: tuple[int, int, int] = GREY
     texture: Rgb | None = None
-    """Diffuse image, with alpha where `map_d` gives it one."""
+    """Diffuse image, with alpha if `map_d` provides it."""
     opacity: float = 1.0
-    """Share of light that it holds back, 0..1 [-]."""
+    """Opacity, 0..1 [-]."""
     metallic: float | None = None
     roughness: float | None = None
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Linear, 0..1."""
+    """Linear emitted light, 0..1."""
     images: dict[str, Rgb] = field(default_factory=dict)
-    """Its further images by keyword."""
+    """Further images by keyword."""
 
     @property
     def alpha_mode(self) -> AlphaMode:
-        """Opaque, cut out (an image of nothing but 0 and 255), or as transparent as it says."""
+        """Opaque, cut out (an image of only 0 and 255), or blended."""
         alpha = None if self.texture is None or self.texture.shape[2] == 3 else self.texture[..., 3]
         if self.opacity < 1.0 or (alpha is not None and not ((alpha == 0) | (alpha == 255)).all()):
             return AlphaMode.BLEND
@@ -65,18 +65,18 @@ class MtlMaterial:
 
 
 class MtlImages:
-    """The images of a library: each is decoded once, however many materials name it."""
+    """The images of a library: each is decoded once, however many materials refer to it."""
 
     def __init__(self, folder: Path, library: str) -> None:
         self.folder, self.library, self.budget = folder, library, PixelBudget(folder / library)
         self._known: dict[tuple[str, bool], Rgb] = {}
 
     def absence(self, text: str) -> str:
-        """Why there is no image of that name."""
+        """Reason why there is no image of that name."""
         return absence(text, posixpath.dirname(self.library))
 
     def read(self, text: str, *, transparent: bool = False) -> Rgb | None:
-        """The image that a line names; None where there is none."""
+        """The image named in a line; None if there is none."""
         name = texture_beside(self.folder, self.library, text)
         if name is None:
             return None
@@ -87,7 +87,7 @@ class MtlImages:
 
 
 def read_mtl(folder: Path, name: str, notes: list[str], *, all_maps: bool = False) -> dict[str, MtlMaterial]:
-    """Materials by name of the library that an OBJ in `folder` names; `all_maps`: what is more than colour too."""
+    """Materials by name from the library named by an OBJ in `folder`; `all_maps`: also properties beyond colour."""
     library = find_file(folder, name)
     if library is None:
         notes.append(f"{name} {absence(name)}: materials are ignored")
@@ -106,7 +106,7 @@ def read_mtl(folder: Path, name: str, notes: list[str], *, all_maps: bool = Fals
             _attach_texture(images, rest, current, notes)
         elif not all_maps:
             continue
-        elif key == "d":  # counts over Tr, which some programs write as if it meant the same
+        elif key == "d":  # takes precedence over Tr, which some programs write with the same meaning
             current.opacity = _share(where, key, rest, notes, 1.0)
             stated.add(id(current))
         elif key == "Tr" and id(current) not in stated:
@@ -130,7 +130,8 @@ def read_mtl(folder: Path, name: str, notes: list[str], *, all_maps: bool = Fals
 
 
 def _color(where: str, text: str, notes: list[str]) -> tuple[int, int, int]:
-    """Three shares of full light; grey for a colour by spectrum, which the format allows, and for anything else."""
+    """Three shares of full light; grey for a colour given by its spectrum, which the format allows, and for anything
+    else."""
     try:
         red, green, blue = (min(255, max(0, round(float(word) * 255.0))) for word in text.split()[:3])
     except (ValueError, OverflowError):
@@ -140,7 +141,7 @@ def _color(where: str, text: str, notes: list[str]) -> tuple[int, int, int]:
 
 
 def _light(text: str) -> tuple[float, float, float]:
-    """Linear light of three shares, which are taken as sRGB as `Kd` is; none of anything else."""
+    """Linear light from three shares, which are interpreted as sRGB like `Kd`; zeros for anything else."""
     try:
         shares = np.clip([float(word) for word in text.split()[:3]], 0.0, 1.0)
         red, green, blue = linear_from_srgb(shares * 255.0).tolist()
@@ -150,7 +151,7 @@ def _light(text: str) -> tuple[float, float, float]:
 
 
 def _share(where: str, key: str, text: str, notes: list[str], otherwise: float) -> float:
-    """The number at the end of a line (options stand before it), within 0..1."""
+    """The number at the end of a line (options may precede it), within 0..1."""
     try:
         found = float(text.split()[-1])
     except (ValueError, IndexError):
@@ -162,7 +163,7 @@ def _share(where: str, key: str, text: str, notes: list[str], otherwise: float) 
 
 
 def _attach_texture(images: MtlImages, text: str, material: MtlMaterial, notes: list[str]) -> None:
-    """Read the image that `map_Kd` names."""
+    """Read the image named by `map_Kd`."""
     image = images.read(text)
     if image is None:
         notes.append(f"texture {text!r} of {images.library} {images.absence(text)}: the material's colour is used")
@@ -171,7 +172,7 @@ def _attach_texture(images: MtlImages, text: str, material: MtlMaterial, notes: 
 
 
 def _attach_map(images: MtlImages, key: str, text: str, material: MtlMaterial, notes: list[str]) -> None:
-    """Read a further image; one that is missing or broken is left out."""
+    """Read a further image; a missing or broken image is left out."""
     try:
         image = images.read(text, transparent=key == CUTOUT)
         if image is None:
@@ -182,9 +183,9 @@ def _attach_map(images: MtlImages, key: str, text: str, material: MtlMaterial, n
 
 
 def _cut_out(images: MtlImages, material: MtlMaterial, image: Rgb) -> None:
-    """Give the diffuse texture the alpha that `map_d` says: the image's own where it has one, else its brightness.
+    """Give the diffuse texture the alpha of `map_d`: the image's own alpha if it has one, else its brightness.
 
-    An image of another size is brought to that of the texture.
+    An image of a different size is resized to the texture.
     """
     alpha = image[..., 3] if image.shape[2] == 4 else np.asarray(Image.fromarray(image).convert("L"))
     if (alpha == 255).all():
@@ -207,7 +208,7 @@ def with_materials(
     has_uv: NDArray[np.bool_],
 ) -> Paint:
     """Paint of triangles that are parts of the face lines `owner` (m,), with the material of each line, an index into
-    `names`, -1 for none. Images count on the triangles that have texture coordinates (m,)."""
+    `names`, -1 for none. Images only apply to the triangles that have texture coordinates (m,)."""
     textures, flat, mapped = list(paint.textures), [], []
     for name in names:
         found = library.get(name, MtlMaterial())

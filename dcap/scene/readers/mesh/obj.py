@@ -1,6 +1,6 @@
 """Wavefront OBJ meshes: any polygons, negative indices, vertex colours, objects, groups, MTL colours and textures.
 
-Every index is checked; polygons are kept whole until `polygons.triangulate` cuts them, so quads are never lost.
+Every index is checked; polygons are kept whole until `triangulate` cuts them, so quads are never lost.
 """
 
 import re
@@ -23,11 +23,11 @@ from dcap.scene.types.mesh import Paint
 CORNER = re.compile(rb"-?\d{1,18}(?:/(?:-?\d{1,18})?){0,2}")
 """One corner of a face: position, texture coordinate and normal."""
 NUMERIC = (b"v", b"vt", b"f")
-"""Lines that may end in a comment; a name may hold the sign."""
+"""Lines that may end in a comment; a name may contain the sign."""
 SHOWN = 80
-"""Characters of a broken line that a message quotes."""
+"""Maximum length of a broken line in a message [characters]."""
 TOLD = 3
-"""Names of missing materials that a message quotes."""
+"""Maximum number of missing materials named in a message."""
 
 
 @dataclass
@@ -40,15 +40,15 @@ class Lines:
     face_line: list[int] = field(default_factory=list)
     """Line number of each face, for messages."""
     seen: list[tuple[int, int]] = field(default_factory=list)
-    """Vertices and texture coordinates read before each face (negative indices count from there)."""
+    """Number of vertices and texture coordinates read before each face (negative indices count from there)."""
     switches: dict[str, list[tuple[int, str]]] = field(default_factory=lambda: {"o": [], "g": [], "usemtl": []})
     """(first face, name) of every object, group and material."""
 
 
 def read_obj(path: Path, report: Report | None = None, *, all_maps: bool = False) -> RawMesh:
-    """Read an OBJ file and the MTL and images next to it; with a `report`, broken lines are told and left out.
+    """Read an OBJ file with the MTL and images next to it; with a `report`, broken lines are reported and left out.
 
-    `all_maps`: transparency, factors, further maps and names of materials are read too, along with their colours.
+    `all_maps`: also read transparency, factors, further maps and names of materials, in addition to colours.
     """
     report = report or refusing(path)
     data = read_bytes(path)
@@ -82,7 +82,7 @@ def read_obj(path: Path, report: Report | None = None, *, all_maps: bool = False
 
 
 def _statements(data: bytes) -> Iterator[tuple[int, bytes, bytes]]:
-    """Line number, keyword and the rest of every line; a line that ends in a backslash goes on in the next."""
+    """Line number, keyword and the rest of every line; a line that ends in a backslash continues on the next."""
     text = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n").replace(b"\\\n", b" ")
     for number, line in enumerate(text.split(b"\n"), start=1):
         key, _, rest = line.strip().replace(b"\t", b" ").partition(b" ")
@@ -107,7 +107,7 @@ def _sort_lines(data: bytes) -> Lines:
 
 
 def _numbers(report: Report, data: bytes, keyword: str, rows: list[bytes], least: int) -> NDArray[np.float64]:
-    """Rows of numbers as one array; rows of unequal length are cut to the shortest, broken ones are zeros."""
+    """Rows of numbers as one array; rows of unequal length are cut to the shortest, broken rows are zeros."""
     if not rows:
         return np.zeros((0, least))
     counts = [len(row.split()) for row in rows]
@@ -132,7 +132,7 @@ def _numbers(report: Report, data: bytes, keyword: str, rows: list[bytes], least
 
 
 def _broken(row: bytes, least: int) -> str:
-    """Fault in a row of at least `least` numbers, with a place for its keyword; empty if it is sound."""
+    """Fault in a row of at least `least` numbers, with a placeholder for its keyword; empty if it is sound."""
     words = row.split()
     if len(words) < least:
         return f"'{{}}' has {len(words)} values, expected {least}"
@@ -205,14 +205,14 @@ def _indices(
 
 
 def _readable(row: bytes) -> bool:
-    """Whether every corner of a face line is a whole number and at most two more after slashes."""
+    """Return whether every corner of a face line is a whole number with at most two more after slashes."""
     return all(CORNER.fullmatch(token) for token in row.split())
 
 
 def _resolved(
     lines: Lines, numbers: NDArray[np.int64], index: NDArray[np.int64], count: int, kind: int
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """1-based and negative indices to 0-based ones, and which of them the file does not have."""
+    """0-based indices from 1-based and negative ones, and the mask of those that do not exist in the file."""
     resolved = index - 1
     if (index < 0).any():
         seen = np.array([lines.seen[i][kind] for i in numbers])[:, None]
@@ -231,7 +231,7 @@ def _spread(switches: list[tuple[int, str]], count: int) -> tuple[NDArray[np.int
 
 
 def _used_materials(lines: Lines, library: Mapping[str, MtlMaterial], notes: list[str]) -> dict[str, MtlMaterial]:
-    """Materials by the names that faces use them under; a note tells those that no library has.
+    """Materials by the names under which faces use them; a note lists those that no library has.
 
     A comment may follow either name, but "Material #25" is not "Material #26".
     """
@@ -261,7 +261,7 @@ def _paint(
     face_uv: NDArray[np.int64],
     owner: NDArray[np.int64],
 ) -> Paint | None:
-    """Material colours and textures of the faces; None where the file names no material that exists."""
+    """Material colours and textures of the faces; None if the file names no existing material."""
     material_index, names = _spread(lines.switches["usemtl"], len(lines.face))
     if not names or not library:
         return None

@@ -1,7 +1,7 @@
 """Textures and material colours baked to vertex colours.
 
-Faces on which the texture varies more than three corner colours can tell are cut first, along shared edges, so that the
-surface stays closed. Vertices are split only where the colours that meet in them differ visibly.
+Faces on which the texture varies more than three corner colours can represent are cut first, along shared edges, so
+that the surface stays closed. Vertices are split only if the colours that meet in them differ visibly.
 """
 
 from dataclasses import dataclass
@@ -14,22 +14,22 @@ from dcap.scene.srgb import linear_from_srgb, sampled, srgb_from_linear
 from dcap.scene.types.mesh import Paint
 
 EDGE_FRACTION = 0.01
-"""Target edge of faces whose texture varies, as a share of the mesh's largest extent [-]."""
+"""Target edge of faces with a varying texture, as a share of the mesh's largest extent [-]."""
 
 LONGEST_SIDE = 2.0
 """Sides longer than this many target edges are cut, so that the pieces are no shorter than the target [-]."""
 
 MAX_BAKED_FACES = 150_000
-"""Cutting stops before the mesh has more faces than this [-]."""
+"""Maximum number of faces after cutting [-]."""
 
 VISIBLE_VARIATION = 6.0
-"""Root mean square difference from linear interpolation that is worth a cut [sRGB levels]: barely visible."""
+"""Root mean square difference from linear interpolation that justifies a cut [sRGB levels]: barely visible."""
 
 VISIBLE_STEP = 40.0
-"""Colours farther apart than this at one vertex are a border and stay apart [sRGB levels]."""
+"""Difference of colours at one vertex above which they form a border and stay apart [sRGB levels]."""
 
 MAX_ROUNDS = 8
-"""Each round halves edges; 2^8 covers an edge as long as the mesh [-]."""
+"""Maximum number of rounds; each halves edges, and 2^8 covers an edge as long as the mesh [-]."""
 
 
 @dataclass
@@ -70,7 +70,7 @@ def bake(raw: RawMesh) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[
 
 
 def _welded(raw: RawMesh, paint: Paint) -> TexturedSurface:
-    """Shared positions become one point, so that cuts on either side of a texture seam agree."""
+    """The surface with shared positions merged into one point, so that cuts on either side of a texture seam agree."""
     points, index = np.unique(raw.vertices, axis=0, return_inverse=True)
     tint = np.broadcast_to(linear_from_srgb(paint.face_color)[:, None, :], (len(raw.faces), 3, 3))
     if raw.colors is not None:
@@ -91,14 +91,15 @@ def _colors_at(surface: TexturedSurface, images: Paint, weights: NDArray[np.floa
 
 
 def _corner_colors(surface: TexturedSurface, images: Paint) -> NDArray[np.float64]:
-    """Linear colour at each corner: the mean of four samples inside the face, so that no other patch bleeds in."""
+    """Linear colour at each corner: the mean of four samples inside the face, so that no other part of the texture
+    bleeds in."""
     near = np.array([[0.9, 0.05, 0.05], [0.7, 0.15, 0.15], [0.75, 0.2, 0.05], [0.75, 0.05, 0.2]])
     corners = [_colors_at(surface, images, near[:, np.roll([0, 1, 2], turn)]).mean(axis=1) for turn in range(3)]
     return np.stack(corners, axis=1)
 
 
 def _varies(surface: TexturedSurface, images: Paint) -> NDArray[np.bool_]:
-    """Faces whose texture departs visibly from the interpolation of their corners, shape (m,)."""
+    """Mask of the faces whose texture departs visibly from the interpolation of their corners, shape (m,)."""
     steps = 7
     grid = (
         np.array([[i, j, steps - i - j] for i in range(1, steps) for j in range(1, steps - i)], dtype=np.float64)
@@ -111,7 +112,7 @@ def _varies(surface: TexturedSurface, images: Paint) -> NDArray[np.bool_]:
 
 
 def _refined(surface: TexturedSurface, images: Paint) -> TexturedSurface:
-    """Cut faces until the texture survives or the edge or face limit is reached."""
+    """The surface with faces cut until the texture is preserved or the edge or face limit is reached."""
     extent = float(np.ptp(surface.points, axis=0).max())
     target = EDGE_FRACTION * extent
     for _ in range(MAX_ROUNDS):
@@ -141,7 +142,7 @@ def _edge_ids(faces: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.i
 
 
 def _marked_edges(surface: TexturedSurface, needy: NDArray[np.bool_], longest: float) -> NDArray[np.bool_]:
-    """Sides to cut, shape (m, 3): long sides of needy faces, and the same edges of their neighbours."""
+    """Sides to cut, shape (m, 3): long sides of faces that need it, and the same edges of their neighbours."""
     edges, side = _edge_ids(surface.faces)
     length = np.linalg.norm(surface.points[edges[:, 0]] - surface.points[edges[:, 1]], axis=1)
     own = length[side]
@@ -161,7 +162,7 @@ CHILDREN = {
 
 
 def _cut(surface: TexturedSurface, marks: NDArray[np.bool_]) -> TexturedSurface:
-    """Cut every marked side in the middle; neighbours share the new points."""
+    """The surface with every marked side cut in the middle; neighbours share the new points."""
     edges, side = _edge_ids(surface.faces)
     cut = np.zeros(len(edges), dtype=bool)
     cut[side[marks]] = True
@@ -193,7 +194,7 @@ def _with_middles(corner: NDArray[np.float64]) -> NDArray[np.float64]:
 def _split_at_borders(
     surface: TexturedSurface, colors: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.uint8]]:
-    """One vertex per point and visibly different colour: positions (n, 3), faces (m, 3), colours (n, 3)."""
+    """One vertex for each point and visibly different colour: positions (n, 3), faces (m, 3), colours (n, 3)."""
     corner = surface.faces.reshape(-1)
     shade = colors.reshape(-1, 3)
     count = np.bincount(corner, minlength=len(surface.points))
@@ -201,7 +202,7 @@ def _split_at_borders(
     mean = total / np.maximum(count, 1)[:, None]
     spread = np.zeros(len(surface.points))
     np.maximum.at(spread, corner, np.abs(shade - mean[corner]).max(axis=1))
-    # Five levels a channel tell materials apart; the exact mean of each group is kept below.
+    # Five levels per channel distinguish materials; the exact mean of each group is kept below.
     level = np.rint(shade / 64.0).astype(np.int64) @ np.array([25, 5, 1]) + 1
     key = corner * 126 + np.where(spread[corner] > VISIBLE_STEP, level, 0)
     _, first, inverse = np.unique(key, return_index=True, return_inverse=True)

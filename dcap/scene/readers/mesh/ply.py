@@ -1,10 +1,10 @@
 """PLY meshes: vertex or face colours, any polygons.
 
-Tables of PLY files: the library plyfile reads them, behind checks of what a header promises.
+Tables of PLY files, read by the library plyfile after checks of the header.
 
-Guaranteed: the counts of the header are compared with the file's length before anything is allocated, which plyfile
-does not do. Binary elements whose lists have three or four numbers are mapped; all others are read value by value.
-Source: Greg Turk, "The PLY Polygon File Format", 1994.
+Guaranteed: the counts of the header are compared with the file's length before memory is allocated, which plyfile does
+not do. Binary elements whose lists have three or four numbers are mapped; all others are read value by value. Source:
+Greg Turk, "The PLY Polygon File Format", 1994.
 """
 
 import re
@@ -23,25 +23,26 @@ from dcap.scene.readers.mesh.raw import RawMesh, check_face_count, check_vertex_
 from dcap.scene.types.mesh import Paint
 
 HEADER_LIMIT = 1 << 20
-"""A header longer than this is not one [bytes]."""
+"""Maximum length of a header [bytes]."""
 
 COUNT = re.compile(rb"(?<![^\r\n])([ \t]*element[ \t]+\S+[ \t]+)(\d+)(?=\s)")
-"""The number of rows that a line of the header promises."""
+"""The number of rows stated in a line of the header."""
 
 END = re.compile(rb"(?<=[\r\n])end_header[ \t]*(\r\n|\n|\r)")
-"""The last line of the header; a comment may hold the word too."""
+"""The last line of the header; a comment may contain the word too."""
 
 WEDGE = ("texcoord", 6)
-"""Texture coordinates of a triangle's corners, as some programs write them: the one usual list of another length."""
+"""Texture coordinates of a triangle's corners, as written by some programs: the only common list of another length."""
 
 Column = NDArray[np.generic]
-"""One number per row (n,), lists of one length (n, k), or lists of several: arrays in an array of objects (n,)."""
+"""One number per row (n,), lists of one length (n, k), or lists of several lengths: an array of arrays as objects
+(n,)."""
 
 Table = dict[str, Column]
 INDEX_NAMES = ("vertex_indices", "vertex_index")
 
 TEXTURE = re.compile(rb"comment[ \t]+TextureFile[ \t]+([^\r\n]+)")
-"""A line of the header that names an image, as some programs write it."""
+"""A line of the header that names an image, as written by some programs."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,13 +52,13 @@ class PlyHeader:
     elements: dict[str, PlyElement]
     """By name in file order, without data."""
     counts: dict[str, int]
-    """Rows that each promises."""
+    """Number of rows stated for each element."""
     is_text: bool
     text: bytes
-    """The header itself, in ASCII."""
+    """The header text, in ASCII."""
 
     def properties(self, element: str) -> set[str]:
-        """Names of an element's properties; empty where there is no such element."""
+        """Names of an element's properties; empty if there is no such element."""
         return {p.name for p in self.elements[element].properties} if element in self.elements else set()
 
 
@@ -69,7 +70,7 @@ def read_header(path: Path) -> PlyHeader:
     end = END.search(data)
     if end is None:
         raise FormatError(f"{path}: the PLY header has no end_header line")
-    # plyfile takes ASCII alone, but comments hold names of people and folders
+    # plyfile only accepts ASCII, but comments contain names of people and folders
     text = data[: end.end()].decode("ascii", "replace").encode("ascii", "replace")
     counts = [int(match[2]) for match in COUNT.finditer(text)]
     try:
@@ -86,9 +87,9 @@ def read_header(path: Path) -> PlyHeader:
 
 
 def read_tables(path: Path, header: PlyHeader, report: Report | None = None) -> dict[str, Table]:
-    """All elements by name; the file must be long enough for what its header promises.
+    """All elements by name; the file must be long enough for its header.
 
-    The first row that is broken is told to `report`, where there is one, and raised.
+    The first broken row is reported to `report`, if given, and raised.
     """
     _check_length(path, header, path.stat().st_size - len(header.text))
     try:
@@ -101,7 +102,7 @@ def read_tables(path: Path, header: PlyHeader, report: Report | None = None) -> 
 
 
 def _check_length(path: Path, header: PlyHeader, available: int) -> None:
-    """Refuse a header that promises more than the file can hold."""
+    """Refuse a header that states more than the file can hold."""
     needed = 0
     for name, element in header.elements.items():
         count, row = header.counts[name], 0
@@ -109,7 +110,7 @@ def _check_length(path: Path, header: PlyHeader, available: int) -> None:
             raise FormatError(f"{path}: the header declares {count} rows of element {name!r} without properties")
         for prop in element.properties:
             stored = prop.len_dtype if isinstance(prop, PlyListProperty) else prop.val_dtype
-            # a text has one digit and one separator at least; an empty list still states its length
+            # each value of a text takes at least a digit and a separator; an empty list still states its length
             row += 2 if header.is_text else np.dtype(stored).itemsize
         needed += count * row
         if needed > available + 1:  # the last separator of a text may be missing
@@ -120,14 +121,14 @@ def _check_length(path: Path, header: PlyHeader, available: int) -> None:
 
 
 def _line(header: PlyHeader, broken: PlyElementParseError) -> int:
-    """The line of a text that is broken; 0 for binary files."""
+    """The number of the broken line of a text; 0 for binary files."""
     names = list(header.elements)
     before = sum(header.counts[name] for name in names[: names.index(broken.element.name)])
     return header.text.count(b"\n") + before + broken.row + 1 if header.is_text else 0
 
 
 def _mapped(path: Path, header: PlyHeader) -> PlyData | None:
-    """A binary file whose lists have the usual lengths; None where they have not."""
+    """A binary file whose lists have the usual lengths; None if they do not."""
     for corners in (3, 4):
         lengths = {
             name: {p.name: WEDGE[1] if p.name == WEDGE[0] else corners for p in element.properties}
@@ -137,21 +138,22 @@ def _mapped(path: Path, header: PlyHeader) -> PlyData | None:
             return PlyData.read(path, known_list_len=lengths)
         except PlyElementParseError as broken:
             if broken.element.name == "face" and broken.message == "early end-of-file" and corners == 3:
-                raise  # every face has as many corners
-        except UnicodeDecodeError:  # a header that is no ASCII
+                raise  # all faces have the same number of corners
+        except UnicodeDecodeError:  # a header that is not ASCII
             return None
     return None
 
 
 def _by_value(path: Path, header: PlyHeader) -> PlyData:
-    """Any file, much slower. From memory: what a lying list asks for beyond the end is then not allocated."""
+    """Any file, much slower. From memory, so that nothing is allocated for an invalid list that claims to extend beyond
+    the end."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # numpy's of empty lists
+        warnings.simplefilter("ignore", UserWarning)  # numpy's warning about empty lists
         return PlyData.read(BytesIO(header.text + read_bytes(path)[len(header.text) :]))
 
 
 def scalar(path: Path, table: Table, name: str) -> Column:
-    """A property of one number per vertex, shape (n,); FormatError where there is none."""
+    """A property with one number per vertex, shape (n,); raises FormatError if it is missing."""
     column = table.get(name)
     if column is None or not is_scalar(column):
         raise FormatError(f"{path}: the PLY vertex element has no property {name!r} of one number")
@@ -159,18 +161,18 @@ def scalar(path: Path, table: Table, name: str) -> Column:
 
 
 def is_scalar(column: Column) -> bool:
-    """Whether the property has one number per row, not lists."""
+    """Return whether a property has one number per row, not lists."""
     return column.ndim == 1 and column.dtype != np.object_
 
 
 def describes_splats(header: PlyHeader) -> bool:
-    """Whether a PLY header describes Gaussians rather than a mesh."""
+    """Return whether a PLY header describes Gaussians, not a mesh."""
     names = header.properties("vertex")
     return "packed_position" in names or {"f_dc_0", "opacity"} <= names
 
 
 def read_ply(path: Path, report: Report | None = None) -> RawMesh:
-    """Read a PLY triangle or polygon mesh; with a `report`, faces that are broken are told and left out."""
+    """Read a PLY mesh of triangles or polygons; with a `report`, broken faces are reported and left out."""
     report = report or refusing(path)
     header = read_header(path)
     _refuse_splats(path, header)
@@ -197,13 +199,13 @@ def read_ply(path: Path, report: Report | None = None) -> RawMesh:
 
 
 def _unread_textures(header: PlyHeader) -> tuple[str, ...]:
-    """A note for each image that the header names: the format itself has colours of vertices and faces alone."""
+    """A note for each image named in the header: the format itself only has colours of vertices and faces."""
     names = dict.fromkeys(match.group(1).decode().strip() for match in TEXTURE.finditer(header.text))
     return tuple(f"texture {name!r} of a PLY is not read; save the mesh as OBJ or GLB to keep it" for name in names)
 
 
 def _refuse_splats(path: Path, header: PlyHeader) -> None:
-    """Gaussian splats are not a surface: say so instead of reading their centres."""
+    """Refuse Gaussian splats, which are not a surface, instead of reading their centres."""
     if "vertex" not in header.elements:
         raise FormatError(f"{path}: the PLY header declares no vertex element")
     if describes_splats(header):
@@ -213,7 +215,7 @@ def _refuse_splats(path: Path, header: PlyHeader) -> None:
 def _faces(
     path: Path, vertices: NDArray[np.float64], index: Column, report: Report
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Triangles (t, 3) and the polygon (t,) that each came from."""
+    """Triangles (t, 3) and the polygon (t,) from which each was cut."""
     of_several = index.dtype == np.object_
     lengths = np.array([len(row) for row in index]) if of_several else np.full(len(index), index.shape[1])
     check_face_count(path, int(np.maximum(lengths - 2, 0).sum()))
@@ -239,7 +241,7 @@ def _faces(
 
 
 def colors_of(table: Table) -> NDArray[np.uint8] | None:
-    """Colours of an element as bytes, None if it has none."""
+    """Colours of an element as bytes; None if it has none."""
     for names in (("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green", "diffuse_blue")):
         if all(name in table and is_scalar(table[name]) for name in names):
             channels = np.stack([np.asarray(table[name]) for name in names], axis=1)

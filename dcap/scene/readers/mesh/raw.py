@@ -1,9 +1,9 @@
-"""Content of a mesh file, before units, axes and colours are settled.
+"""Content of a mesh file before its unit, axes and colours are determined.
 
-`RawMesh` is what every format reader returns; `paint.py` next to this bakes its textures and `frame.py`
-brings it to metres and z up. Invariant: finite vertices, indices in range, at least one face.
+`RawMesh` is returned by every format reader; `paint.py` bakes its textures and `frame.py` converts it to metres and z
+up. Invariant: finite vertices, indices in range, at least one face.
 
-Polygons to triangles: convex ones as fans, concave ones by constrained triangulation of their plane.
+Polygons to triangles: convex polygons as fans, concave ones by constrained triangulation in their plane.
 """
 
 from dataclasses import dataclass, replace
@@ -17,14 +17,14 @@ from dcap.scene.errors import FormatError, GeometryError, InputError
 from dcap.scene.types.mesh import Paint
 
 MAX_FACES = 4_000_000
-"""Faces that a file may hold [-]. Reading and cleaning take 0.5 KB for a plain face and 1.6 KB for a textured one at
-the peak (measured on a million): 6.4 GB at worst, which a machine of 8 GiB has. SuGaR's largest meshes have half as
-many."""
+"""Maximum number of faces of a file [-]. Reading and cleaning take 0.5 KB for a plain face and 1.6 KB for a textured
+one at the peak (measured on a million): 6.4 GB at worst, which fits into a machine of 8 GiB. SuGaR's largest meshes
+have half as many."""
 
 MAX_CORNERS = 3 * MAX_FACES
-"""Vertices, or values of one accessor, that a file may hold [-]: no face shares a corner with another."""
+"""Maximum number of vertices, or of values of one accessor, of a file [-]: as if no two faces shared a corner."""
 MOST_CORNERS = 4096
-"""Of a concave polygon: the triangulation takes memory with the square of their number, 16 bytes each."""
+"""Maximum number of corners of a concave polygon: the triangulation takes memory with its square, 16 bytes each."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -43,16 +43,16 @@ class RawMesh:
     face_node: NDArray[np.int32]
     """Index into `node_names`, -1 for none, shape (m,)."""
     node_names: tuple[str, ...]
-    """Names; an ancestor and its descendant are joined by '/'."""
+    """Names of the nodes; an ancestor and its descendant are joined by '/'."""
     up: str
     """Up axis by the format's standard: y or z; empty if the format has none."""
     unit_metres: float
     """Length unit by the format's standard [m]; 0 if the format has none."""
     notes: tuple[str, ...]
     node_labels: tuple[str | None, ...] = ()
-    """Label that each node's instance is annotated with, as in `Scan`; empty: the file annotates nothing."""
+    """Annotated label of each node's instance, as in `Scan`; empty: the file has no annotations."""
     of_splats: bool = False
-    """Faces that only stand for Gaussians: they tell where and which way, not which side is out."""
+    """Whether faces only represent Gaussians: they have a place and a direction, but no outer side."""
 
     def __post_init__(self) -> None:
         if not len(self.vertices) or not len(self.faces):
@@ -69,7 +69,8 @@ class RawMesh:
         self._check_area()
 
     def without_loose_vertices(self) -> "RawMesh":
-        """Without vertices that no face uses: they are no surface, but would count in the size of the thing."""
+        """A copy without vertices that no face uses: they are not a surface, but would count in the size of the
+        thing."""
         used = np.zeros(len(self.vertices), dtype=bool)
         used[self.faces] = True
         if used.all():
@@ -79,13 +80,13 @@ class RawMesh:
         return replace(self, vertices=self.vertices[used], faces=place[self.faces], colors=colors)
 
     def _check_area(self) -> None:
-        """Refuse a mesh without any surface: the sign of a decoder that gave up."""
+        """Refuse a mesh without any surface, the sign of a failed decoder."""
         if self.degenerate.all():
             raise FormatError(f"{self.path}: all {len(self.faces)} faces have zero area")
 
     @property
     def degenerate(self) -> NDArray[np.bool_]:
-        """Faces without area, shape (m,)."""
+        """Mask of the faces without area, shape (m,)."""
         a, b, c = (self.vertices[self.faces[:, i]] for i in range(3))
         twice_area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
         low, high = (np.stack([end(corner, axis=0) for corner in (a, b, c)]) for end in (np.min, np.max))
@@ -95,13 +96,13 @@ class RawMesh:
 
 
 def check_face_count(path: Path, count: int) -> None:
-    """Refuse more faces than we can work with, before they are allocated."""
+    """Refuse more faces than we can handle, before they are allocated."""
     if count > MAX_FACES:
         raise InputError(f"{path}: {count} faces > {MAX_FACES}; decimate the mesh first")
 
 
 def check_vertex_count(path: Path, count: int) -> None:
-    """Refuse more vertices than the faces that we can work with have corners."""
+    """Refuse more vertices than the maximum number of faces has corners."""
     if count > MAX_CORNERS:
         raise InputError(f"{path}: {count} vertices > {MAX_CORNERS}; decimate the mesh first")
 
@@ -109,9 +110,9 @@ def check_vertex_count(path: Path, count: int) -> None:
 def triangulate(
     vertices: NDArray[np.float64], polygons: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Triangulate polygons of one corner count.
+    """Triangulate polygons with equal numbers of corners.
 
-    Returns corner triples (t, 3) that index the corners 0..k-1 of each polygon, and the polygon (t,) of each.
+    Returns corner triples (t, 3) that index the corners 0..k-1 of each polygon, and the polygon (t,) of each triple.
     """
     count, corners = polygons.shape
     fan = np.array([[0, i, i + 1] for i in range(1, corners - 1)], dtype=np.int64).reshape(-1, 3)
@@ -133,7 +134,7 @@ def _newell_normals(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _concave(points: NDArray[np.float64], normals: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Which polygons have a corner that turns against their normal, shape (p,)."""
+    """Mask of the polygons with a corner that turns against their normal, shape (p,)."""
     edges = np.roll(points, -1, axis=1) - points
     turn = np.cross(np.roll(edges, 1, axis=1), edges)
     along = np.einsum("pki,pi->pk", turn, normals)
@@ -142,7 +143,7 @@ def _concave(points: NDArray[np.float64], normals: NDArray[np.float64]) -> NDArr
 
 
 def _cut_concave(points: NDArray[np.float64], normal: NDArray[np.float64], fan: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Corner triples of one concave polygon; the fan where the outline crosses itself."""
+    """Corner triples of one concave polygon; a fan if its outline crosses itself."""
     if len(points) > MOST_CORNERS:
         raise GeometryError(f"a concave face has {len(points)} corners > {MOST_CORNERS}; cut it into triangles")
     across = np.linalg.svd(normal[None, :])[2][1:]

@@ -1,6 +1,6 @@
-"""STL meshes, binary and ascii, by trimesh. The format knows neither units, axes, colours nor shared vertices.
+"""STL meshes, binary and ascii, by trimesh. The format has no units, axes, colours or shared vertices.
 
-trimesh is given what it takes without guessing: exactly the facets that the header promises, or a text that ends.
+trimesh only gets input that needs no guessing: exactly as many facets as stated in the header, or a complete text.
 """
 
 from io import BytesIO, StringIO
@@ -18,7 +18,7 @@ HEADER, FACET = 84, 50
 
 
 def read_stl(path: Path, report: Report | None = None) -> RawMesh:
-    """Read an STL file; equal corners become one vertex. What is wrong is raised, nothing is told to a `report`."""
+    """Read an STL file; equal corners become one vertex. Problems are raised, never passed to `report`."""
     data = read_bytes(path)
     corners = _ascii(path, data) if _is_ascii(data) else _binary(path, data)
     check_face_count(path, len(corners) // 3)
@@ -31,17 +31,18 @@ def read_stl(path: Path, report: Report | None = None) -> RawMesh:
 
 
 def _facets(data: bytes) -> int:
-    """How many facets the header of a binary file promises; -1 where it ends before."""
+    """Number of facets stated in the header of a binary file; -1 if the file is shorter than a header."""
     return int.from_bytes(data[HEADER - 4 : HEADER], "little") if len(data) >= HEADER else -1
 
 
 def _is_ascii(data: bytes) -> bool:
-    """A binary file may begin with 'solid' too: its length then fits its own facet count."""
+    """Return whether a file is ascii; a binary file may begin with 'solid' too, but its length then fits its facet
+    count."""
     return data[:512].lstrip().lower().startswith(b"solid") and len(data) != HEADER + FACET * _facets(data)
 
 
 def _binary(path: Path, data: bytes) -> NDArray[np.float64]:
-    """Corners (3 m, 3) of a binary file, whatever follows them."""
+    """Corners (3 m, 3) of a binary file, ignoring trailing bytes."""
     count = _facets(data)
     if count < 0:
         raise FormatError(f"{path}: {len(data)} bytes are less than an STL header ({HEADER})")
@@ -58,7 +59,7 @@ def _binary(path: Path, data: bytes) -> NDArray[np.float64]:
 
 def _ascii(path: Path, data: bytes) -> NDArray[np.float64]:
     """Corners (3 m, 3) of all solids of an ascii file."""
-    text = data.decode("latin-1").replace("\r", "\n")  # left to trimesh, a broken letter costs seconds of guessing
+    text = data.decode("latin-1").replace("\r", "\n")  # trimesh would spend seconds guessing the encoding
     if "endsolid" not in text[-1000:].lower():
         raise FormatError(f"{path}: no endsolid: the file is truncated")
     from trimesh.exchange.stl import load_stl_ascii

@@ -1,1 +1,1 @@
-"""Point clouds: which files hold them, and what each says."""
+"""Point clouds: recognition and reading of their files."""

@@ -1,7 +1,7 @@
-"""One door for all files of points: PLY without faces, PCD, text of x y z, arrays of numpy.
+"""Single entry point for all files of points: PLY without faces, PCD, text of x y z, arrays of numpy.
 
-Out: points in the file's own units and axes, and what was assumed of them. Guaranteed: what a header promises is
-compared with the file before memory is taken for it.
+Out: points in the file's own units and axes, and the assumptions made. Guaranteed: sizes stated in a header are
+compared with the file before memory is allocated.
 """
 
 import zipfile
@@ -20,22 +20,22 @@ from dcap.scene.readers.points.pcd import Notes, check_point_count, cloud_of, cl
 from dcap.scene.types.point_cloud import PointCloud, local_planes
 
 FACES = ("face", "tristrips")
-"""Elements of a PLY that make it a mesh."""
+"""Elements that mark a PLY as a mesh."""
 COMMENTS = ("#", "//")
 HEAD_BYTES = 1 << 16
-"""Of a text, in which its first row of numbers lies [bytes]."""
+"""Length of the beginning of a text in which its first row of numbers must lie [bytes]."""
 POINT_KEYS = ("points", "xyz", "positions", "position", "vertices", "pos", "arr_0")
 COLOR_KEYS = ("colors", "color", "colours", "colour", "rgb")
 NORMAL_KEYS = ("normals", "normal")
-"""Names of arrays in an .npz, the first that is there counts."""
+"""Names of arrays in an .npz; the first that exists is used."""
 MOST_SQUARES = 100_000
-"""Squares that stand for the points of a file where its units and axes are found [-]."""
+"""Number of squares that represent the points of a file in finding its units and axes [-]."""
 STRAY = 10.0
-"""Points that lie so many times as far from others as usual do not count there [-]."""
+"""Points whose distance to others exceeds the usual distance by this factor do not count there [-]."""
 
 
 def is_points(path: Path) -> bool:
-    """Whether a file holds a point cloud: by its suffix, a PLY by its header."""
+    """Return whether a file holds a point cloud: by its suffix, or for a PLY by its header."""
     if not path.is_file():
         return False
     if path.suffix.lower() != ".ply":
@@ -43,18 +43,18 @@ def is_points(path: Path) -> bool:
     try:
         header = read_header(path)
     except InputError:
-        return False  # what is wrong is said where the file is read
+        return False  # the problem is reported when the file is read
     has_points = bool({"x", "y", "z"} <= header.properties("vertex")) and not describes_splats(header)
     return has_points and not any(header.counts.get(name, 0) for name in FACES)
 
 
 def read_points(path: Path) -> tuple[PointCloud, Notes]:
-    """Read any of them, in the file's own units and axes."""
+    """Read any of these formats, in the file's own units and axes."""
     return POINT_READERS.get(path.suffix.lower(), read_ply_points)(path)
 
 
 def read_ply_points(path: Path) -> tuple[PointCloud, Notes]:
-    """The vertices of a PLY."""
+    """The vertices of a PLY as points."""
     header = read_header(path)
     check_point_count(path, min(header.counts["vertex"], path.stat().st_size))
     vertex = read_tables(path, header)["vertex"]
@@ -66,7 +66,8 @@ def read_ply_points(path: Path) -> tuple[PointCloud, Notes]:
 
 
 def read_text_points(path: Path) -> tuple[PointCloud, Notes]:
-    """Rows of numbers apart by blanks, commas or semicolons; before them a count, a line of names or comments."""
+    """Rows of numbers separated by blanks, commas or semicolons, possibly after a count, a line of names or
+    comments."""
     head = read_bytes(path, HEAD_BYTES).decode("utf-8", "replace").splitlines()
     rows = [(k, line) for k, line in enumerate(head) if line.strip() and not line.lstrip().startswith(COMMENTS)]
     if not rows:
@@ -91,7 +92,7 @@ def read_text_points(path: Path) -> tuple[PointCloud, Notes]:
 
 
 def is_row(line: str) -> bool:
-    """Whether a line has three numbers or more."""
+    """Return whether a line has at least three numbers."""
     words = line.replace(",", " ").replace(";", " ").split()
     try:
         return len([float(word) for word in words]) >= 3
@@ -100,7 +101,7 @@ def is_row(line: str) -> bool:
 
 
 def read_array_points(path: Path) -> tuple[PointCloud, Notes]:
-    """An array of numpy (n, 3) or of more columns; of several in an .npz by their names."""
+    """An array of numpy with (n, 3) or more columns; several arrays in an .npz are found by name."""
     arrays = arrays_of(path)
     name = next((one for one in POINT_KEYS if one in arrays), next(iter(arrays)) if len(arrays) == 1 else None)
     if name is None:
@@ -148,12 +149,13 @@ POINT_READERS: dict[str, Callable[[Path], tuple[PointCloud, Notes]]] = {
     **dict.fromkeys((".xyz", ".xyzrgb", ".xyzn", ".pts"), read_text_points),
     **dict.fromkeys((".npy", ".npz"), read_array_points),
 }
-"""Reader by the suffix of files that hold nothing but points."""
+"""Reader by the suffix of files that only hold points."""
 POINT_SUFFIXES = tuple(POINT_READERS)
 
 
 def squares(path: Path, cloud: PointCloud, notes: Notes) -> RawMesh:
-    """A square in the surface at each of some points, in the file's units: what finds units and axes, as of a mesh."""
+    """A square in the surface at each of some points, in the file's units: used to find units and axes, as for a
+    mesh."""
     some = cloud.subset(np.arange(0, len(cloud), -(-len(cloud) // MOST_SQUARES)))
     planes = local_planes(some.position)
     kept = planes.gap <= STRAY * max(float(np.median(planes.gap)), 1e-12)

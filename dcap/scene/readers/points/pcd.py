@@ -1,11 +1,11 @@
 """Point clouds of the Point Cloud Library, as text, binary or compressed.
 
-Fields x y z, normal_x normal_y normal_z and rgb or rgba count; others and the viewpoint are ignored. Only what is
-compressed is left to Open3D, whose other readers cannot be relied on: one gives zeros for doubles, the other mixes up
-fields of different sizes, and both return what is left of a broken file with a warning.
-Source: "The PCD (Point Cloud Data) file format", pointclouds.org.
+The fields x y z, normal_x normal_y normal_z and rgb or rgba are used; others and the viewpoint are ignored. Only
+compressed data is left to Open3D, because its other readers are unreliable: one returns zeros for doubles, the other
+mixes up fields of different sizes, and both return the rest of a broken file with a warning. Source: "The PCD (Point
+Cloud Data) file format", pointclouds.org.
 
-Points from rows of numbers: which columns are colours and normals is told by what they hold.
+Points from rows of numbers: columns of colours and normals are recognised by their values.
 """
 
 from pathlib import Path
@@ -21,22 +21,22 @@ from dcap.scene.types.point_cloud import PointCloud
 Notes = tuple[str, ...]
 
 MOST_POINTS = 12_000_000
-"""Points that a file may hold [-]: a row of nine numbers each takes 0.9 GB."""
+"""Maximum number of points of a file [-]: with nine numbers per row they take 0.9 GB."""
 FEWEST_POINTS = 100
-"""Points that a surface can be made of [-]."""
+"""Minimum number of points for a surface [-]."""
 FLAT = 0.002
-"""Root mean square distance from the best plane over that along it, up to which a cloud is a plane [-]."""
+"""Largest ratio of the root mean square distances across and along the best plane at which a cloud is a plane [-]."""
 GREY = 200
-"""sRGB of points without colours."""
+"""sRGB grey level of points without colours."""
 UNIT_LENGTH = 0.02
-"""How far the length of a normal may be from 1 [-]."""
+"""Largest deviation of the length of a normal from 1 [-]."""
 HEADER_LIMIT = 1 << 14
-"""A header longer than this is not one [bytes]."""
+"""Maximum length of a header [bytes]."""
 ENCODINGS = ("ascii", "binary", "binary_compressed")
 
 
 def check_point_count(path: Path, count: int) -> None:
-    """Refuse more points than we can work with, before memory is taken for them."""
+    """Refuse more points than we can handle, before memory is allocated."""
     if count > MOST_POINTS:
         raise InputError(f"{path}: {count} points > {MOST_POINTS}; thin the cloud out first (voxel downsampling)")
 
@@ -44,7 +44,7 @@ def check_point_count(path: Path, count: int) -> None:
 def cloud_of(
     path: Path, position: Array, color: NDArray[np.generic] | None, normal: Array | None
 ) -> tuple[PointCloud, Notes]:
-    """Checked points and what is missing of them: coordinates must be finite, many enough, and in no plane."""
+    """Checked points and their missing properties: coordinates must be finite, numerous enough, and not in a plane."""
     count = len(position)
     if not count:
         raise InputError(f"{path}: no points in it; export the cloud again")
@@ -73,7 +73,7 @@ def cloud_of(
 
 
 def check_spread(path: Path, position: Array) -> None:
-    """Refuse too few points, and those that lie at one place or in a plane or line."""
+    """Refuse too few points, and points at a single place or in a plane or line."""
     count = len(position)
     if count < FEWEST_POINTS:
         raise InputError(f"{path}: {count} points, expected at least {FEWEST_POINTS}; export a denser cloud")
@@ -106,7 +106,7 @@ def bytes_of(color: NDArray[np.generic]) -> NDArray[np.uint8]:
 
 
 def cloud_of_rows(path: Path, rows: Array, first: int = 3) -> tuple[PointCloud, Notes]:
-    """Points of rows x y z ... (n, k); columns from `first` on are told by their values."""
+    """Points of rows x y z ... (n, k); columns from `first` on are recognised by their values."""
     if rows.ndim != 2 or rows.shape[1] < 3:
         raise FormatError(f"{path}: an array of shape {rows.shape}, expected (n, 3) or more columns: x y z ...")
     count = rows.shape[1]
@@ -135,7 +135,7 @@ def cloud_of_rows(path: Path, rows: Array, first: int = 3) -> tuple[PointCloud, 
 
 
 def kind_of(three: Array) -> str:
-    """`normals`, `colours` or nothing: what three columns (n, 3) hold."""
+    """Content of three columns (n, 3): `normals`, `colours` or neither."""
     low, high = float(three.min(initial=0.0)), float(three.max(initial=0.0))
     if not (np.isfinite(low) and np.isfinite(high)):
         return ""
@@ -148,7 +148,8 @@ def kind_of(three: Array) -> str:
 
 
 def read_pcd(path: Path) -> tuple[PointCloud, Notes]:
-    """Its points; those that an organised cloud (HEIGHT above 1) has no measurement for are left out, and counted."""
+    """The points of a PCD file; missing measurements of an organised cloud (HEIGHT above 1) are left out, and
+    counted."""
     header, start = read_header(path)
     count = checked_count(path, header, start)
     columns = columns_of(path, header, start, count)
@@ -173,7 +174,7 @@ def read_pcd(path: Path) -> tuple[PointCloud, Notes]:
 
 
 def columns_of(path: Path, header: dict[str, list[str]], start: int, count: int) -> dict[str, NDArray[np.generic]]:
-    """The fields of one number by name, shape (n,) each."""
+    """The single-number fields by name, shape (n,) each."""
     fields, sizes, counts = header["FIELDS"], header["SIZE"], [int(one) for one in header["COUNT"]]
     kinds = [f"<{TYPES[kind]}{size}" for kind, size in zip(header["TYPE"], sizes, strict=True)]
     encoding = header["DATA"][0].lower()
@@ -207,7 +208,7 @@ def columns_of(path: Path, header: dict[str, list[str]], start: int, count: int)
 
 
 def unpacked(path: Path, kinds: dict[str, str], count: int) -> dict[str, NDArray[np.generic]]:
-    """Fields of a compressed file; its floating-point ones must be of one size."""
+    """Fields of a compressed file; its floating-point fields must have the same size."""
     import open3d
 
     wanted = {kinds[name] for name in ("x", "y", "z", *NORMAL) if name in kinds}
@@ -230,7 +231,7 @@ def unpacked(path: Path, kinds: dict[str, str], count: int) -> dict[str, NDArray
 
 
 def channels(packed: NDArray[np.generic]) -> NDArray[np.uint8]:
-    """Red, green and blue (n, 3) of the bytes of a whole number, or of a float that holds one."""
+    """Red, green and blue (n, 3) from the bytes of a whole number, or of a float that contains one."""
     word = packed.astype("<f4").view("<u4") if packed.dtype.kind == "f" else packed.astype("<u4")
     return np.stack([word >> shift & 255 for shift in (16, 8, 0)], axis=1).astype(np.uint8)
 
@@ -242,7 +243,7 @@ UNMOVED = ["0", "0", "0", "1", "0", "0", "0"]
 
 
 def read_header(path: Path) -> tuple[dict[str, list[str]], int]:
-    """The words of each line by its key, and where the data begin [bytes]."""
+    """The words of each line by its key, and the offset of the data [bytes]."""
     head = read_bytes(path, HEADER_LIMIT)
     header: dict[str, list[str]] = {}
     at = 0
@@ -258,7 +259,7 @@ def read_header(path: Path) -> tuple[dict[str, list[str]], int]:
 
 
 def checked_count(path: Path, header: dict[str, list[str]], start: int) -> int:
-    """The number of points, once the header is whole and the file is long enough for it."""
+    """The number of points, after checking that the header is complete and the file long enough."""
     fields = header.get("FIELDS", [])
     if not {"x", "y", "z"} <= set(fields):
         raise FormatError(f"{path}: the PCD header has fields {' '.join(fields) or 'none'}, expected x y z among them")

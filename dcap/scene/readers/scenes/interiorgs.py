@@ -1,6 +1,6 @@
 """InteriorGS annotations: labelled boxes (labels.json) and rooms, walls and openings (structure.json).
 
-Written for what the files hold in practice: a list or {"labels": [...]}, missing ids and boxes, mixed case, the eight
+Written for the files found in practice: a list or {"labels": [...]}, missing ids and boxes, mixed case, the eight
 corners in any order, boxes without thickness. Coordinates are metres, right-handed, z up.
 """
 
@@ -26,17 +26,17 @@ OPENINGS = ("window", "door", "opening")
 """Kinds of holes in walls."""
 
 THINNEST = 0.01
-"""Thickness that a flat box is padded to [m]; rugs and pictures are annotated without one."""
+"""Thickness to which a flat box is padded [m]; rugs and pictures are annotated without thickness."""
 
 FLAT = 1e-4
-"""An extent below this is flat [m]."""
+"""Largest extent of a flat box [m]."""
 
 WALL_THICKNESS, WALL_HEIGHT = 0.1, 2.8
-"""Of walls that state none [m]."""
+"""Thickness and height of walls that do not state them [m]."""
 
 
 def is_interiorgs(folder: Path) -> bool:
-    """Whether a folder carries InteriorGS annotations."""
+    """Return whether a folder contains InteriorGS annotations."""
     return (folder / LABELS).is_file() or (folder / STRUCTURE).is_file()
 
 
@@ -57,11 +57,11 @@ class LabelEntry:
 
     place: Place
     box: LabelBox | None
-    """None where it has no label, no box, or a broken one."""
+    """None if the entry has no label, no box, or a broken box."""
 
 
 def label_entries(document: object, report: Report) -> tuple[LabelEntry, ...]:
-    """Entries of labels.json; ids that are missing or repeated are made new."""
+    """Entries of labels.json; missing or repeated ids are replaced."""
     root: Place = ("labels",) if isinstance(document, dict) else ()
     entries = document.get("labels") if isinstance(document, dict) else document
     if not isinstance(entries, list):
@@ -86,7 +86,7 @@ def _label_entry(place: Place, index: int, entry: object, used: set[str], report
             what = f"entry {index} ({label}) has no bounding_box and is skipped{hint}"
             report(warning(what, place) if hint else note(what, place))
         return LabelEntry(place, None)
-    # what is skipped for want of a label must not stop a reader by its box
+    # the box of an entry that is skipped for want of a label must not stop a reader
     box = _box(index, (*place, "bounding_box"), corners, report if label else lenient(report))
     if box is None or not label:
         return LabelEntry(place, None)
@@ -94,12 +94,12 @@ def _label_entry(place: Place, index: int, entry: object, used: set[str], report
 
 
 def _mistyped(key: str, entry: dict[str, object]) -> str:
-    """The key that may have been meant for a missing one, to end a sentence with."""
+    """The key that may be a misspelling of a missing one, as the end of a sentence."""
     return "" if key in entry else did_you_mean(key, entry)
 
 
 def _unique_id(entry: dict[str, object], index: int, place: Place, label: str, used: set[str], report: Report) -> str:
-    """The annotated id if it is there and new, else one made of the label and a counter."""
+    """The annotated id if it exists and is unique, else an id made of the label and a counter."""
     wanted = str(entry.get("ins_id") or "").strip()
     name, number = wanted or label.replace(" ", "_"), 1
     while name in used:
@@ -112,7 +112,7 @@ def _unique_id(entry: dict[str, object], index: int, place: Place, label: str, u
 
 
 def _points(where: str, value: object, place: Place, keys: str, report: Report) -> NDArray[np.float64] | None:
-    """Rows of coordinates, written as objects with keys or as lists; None where one is broken."""
+    """Rows of coordinates, written as objects with keys or as lists; None if a row is broken."""
     expected = f"is not a list of points with {', '.join(keys)}"
     if not isinstance(value, list):
         report(error(f"{where} {expected}, but {short(value)}", place))
@@ -130,7 +130,7 @@ def _points(where: str, value: object, place: Place, keys: str, report: Report) 
 
 
 def _point(value: object, keys: str) -> list[float] | None:
-    """One row of coordinates; None where it is none."""
+    """One row of coordinates; None for anything else."""
     try:
         if isinstance(value, dict):
             return [float(value[key]) for key in keys]
@@ -157,7 +157,7 @@ def _box(index: int, place: Place, corners: object, report: Report) -> OrientedB
 
 
 def read_structure(folder: Path) -> tuple[tuple[Room, ...], tuple[LabelBox, ...]]:
-    """Rooms, and walls, windows and doors as labelled boxes; nothing where structure.json is missing."""
+    """Rooms, and walls, windows and doors as labelled boxes; empty if structure.json is missing."""
     path = folder / STRUCTURE
     if not path.is_file():
         return (), ()
@@ -189,7 +189,8 @@ def _objects(document: dict[str, object], key: str, report: Report) -> list[tupl
 
 
 def _number(where: str, entry: dict[str, object], place: Place, default: float, report: Report) -> float:
-    """A length above zero by the last key of its place; `default` where it is missing, `THINNEST` where it is less."""
+    """A positive length at the last key of its place; `default` if it is missing, `THINNEST` if it is smaller than
+    that."""
     value = entry.get(str(place[-1]))
     if value is None:
         report(note(f"{where} is missing: {default} m is assumed", place))
@@ -207,7 +208,7 @@ def _number(where: str, entry: dict[str, object], place: Place, default: float, 
 
 
 def _room(index: int, room: dict[str, object], report: Report) -> Room | None:
-    """A floor polygon; None where it has no area to stand on."""
+    """A floor polygon; None if it has no area."""
     place: Place = ("rooms", index, "profile")
     profile = _points(f"profile of room {index}", room.get("profile"), place, "xy", report)
     if profile is None:

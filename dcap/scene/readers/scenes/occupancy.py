@@ -1,8 +1,8 @@
 """InteriorGS' map of the floor: occupancy.json and occupancy.png.
 
 The columns of the picture run against x: x = upper[0] - column * scale, y = lower[1] + row * scale. Programs that read
-these maps differ in the mirror and in half a pixel, so both are checked against the rooms of structure.json: of the
-mappings the one with most free cells inside rooms is taken, the one above where they tie or where there are no rooms.
+these maps differ in the mirroring and by half a pixel, so both are checked against the rooms of structure.json: the
+mapping with most free cells inside rooms is used, or the one above in case of a tie or without rooms.
 """
 
 from collections.abc import Sequence
@@ -22,26 +22,26 @@ from dcap.scene.types.scan import Room
 MAX_CELLS = MAX_PIXELS
 """Largest map [pixels]; they are nominally 1024 x 1024."""
 LARGEST_SCALE = 10.0
-"""A cell larger than this shows no place to stand [m]."""
+"""Largest cell [m]; a larger one cannot show a place to stand."""
 NAMES = ("occupancy.json", "occupancy.png")
 CORNERS, USUAL = ("lower", "upper"), ("center", "min", "max")
-"""Points that a map needs besides its scale, and points that it has as a rule."""
+"""Points that a map requires besides its scale, and points that it usually has."""
 
 
 @dataclass(frozen=True, slots=True)
 class MapExtent:
-    """Where a map lies."""
+    """Extent of a map."""
 
     scale: float
     """Side of a cell [m]."""
     lower: tuple[float, float]
-    """Least x and y [m]."""
+    """Minimum of x and y [m]."""
     upper: tuple[float, float]
-    """Greatest x and y [m]."""
+    """Maximum of x and y [m]."""
 
 
 def read_occupancy(folder: Path, rooms: Sequence[Room]) -> tuple[Occupancy | None, tuple[str, ...]]:
-    """The map of a scene folder, None where it has none, and notes on what was assumed."""
+    """The map of a scene folder, or None, and notes on assumptions."""
     missing = [name for name in NAMES if not (folder / name).is_file()]
     if missing:
         return None, (f"{' and '.join(missing)} missing: no map of free places",) if len(missing) < len(NAMES) else ()
@@ -49,12 +49,12 @@ def read_occupancy(folder: Path, rooms: Sequence[Room]) -> tuple[Occupancy | Non
     extent = map_extent(read_json(document), refusing(document))
     cells = map_cells(picture, refusing(picture))
     if extent is None or cells is None:
-        return None, ()  # not reached: what leaves them out is refused
+        return None, ()  # not reached: files without them are refused
     candidates = _mappings(cells, extent)
     profiles = [room.profile for room in rooms]
     inside = {name: int((one.free & one.within(profiles)).sum()) if profiles else 0 for name, one in candidates.items()}
     documented = next(iter(candidates))
-    best = max(inside, key=lambda name: inside[name])  # the first of equals
+    best = max(inside, key=lambda name: inside[name])  # the first of several
     notes = []
     if best != documented:
         notes.append(
@@ -67,7 +67,7 @@ def read_occupancy(folder: Path, rooms: Sequence[Room]) -> tuple[Occupancy | Non
 
 
 def _mappings(cells: NDArray[np.uint8], extent: MapExtent) -> dict[str, Occupancy]:
-    """Ways to read the picture by name, the documented one first."""
+    """Ways to read the picture, by name, the documented one first."""
     scale, lower, upper = extent.scale, extent.lower, extent.upper
     return {
         f"{mirror} with {place}": Occupancy(
@@ -81,7 +81,7 @@ def _mappings(cells: NDArray[np.uint8], extent: MapExtent) -> dict[str, Occupanc
 
 
 def map_extent(document: object, report: Report) -> MapExtent | None:
-    """Extent of the map by occupancy.json; None where it does not tell where the map lies."""
+    """Extent of the map from occupancy.json; None if it is not stated."""
     if not isinstance(document, dict):
         report(error(f"not an object, but {short(document)}"))
         return None
@@ -101,7 +101,7 @@ def map_extent(document: object, report: Report) -> MapExtent | None:
 
 
 def _scale(document: dict[str, object], report: Report) -> float | None:
-    """Side of a cell [m]; None where it is missing or none."""
+    """Side of a cell [m]; None if it is missing or invalid."""
     if "scale" not in document:
         report(error(f"key 'scale' is missing{did_you_mean('scale', document)}"))
         return None
@@ -115,7 +115,7 @@ def _scale(document: dict[str, object], report: Report) -> float | None:
 
 
 def _point(document: dict[str, object], key: str, report: Report) -> list[float] | None:
-    """x, y and, as a rule, z [m] of a key; None where they are missing or none."""
+    """x, y and usually z [m] at a key; None if they are missing or invalid."""
     if key not in document:
         what = f"key {key!r} is missing{did_you_mean(key, document)}"
         report(error(what) if key in CORNERS else note(what))
@@ -132,7 +132,7 @@ def _point(document: dict[str, object], key: str, report: Report) -> list[float]
 
 
 def _number(value: object) -> float | None:
-    """A finite number; None where it is none."""
+    """A finite number; None for anything else."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
     try:
@@ -142,7 +142,7 @@ def _number(value: object) -> float | None:
 
 
 def map_cells(path: Path, report: Report) -> NDArray[np.uint8] | None:
-    """FREE, OCCUPIED or UNKNOWN by the pixels of occupancy.png, shape (rows, columns); None where it cannot be read."""
+    """FREE, OCCUPIED or UNKNOWN from the pixels of occupancy.png, shape (rows, columns); None if it cannot be read."""
     try:
         gray = read_gray(read_bytes(path), str(path), MAX_CELLS)
     except InputError as broken:
@@ -160,7 +160,7 @@ def map_cells(path: Path, report: Report) -> NDArray[np.uint8] | None:
 
 
 def _levels(gray: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Each pixel as the nearest of the three values: a map that was scaled has others at its borders."""
+    """Each pixel as the nearest of the three values: a rescaled map has other values at its borders."""
     out = np.full(gray.shape, UNKNOWN, dtype=np.uint8)
     out[gray < (OCCUPIED + UNKNOWN) // 2] = OCCUPIED
     out[gray > (UNKNOWN + FREE) // 2] = FREE

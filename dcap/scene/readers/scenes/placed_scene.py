@@ -1,8 +1,8 @@
-"""The folder that a placement wrote, as a scene for the next: geometry from scene.glb, everything else from scene.json.
+"""The folder written by a placement, as a scene for the next one: geometry from scene.glb, the rest from scene.json.
 
-scene.json says what each instance of scene.glb is, in the world frame (metres, z up), what it is made of, which of them
-were placed and may move, and which surfaces are off their unloaded place and why (deformed_N.ply). Nothing of
-that is guessed again. `SceneFile` is the file's schema, `dcap.scene.writers.placed_scene` writes it.
+scene.json describes each instance of scene.glb in the world frame (metres, z up), its materials, which instances were
+placed and may move, and which surfaces are deformed by which loads (deformed_N.ply). None of that is guessed again.
+`SceneFile` is the file's schema, `dcap.scene.writers.placed_scene` writes it.
 """
 
 from collections.abc import Sequence
@@ -26,13 +26,13 @@ from dcap.scene.types.segmentation import Instance, Part
 SCENE, FACTS, OBJECT_MESH = "scene.glb", "scene.json", "object.ply"
 RESULT = "placement.json"
 SHIFT = ("dx", "dy", "dz")
-"""Properties of the vertices of a deformed surface: how far they have moved from where they are unloaded [m]."""
+"""Properties of the vertices of a deformed surface: displacement from their unloaded positions [m]."""
 VERSION = 1
-"""Of scene.json: another one is refused."""
+"""Version of scene.json; other versions are refused."""
 DEFORMED = "deformed_*.ply"
 """Names of the files of deformed surfaces."""
 OBJECT_NODE = "object"
-"""Name in scene.glb of the node of the thing that was placed last."""
+"""Name of the node in scene.glb for the thing that was placed last."""
 
 Vector = Annotated[list[FiniteFloat], Field(min_length=3, max_length=3)]
 Share = Annotated[FiniteFloat, Field(ge=0.0, le=1.0)]
@@ -54,7 +54,7 @@ class LayerEntry(Entry, frozen=True):
 
 
 class MaterialEntry(Entry, frozen=True):
-    """Material of a part, as it was simulated."""
+    """Material of a part in the simulation."""
 
     id: str
     model: Literal["rigid", "mpm"]
@@ -71,7 +71,7 @@ class MaterialEntry(Entry, frozen=True):
 
 
 class BoxEntry(Entry, frozen=True):
-    """A box that is turned about the vertical."""
+    """A box with a rotation about the vertical."""
 
     center: Vector
     axes: Annotated[list[Vector], Field(min_length=3, max_length=3)]
@@ -86,7 +86,7 @@ class PartEntry(Entry, frozen=True):
     box: BoxEntry
     material: MaterialEntry | None = None
     faces: list[Run] | None = None
-    """Of the thing that was placed last: runs of faces of object.ply, first and one past the last."""
+    """For the thing placed last: runs of faces of object.ply, first and one past the last."""
 
 
 class PlacedEntry(Entry, frozen=True):
@@ -117,31 +117,31 @@ class DeformationEntry(Entry, frozen=True):
     instance: str
     loads: Annotated[list[str], Field(min_length=1)]
     file: Annotated[str, Field(pattern=r"^deformed_[0-9]+\.ply$")]
-    """PLY of the surface as it is, with its shift as dx, dy, dz of each vertex."""
+    """PLY of the deformed surface, with the shift of each vertex as dx, dy, dz."""
     largest_m: FiniteFloat
     """Largest shift, for people [m]."""
 
 
 class SceneFile(Entry, frozen=True):
-    """scene.json."""
+    """Content of scene.json."""
 
     version: int
     up: Literal["z"]
     unit: Literal["m"]
     object: str | None
-    """Id of the thing that scene.glb has as the node `object`; null: it has no such node."""
+    """Id of the thing that is the node `object` in scene.glb; null: there is no such node."""
     instances: list[InstanceEntry]
     touching: list[tuple[str, str]]
     deformations: list[DeformationEntry]
 
 
 def is_placed_scene(folder: Path) -> bool:
-    """Whether a folder is what a placement wrote."""
+    """Return whether a folder was written by a placement."""
     return folder.is_dir() and ((folder / FACTS).is_file() or all((folder / one).is_file() for one in (RESULT, SCENE)))
 
 
 def placed_scene_files(folder: Path) -> list[Path]:
-    """The files of such a folder that make up its scene; InputError where one is missing."""
+    """The files of such a folder that make up its scene; raises InputError if one is missing."""
     for name, why in ((FACTS, "what its things are and weigh"), (SCENE, "its geometry")):
         if not (folder / name).is_file():
             raise InputError(
@@ -153,7 +153,7 @@ def placed_scene_files(folder: Path) -> list[Path]:
 
 
 def read_facts(folder: Path) -> SceneFile:
-    """scene.json, checked; FormatError with the place of what is wrong."""
+    """scene.json, checked; raises FormatError with the place of the problem."""
     path = folder / FACTS
     tree = read_json(path)
     version = tree.get("version") if isinstance(tree, dict) else None
@@ -172,7 +172,7 @@ def read_facts(folder: Path) -> SceneFile:
 
 
 def check_names(path: Path, facts: SceneFile) -> None:
-    """Refuse names that nothing has, or several things."""
+    """Refuse names that refer to nothing, or to several things."""
     known = [one.id for one in facts.instances]
     twice = next((one for one in known if known.count(one) > 1), None)
     if twice is not None:
@@ -191,7 +191,7 @@ def check_names(path: Path, facts: SceneFile) -> None:
 
 
 def read_earlier(folder: Path, facts: SceneFile) -> EarlierPlacements:
-    """The facts as the stages take them."""
+    """The content in the form that the stages use."""
     try:
         instances = tuple(instance_of(one) for one in facts.instances)
     except GeometryError as error:
@@ -256,12 +256,12 @@ def material_of(body: str, index: int, part: PartEntry) -> PartMaterial:
     return PartMaterial(body, part.name, index, material, BodyModel(entry.model), entry.reason)
 
 
-# which node is which part ---------------------------------------------------------------------------------------------
+# nodes and parts ---------------------------------------------------------------------------------------------
 
 
 def named_nodes(path: Path, facts: SceneFile, names: Sequence[str], labels: Sequence[str | None]) -> list[str]:
-    """The node of each node of scene.glb as `id/part`, '' for what belongs to nothing; that of the last thing is its
-    id alone. FormatError where the file and scene.json do not have the same things."""
+    """The node of each node of scene.glb as `id/part`, '' for one that belongs to nothing, and only the id for the
+    thing placed last. Raises FormatError if the file and scene.json do not contain the same things."""
     known = {one.id for one in facts.instances}
     found = []
     for name, label in zip(names, labels or (None,) * len(names), strict=True):
@@ -281,7 +281,8 @@ def named_nodes(path: Path, facts: SceneFile, names: Sequence[str], labels: Sequ
 
 
 def parts_of_last(path: Path, entry: InstanceEntry, given: Mesh, centers: NDArray[np.float64]) -> NDArray[np.int64]:
-    """The part of faces of the last thing with these middles (n, 3): that of the nearest face of object.ply."""
+    """The part of faces of the thing placed last, with the given middles (n, 3): the part of the nearest face of
+    object.ply."""
     if len(entry.parts) == 1:
         return np.zeros(len(centers), dtype=np.int64)
     owner = np.zeros(len(given.faces), dtype=np.int64)

@@ -23,17 +23,17 @@ MESHES = (
     ("_vh_clean_2.ply", "_vh_clean_2.0.010000.segs.json", (".aggregation.json", "_vh_clean.aggregation.json")),
     ("_vh_clean.ply", "_vh_clean.segs.json", ("_vh_clean.aggregation.json", ".aggregation.json")),
 )
-"""Endings of a mesh, its segments and its instances, the mesh that is annotated first."""
+"""File endings of a mesh, its segments and its instances, with the annotated mesh first."""
 
 ALIGNMENT_KEY, GROUPS, SEGMENTS = "axisAlignment", "segGroups", "segIndices"
 
 RIGID = 1e-3
-"""Most that an alignment's rotation may differ from a rotation [-]; files have six digits."""
+"""Largest deviation of an alignment's matrix from a rotation [-]; files have six digits."""
 
 
 @dataclass(frozen=True)
 class SceneFiles:
-    """The files of one scene; None where there is none."""
+    """The files of one scene; None for missing files."""
 
     mesh: Path
     segments: Path | None
@@ -47,9 +47,9 @@ class SceneFiles:
 
 
 def scannet_files(folder: Path) -> SceneFiles | None:
-    """The files of a scene folder; None where it is none."""
+    """The files of a scene folder; None if it is not one."""
     for mesh_end, segments_end, group_ends in MESHES:
-        for mesh in sorted(one for one in folder.glob(f"*{mesh_end}") if one.is_file()):  # of a pipe there is no end
+        for mesh in sorted(one for one in folder.glob(f"*{mesh_end}") if one.is_file()):  # a pipe has no end
             scene = mesh.name.removesuffix(mesh_end)
             groups = [folder / f"{scene}{end}" for end in group_ends if (folder / f"{scene}{end}").is_file()]
             segments, about = folder / f"{scene}{segments_end}", folder / f"{scene}.txt"
@@ -63,7 +63,7 @@ def scannet_files(folder: Path) -> SceneFiles | None:
 
 
 def is_scannet(folder: Path) -> bool:
-    """Whether a folder is a ScanNet scene."""
+    """Return whether a folder is a ScanNet scene."""
     return scannet_files(folder) is not None
 
 
@@ -99,15 +99,15 @@ class AnnotatedInstance:
     """One group of segments."""
 
     name: str
-    """Unique: the label and the number of the object."""
+    """Unique name: the label and the number of the object."""
     label: str
     segments: NDArray[np.int64]
     place: Place
-    """Of its segments in the file."""
+    """Place of its segments in the file."""
 
 
 def instances_of(document: object, segments_name: str, report: Report) -> tuple[list[AnnotatedInstance], int]:
-    """Instances in an aggregation file for the segments of a file of that name, and how many groups are skipped."""
+    """Instances in an aggregation file for the segments of a file of that name, and the number of skipped groups."""
     groups = document.get(GROUPS) if isinstance(document, dict) else None
     if not isinstance(document, dict) or not isinstance(groups, list):
         report(error(f"no list {GROUPS!r}"))
@@ -119,13 +119,13 @@ def instances_of(document: object, segments_name: str, report: Report) -> tuple[
         return [], 0
     read = [_instance(index, group, report) for index, group in enumerate(groups)]
     found = [one for one in read if one is not None]
-    if len({one.name for one in found}) < len(found):  # numbers that repeat tell nothing apart
+    if len({one.name for one in found}) < len(found):  # repeated numbers identify nothing
         found = [replace(one, name=f"{one.label.replace(' ', '_')}_{i}") for i, one in enumerate(found)]
     return found, len(groups) - len(found)
 
 
 def _instance(index: int, group: object, report: Report) -> AnnotatedInstance | None:
-    """One of the groups; None for those without a label or segments."""
+    """The instance of a group; None for a group without a label or segments."""
     where, place = f"{GROUPS}[{index}]", (GROUPS, index)
     if not isinstance(group, dict):
         report(error(f"{where} is a {type(group).__name__}, expected an object", place))
@@ -145,7 +145,7 @@ def _instance(index: int, group: object, report: Report) -> AnnotatedInstance | 
 
 
 def _whole_numbers(where: str, values: object, place: Place, report: Report) -> NDArray[np.int64] | None:
-    """A list of segment numbers, shape (n,); None where one is broken, of which the first is told."""
+    """A list of segment numbers, shape (n,); None if one is broken, with a report of the first."""
     if not isinstance(values, list):
         report(error(f"{where} is a {type(values).__name__}, expected a list", place))
         return None
@@ -158,7 +158,7 @@ def _whole_numbers(where: str, values: object, place: Place, report: Report) -> 
 
 
 def segments_of(document: object, count: int | None, report: Report) -> NDArray[np.int64]:
-    """The segment of each of `count` vertices, as far as that is known, shape (n,); empty where they are broken."""
+    """The segment of each of `count` vertices, if that number is known, shape (n,); empty if they are broken."""
     none = np.zeros(0, dtype=np.int64)
     if not isinstance(document, dict):
         report(error(f"not an object, but {short(document)}"))
@@ -172,7 +172,8 @@ def segments_of(document: object, count: int | None, report: Report) -> NDArray[
 def vertex_instances(
     segment: NDArray[np.int64], instances: list[AnnotatedInstance], report: Report
 ) -> NDArray[np.int64]:
-    """Instance of each vertex, -1 for none, by its segment (n,); of two instances with a segment the later has it."""
+    """Instance of each vertex, -1 for none, from its segment (n,); if two instances have a segment, the later one
+    counts."""
     known, place = np.unique(segment, return_inverse=True)
     owner = np.full(len(known), -1, dtype=np.int64)
     for index, one in enumerate(instances):
@@ -185,15 +186,15 @@ def vertex_instances(
 
 
 def majority(corner: NDArray[np.int64]) -> NDArray[np.int32]:
-    """The instance of two corners of a face at least, of its first corner where all three differ, shape (m,)."""
+    """The instance of at least two corners of a face, or of its first corner if all three differ, shape (m,)."""
     first, second, third = corner.T
     return np.asarray(np.where(second == third, second, first), dtype=np.int32)
 
 
 def alignment_of(files: SceneFiles, report: Report) -> NDArray[np.float64] | None:
-    """The rigid map to the axes of the room (4, 4), row by row in the file; None where none is stated or it is broken.
+    """The rigid transform to the axes of the room (4, 4), row by row in the file; None if it is missing or broken.
 
-    That none is stated is told as a note.
+    A missing transform is reported as a note.
     """
     told = files.about is not None and files.about.stat().st_size > 0
     text = read_bytes(files.about).decode("utf-8", "replace") if files.about is not None and told else ""

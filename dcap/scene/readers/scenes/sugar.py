@@ -1,4 +1,4 @@
-"""Where a folder keeps its mesh: SuGaR's output names first, then any single mesh.
+"""Finds the mesh of a folder: SuGaR's output names first, then any single mesh.
 
 Source: SuGaR repository, sugar_extractors/: refined `sugarfine_*.obj` (with texture), coarse `sugarmesh_*.ply`.
 """
@@ -31,18 +31,18 @@ GENERIC_STEMS = {
     "geometry",
     "meta",
 }
-"""File stems that say nothing about the thing: the folder's name says more."""
+"""File stems that say nothing about the thing, so that the folder's name is used."""
 
 
 def check_suffix(path: Path) -> None:
-    """Refuse a file that no reader reads."""
+    """Refuse a file with an unknown suffix."""
     if path.suffix.lower() not in MESH_SUFFIXES and not is_splats(path):
         suffix = path.suffix or "no suffix"
         raise InputError(f"{path}: {suffix} is not a mesh format that is read ({', '.join(MESH_SUFFIXES)})")
 
 
 def find_mesh(folder: Path) -> tuple[Path, tuple[str, ...]]:
-    """The mesh of a scene folder, or where it has none its Gaussian splats, or else its points; notes on the choice."""
+    """The mesh of a scene folder, else its Gaussian splats, else its points; with notes on the choice."""
     for pattern in ("*.obj", "refined_mesh/**/*.obj", "output/refined_mesh/**/*.obj"):
         found = sorted(folder.glob(pattern))
         if found:
@@ -58,7 +58,7 @@ def find_mesh(folder: Path) -> tuple[Path, tuple[str, ...]]:
     splats = None if meshes else find_splats(folder)
     if splats is not None:
         return splats, ()
-    meshes = meshes or stages or shapes  # a stage next to others shows what they do, and needs a library
+    meshes = meshes or stages or shapes  # a USD stage next to others shows the same, but needs a library
     if len(meshes) == 1:
         return meshes[0], ()
     if meshes:
@@ -69,7 +69,7 @@ def find_mesh(folder: Path) -> tuple[Path, tuple[str, ...]]:
 
 
 def find_splats(folder: Path) -> Path | None:
-    """The Gaussian splats of a scene folder, whether or not it has a mesh too; None where there are none."""
+    """The Gaussian splats of a scene folder, whether or not it also has a mesh; None if there are none."""
     files = (p for p in folder.iterdir() if p.suffix.lower() in (".ply", *SPLAT_SUFFIXES) or p.name == META)
     found = sorted(filter(is_splats, files), key=lambda p: (p.name != COMPRESSED_NAME, p.name))
     if len(found) > 1 and found[0].name != COMPRESSED_NAME:
@@ -78,7 +78,7 @@ def find_splats(folder: Path) -> Path | None:
 
 
 def _choose(folder: Path, found: list[Path]) -> tuple[Path, tuple[str, ...]]:
-    """Post-processed before raw, then the most triangles by name, then the first by name."""
+    """Post-processed before raw meshes, then the most triangles according to the name, then the first by name."""
     ranked = sorted(found, key=lambda p: ("postprocessed" not in p.stem, -_number(p, "decim"), str(p)))
     if len(ranked) == 1:
         return ranked[0], ()
@@ -92,19 +92,20 @@ def _number(path: Path, key: str) -> int:
 
 
 def has_only_splats(path: Path) -> bool:
-    """Whether a file is, or a folder has nothing better than, Gaussian splats."""
+    """Return whether a path is Gaussian splats, or a folder with nothing better."""
     found = _only_shape(path)
     return found is not None and is_splats(found)
 
 
 def has_no_faces(path: Path) -> bool:
-    """Whether a file is, or a folder has nothing better than, Gaussian splats or points: its surface is to be found."""
+    """Return whether a path is Gaussian splats or points, or a folder with nothing better, so that a surface must be
+    found."""
     found = _only_shape(path)
     return found is not None and (is_splats(found) or is_points(found))
 
 
 def _only_shape(path: Path) -> Path | None:
-    """The file that a source is read from; None where a folder has none."""
+    """The file from which a source is read; None if a folder has none."""
     if not path.is_dir():
         return path
     try:
@@ -114,16 +115,16 @@ def _only_shape(path: Path) -> Path | None:
 
 
 def is_generic(path: Path) -> bool:
-    """Whether a file's name says nothing about the thing."""
+    """Return whether a file's name says nothing about the thing."""
     return path.stem.lower() in GENERIC_STEMS or not words_of(path.stem)
 
 
 def describe(path: Path, folder: str = "") -> str:
-    """Name of a mesh: the file's stem, or the folder's where the stem says nothing; empty where neither is
-    more than a number or an id.
+    """Name of a mesh: the file's stem, or the folder's name if the stem says nothing; empty if neither is more than a
+    number or an id.
 
-    `folder` is the name of the folder that the file was given in, where it does not lie there any more; of a file that
-    has a number or an id for a name no other folder tells what it is, for it may hold many of them.
+    `folder` is the name of the file's original folder, if the file was copied from there. If a file's name is a number
+    or an id, no other folder is used to name it, since such a folder may hold many things.
     """
     if not is_generic(path):
         return path.stem

@@ -1,4 +1,4 @@
-"""One door for all files of Gaussian splats: which there are, how each is recognised and read.
+"""Single entry point for all files of Gaussian splats: their formats, recognition and reading.
 
 Gaussian splats as bare records of 32 bytes (`.splat`): no header, no harmonics beyond the colour.
 
@@ -8,12 +8,13 @@ and four of the quaternion (w, x, y, z), each as 128 + 128 q. Units and axes are
 Gaussian splats as SPZ (Niantic), versions 2 and 3: one gzip stream of a header of 16 bytes and six arrays.
 
 Header: magic NGSP, version, number of points (32 bits each), degree of the harmonics, fractional bits, flags, reserved
-(8 bits each). Arrays, one after the other: centres (3 x 24 bits, fixed point), opacities (8 bits), colours (3 x 8),
-log sizes (3 x 8), rotations (version 2: x, y, z in 3 x 8; version 3: the smaller three of x, y, z, w in 10 bits each
-with 2 bits that say which is left out), harmonics (8 bits, coefficient by coefficient with the channels side by side).
-Axes are right, up, back by its documents; what is up in a scan is found from the content, as in other splats.
+(8 bits each). Arrays, one after the other: centres (3 x 24 bits, fixed point), opacities (8 bits), colours (3 x 8), log
+sizes (3 x 8), rotations (version 2: x, y, z in 3 x 8; version 3: the smaller three of x, y, z, w in 10 bits each, with
+2 bits for the index of the omitted one), harmonics (8 bits, coefficient by coefficient with the channels side by side).
+Axes are right, up, back according to its documents; the up axis of a scan is found from the content, as in other
+splats.
 
-Guaranteed: no more is decompressed than the header's counts say, and those are bounded.
+Guaranteed: no more is decompressed than the header's counts state, and those are bounded.
 """
 
 import zlib
@@ -35,16 +36,16 @@ RECORD = np.dtype([("position", "<f4", 3), ("scale", "<f4", 3), ("color", "u1", 
 """One Gaussian, 32 bytes."""
 
 THINNEST = np.float32(1e-9)
-"""Size of what is flat by rounding: zero has no logarithm [file units]."""
+"""Size of a Gaussian that is flat by rounding, since zero has no logarithm [file units]."""
 
 MAGIC = b"NGSP"
 GZIP = b"\x1f\x8b"
 HEADER = 16
-"""Bytes."""
+"""Length of the header [bytes]."""
 COLOR_RANGE = 0.15
 """Colours are bytes of 0.5 + 0.15 times the constant harmonic [-]."""
 ROTATION_BYTES = {2: 3, 3: 4}
-"""Of one rotation, by version."""
+"""Length of one rotation [bytes], by version."""
 
 
 def read_splat_records(path: Path, report: Report | None = None) -> Gaussians:
@@ -54,7 +55,7 @@ def read_splat_records(path: Path, report: Report | None = None) -> Gaussians:
         raise FormatError(f"{path}: {size} bytes are no whole number of records of {RECORD.itemsize} bytes")
     check_count(path, size // RECORD.itemsize)
     rows = np.frombuffer(read_bytes(path), RECORD)
-    with np.errstate(invalid="ignore"):  # a size below zero is told by its logarithm
+    with np.errstate(invalid="ignore"):  # a size below zero is detected by its logarithm
         log_scale = np.log(np.where(rows["scale"] == 0.0, THINNEST, rows["scale"]))
     color = rows["color"].astype(np.float32) / 255.0
     fields: Fields = (
@@ -96,7 +97,7 @@ def read_spz(path: Path, report: Report | None = None) -> Gaussians:
 
 
 def _unpacked(path: Path, stream: "zlib._Decompress", data: bytes, size: int) -> bytes:
-    """The next bytes of the stream, all of them or none."""
+    """The next `size` bytes of the stream; raises if they are incomplete."""
     try:
         found = stream.decompress(data, size)
     except zlib.error as broken:
@@ -123,16 +124,17 @@ def _fields(columns: list[ByteArray], fraction: int, version: int) -> Fields:
 
 
 def _first_three(packed: ByteArray) -> NDArray[np.float64]:
-    """Quaternions (w, x, y, z) of which w, not negative, is left out, shape (n, 4)."""
+    """Quaternions (w, x, y, z) whose w, not negative, is omitted, shape (n, 4)."""
     xyz = packed / 127.5 - 1.0
     w = np.sqrt(np.maximum(0.0, 1.0 - (xyz**2).sum(axis=1)))
     return np.concatenate([w[:, None], xyz], axis=1)
 
 
 def _smallest_three(packed: ByteArray) -> NDArray[np.float64]:
-    """Quaternions (w, x, y, z) of which the largest component, positive, is left out, shape (n, 4).
+    """Quaternions (w, x, y, z) whose largest component, positive, is omitted, shape (n, 4).
 
-    From the lowest bits up come the others in the order w, z, y, x: nine bits of size, up to sqrt(1/2), and a sign.
+    From the lowest bits upwards the others follow in the order w, z, y, x: nine bits of size, up to sqrt(1/2), and a
+    sign.
     """
     word = packed.copy().view("<u4")[:, 0].astype(np.uint32)
     largest = (word >> 30).astype(np.int64)  # of x, y, z, w
@@ -151,12 +153,13 @@ SPLAT_READERS: dict[str, Callable[[Path, Report | None], Gaussians]] = {
     ".spz": read_spz,
     ".sog": read_sog,
 }
-"""Reader by the suffix of files that hold nothing but splats."""
+"""Reader by the suffix of files that only hold splats."""
 SPLAT_SUFFIXES = tuple(SPLAT_READERS)
 
 
 def is_splats(path: Path) -> bool:
-    """Whether a file holds Gaussian splats: by its suffix, a PLY by its header, meta.json by what it describes."""
+    """Return whether a file holds Gaussian splats: by its suffix, for a PLY by its header, for meta.json by its
+    content."""
     if not path.is_file():
         return False
     if path.suffix.lower() in SPLAT_READERS or path.name == META:
@@ -166,16 +169,16 @@ def is_splats(path: Path) -> bool:
     try:
         return describes_splats(read_header(path))
     except InputError:
-        return False  # what is wrong is said where the file is read
+        return False  # the problem is reported when the file is read
 
 
 def read_gaussians(path: Path) -> Gaussians:
-    """Read any of them, in the file's own units and axes."""
+    """Read any of these formats, in the file's own units and axes."""
     reader = read_sog if path.name == META else SPLAT_READERS.get(path.suffix.lower())
     return read_splats(path) if reader is None else reader(path, None)
 
 
 def check_gaussians(path: Path, report: Report) -> int:
-    """Report what is wrong with any of them; returns the number of splats."""
+    """Report the problems of a file of splats; returns the number of splats."""
     reader = read_sog if path.name == META else SPLAT_READERS.get(path.suffix.lower())
     return check_splats(path, report) if reader is None else len(reader(path, report))

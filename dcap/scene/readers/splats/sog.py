@@ -1,11 +1,11 @@
 """Gaussian splats as SOG (PlayCanvas): meta.json and pictures, in a folder or zipped, versions 1 and 2.
 
 Gaussian i is pixel i of every picture, row by row. Centres: 16 bits per axis in two pictures, between the minima and
-maxima of sign(x) ln(1 + |x|). Rotations: the smaller three of (w, x, y, z) and, as alpha, 252 plus the one left out.
-Sizes (logarithms), colours (constant harmonics) and harmonics: version 2 looks bytes up in codebooks of 256 numbers,
-version 1 goes from minima to maxima; the opacity is the colours' alpha, in version 1 its logit. Higher harmonics come
-from a palette of 64 entries per row that a picture of 16-bit labels points into.
-Axes are right, up, back by its documents; what is up in a scan is found from the content, as in other splats.
+maxima of sign(x) ln(1 + |x|). Rotations: the smaller three of (w, x, y, z) and, as alpha, 252 plus the index of the
+omitted one. Sizes (logarithms), colours (constant harmonics) and harmonics: version 2 looks bytes up in codebooks of
+256 numbers, version 1 goes from minima to maxima; the opacity is the colours' alpha, in version 1 its logit. Higher
+harmonics come from a palette of 64 entries per row that a picture of 16-bit labels points into. Axes are right, up,
+back according to its documents; the up axis of a scan is found from the content, as in other splats.
 """
 
 import zipfile
@@ -25,26 +25,26 @@ from dcap.scene.types.gaussians import COEFFICIENTS, Gaussians
 
 META = "meta.json"
 LARGEST_MEMBER = 512 << 20
-"""A picture of 8 million splats in 4 channels is 32 MB before it is packed [bytes]."""
+"""Largest member of a zip [bytes]: a picture of 8 million splats in 4 channels is 32 MB unpacked."""
 TAG = 252
-"""Alpha of a rotation whose first component is left out."""
+"""Alpha of a rotation whose first component is omitted."""
 PALETTE_ROW = 64
 """Entries of the palette per row."""
 BROKEN_ZIP = (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError, EOFError, OSError)
-"""Errors that reading a file as a zip can raise where it is none."""
+"""Errors raised when a file that is not a zip is read as one."""
 
 
 @dataclass(frozen=True, slots=True)
 class SogFiles:
-    """Source that the parts of a file are read from."""
+    """Access to the parts of a file."""
 
     path: Path
-    """For messages."""
+    """Path for messages."""
     read: Callable[[str], bytes]
 
 
 def is_sog_meta(path: Path) -> bool:
-    """Whether a JSON file describes Gaussians."""
+    """Return whether a JSON file describes Gaussians."""
     if path.name != META or not path.is_file() or path.stat().st_size > LARGEST_MEMBER:
         return False
     head = path.read_bytes()
@@ -52,7 +52,7 @@ def is_sog_meta(path: Path) -> bool:
 
 
 def picture_names(path: Path, text: bytes) -> list[str]:
-    """The pictures that a meta.json names."""
+    """The pictures named by a meta.json."""
     meta = parse_json(path, text, META)
     sections = meta.values() if isinstance(meta, dict) else ()
     lists = (one.get("files") for one in sections if isinstance(one, dict))
@@ -63,7 +63,7 @@ def read_sog(path: Path, report: Report | None = None) -> Gaussians:
     """Read a zipped file, or the meta.json of a folder, in the file's own units and axes."""
     if path.name == META:
         return _gaussians(SogFiles(path, lambda name: _beside(path, name)), report or refusing(path))
-    read_bytes(path, 1)  # missing and empty files are told as everywhere
+    read_bytes(path, 1)  # missing and empty files are reported as everywhere
     try:
         with zipfile.ZipFile(path) as archive:
             return _gaussians(SogFiles(path, lambda name: _member(path, archive, name)), report or refusing(path))
@@ -161,7 +161,7 @@ def _pixels(files: SogFiles, meta: Mapping[str, object], name: str, index: int, 
 
 
 def _values(path: Path, meta: Mapping[str, object], name: str, pixels: ByteArray, version: int) -> Array:
-    """Values that the bytes (n, k) of a picture stand for, shape (n, k)."""
+    """Values encoded by the bytes (n, k) of a picture, shape (n, k)."""
     if version == 2:
         return np.asarray(_numbers(path, meta, name, "codebook", 256)[pixels])
     low, high = (_numbers(path, meta, name, key, pixels.shape[1]) for key in ("mins", "maxs"))
@@ -169,14 +169,14 @@ def _values(path: Path, meta: Mapping[str, object], name: str, pixels: ByteArray
 
 
 def _rotation(pixels: ByteArray) -> Array:
-    """Quaternions (w, x, y, z), shape (n, 4); those with a tag that there is not are left unturned."""
+    """Quaternions (w, x, y, z), shape (n, 4); the identity for an invalid tag."""
     three = (pixels[:, :3] / 255.0 * 2.0 - 1.0) / np.sqrt(2.0)
     which = pixels[:, 3].astype(np.int64) - TAG
     known = which >= 0
     out = np.tile([1.0, 0.0, 0.0, 0.0], (len(pixels), 1))
     rows, which, three = np.flatnonzero(known), which[known], three[known]
     out[rows, which] = np.sqrt(np.maximum(0.0, 1.0 - (three**2).sum(axis=1)))
-    for i in range(3):  # the others keep their order around the one left out
+    for i in range(3):  # the others keep their order around the omitted one
         out[rows, i + (which <= i)] = three[:, i]
     return out
 

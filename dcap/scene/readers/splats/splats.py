@@ -1,10 +1,10 @@
-"""Gaussian splats from PLY files, plain and compressed by PlayCanvas; and what all readers of splats share.
+"""Gaussian splats from PLY files, plain and compressed by PlayCanvas; and functions shared by all readers of splats.
 
 Plain: x y z, f_dc_0..2, opacity, scale_0..2, rot_0..3 and 0, 9, 24 or 45 f_rest, in any order; normals are ignored.
 Compressed (InteriorGS): chunks of 256 splats with the ranges of their positions, scales and colours, four 32-bit words
 per splat, one byte per harmonic; the layout is in docs/formats.md.
 
-Guaranteed: the counts that the header promises are checked against the file's length before anything is allocated.
+Guaranteed: the counts in the header are checked against the file's length before memory is allocated.
 """
 
 from collections.abc import Callable
@@ -25,7 +25,7 @@ CHUNK = 256
 """Splats per chunk."""
 
 MOST_SPLATS = 8_000_000
-"""Splats that a file may hold [-]: at 59 numbers each they take 1.9 GB."""
+"""Maximum number of splats of a file [-]: at 59 numbers each they take 1.9 GB."""
 
 WORDS = ("packed_position", "packed_rotation", "packed_scale", "packed_color")
 PLAIN = (
@@ -36,13 +36,13 @@ PLAIN = (
 )
 
 LARGEST_LOGIT = 16.0
-"""Opacities of exactly 0 and 1 have no finite logit [-]; 1e-7 from them is as good."""
+"""Largest logit of an opacity [-]: 0 and 1 have no finite logit, and 1e-7 from them is just as good."""
 
 LARGEST_LOG_SCALE = 20.0
-"""Logarithms of sizes end here [-]: writers cut them, and e^20 m is no size."""
+"""Largest logarithm of a size [-]: writers clip them, and e^20 m is not a sensible size."""
 
 MOST_DISCS = 100_000
-"""Squares that stand for the Gaussians of a file where its units and axes are found [-]."""
+"""Number of squares that represent the Gaussians of a file in finding its units and axes [-]."""
 
 HARMONIC_RANGE = 8.0
 """Harmonics span -4 to 4 in a compressed file [-]."""
@@ -56,16 +56,17 @@ def read_splats(path: Path) -> Gaussians:
 
 
 def gaussians_of(fields: "Fields", report: Report) -> Gaussians:
-    """Fields as read, once they are checked; infinite opacities are cut."""
+    """Checked Gaussians from the fields of a file; infinite opacities are clipped."""
     check_fields(fields, report)
     position, log_scale, rotation, logit, dc, rest = fields
     return Gaussians(position, log_scale, rotation, _bounded(logit), dc, rest)
 
 
 def check_splats(path: Path, report: Report) -> int:
-    """Check all that `read_splats` relies on, without decoding what cannot be wrong; returns the number of splats.
+    """Check everything that `read_splats` relies on, without decoding data that is always valid; returns the number of
+    splats.
 
-    FormatError or InputError where the file breaks off or its layout is none of ours.
+    Raises FormatError or InputError if the file is truncated or has an unknown layout.
     """
     tables = splat_tables(path)
     vertex = tables["vertex"]
@@ -92,17 +93,17 @@ def splat_tables(path: Path) -> dict[str, Table]:
 
 
 def check_count(path: Path, count: int) -> None:
-    """Refuse more Gaussians than we can work with, before memory is taken for them."""
+    """Refuse more Gaussians than we can handle, before memory is allocated."""
     if count > MOST_SPLATS:
         raise InputError(f"{path}: {count} splats > {MOST_SPLATS}; decimate them first")
 
 
 Fields = tuple[Float32Array, Float32Array, Float32Array, Float32Array, Float32Array, Float32Array]
-"""Positions, log scales, rotations, logits, constant harmonics and the others, as of `Gaussians`."""
+"""Positions, log scales, rotations, logits, constant harmonics and higher harmonics, as in `Gaussians`."""
 
 
 def _plain(path: Path, table: Table) -> Fields:
-    """The schema of 3D Gaussian splatting: single numbers by name."""
+    """Fields of the schema of 3D Gaussian splatting: single numbers by name."""
     count = sum(name.startswith("f_rest_") for name in table)
     if count % 3 or count // 3 not in COEFFICIENTS.values():
         raise FormatError(f"{path}: {count} properties f_rest_*, expected 0, 9, 24 or 45")
@@ -121,7 +122,7 @@ def _plain(path: Path, table: Table) -> Fields:
 
 
 def _packed(path: Path, tables: dict[str, Table], report: Report) -> Fields:
-    """PlayCanvas' compressed schema."""
+    """Fields of PlayCanvas' compressed schema."""
     words = {name: _words(path, tables["vertex"], name) for name in WORDS}
     n = len(words[WORDS[0]])
     owner = np.arange(n) // CHUNK
@@ -143,7 +144,7 @@ def _packed(path: Path, tables: dict[str, Table], report: Report) -> Fields:
 
 
 def logit_of(alpha: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Logits of opacities 0..1, those of 0 and 1 cut, shape as given."""
+    """Logits of opacities 0..1, with those of 0 and 1 clipped, shape as given."""
     with np.errstate(divide="ignore"):
         return np.asarray(np.clip(-np.log(1.0 / alpha - 1.0), -LARGEST_LOGIT, LARGEST_LOGIT))
 
@@ -156,7 +157,7 @@ def _words(path: Path, table: Table, name: str) -> U32:
 
 
 def _chunk_ranges(path: Path, table: Table, count: int, report: Report) -> dict[str, NDArray[np.float64]]:
-    """The ranges of the chunks by name, shape (ceil(n / CHUNK),) each; finite and not upside down."""
+    """The ranges of the chunks by name, shape (ceil(n / CHUNK),) each; finite and in order."""
     groups = [("x", "y", "z"), ("scale_x", "scale_y", "scale_z"), ("r", "g", "b")][: 3 if "min_r" in table else 2]
     of = [name for group in groups for name in group]
     columns = {f"{end}_{name}": scalar(path, table, f"{end}_{name}") for end in ("min", "max") for name in of}
@@ -166,7 +167,7 @@ def _chunk_ranges(path: Path, table: Table, count: int, report: Report) -> dict[
     ranges = {name: column.astype(np.float64) for name, column in columns.items()}
     for name, column in ranges.items():
         with np.errstate(over="ignore"):
-            finite = np.isfinite(column.astype(np.float32))  # what is read is single precision
+            finite = np.isfinite(column.astype(np.float32))  # the values are read in single precision
         _tell(~finite, "{} of chunk {} is not finite", name, report)
     for name in of:
         low, high = ranges[f"min_{name}"], ranges[f"max_{name}"]
@@ -181,14 +182,14 @@ def _chunk_ranges(path: Path, table: Table, count: int, report: Report) -> dict[
 def _tell(
     bad: NDArray[np.bool_], what: str, name: str, report: Report, problem: Callable[[str], Problem] = error
 ) -> None:
-    """Report the first of the rows that are bad, and how many more there are."""
+    """Report the first of the bad rows, and the number of others."""
     if bad.any():
         more = int(bad.sum()) - 1
         report(problem(what.format(name, int(np.argmax(bad))) + (f" ({more} more like it)" if more else "")))
 
 
 def _unit(word: NDArray[np.integer], bits: int) -> NDArray[np.float64]:
-    """The lowest bits as a number from 0 to 1."""
+    """The lowest bits of a word as a number from 0 to 1."""
     most = (1 << bits) - 1
     return (word & np.uint32(most)).astype(np.float64) / most
 
@@ -205,7 +206,7 @@ def _between(chunk: dict[str, NDArray[np.float64]], names: str, share: NDArray[n
 
 
 def _rotation(word: U32) -> NDArray[np.float64]:
-    """Quaternions (w, x, y, z) of which the largest component, positive, is left out, shape (n, 4)."""
+    """Quaternions (w, x, y, z) whose largest component, positive, is omitted, shape (n, 4)."""
     three = np.stack([(_unit(word >> shift, 10) - 0.5) * np.sqrt(2.0) for shift in (20, 10, 0)], axis=1)
     largest = np.sqrt(np.maximum(0.0, 1.0 - (three**2).sum(axis=1)))
     which = (word >> 30).astype(np.int64)
@@ -241,12 +242,12 @@ def _harmonics(path: Path, table: Table | None, count: int) -> Float32Array:
 
 
 def _bounded(logit: Float32Array) -> Float32Array:
-    """Opacities beyond all bounds, infinite ones among them, are cut."""
+    """Opacities clipped to LARGEST_LOGIT, including infinite ones."""
     return np.clip(logit, -LARGEST_LOGIT, LARGEST_LOGIT)
 
 
 def check_fields(fields: Fields, report: Report) -> None:
-    """Report numbers that are not finite, sizes beyond all bounds and rotations of no length."""
+    """Report numbers that are not finite, sizes out of bounds and rotations of zero length."""
     position, log_scale, rotation, logit, dc, rest = fields
     for name, field in (
         ("position", position), ("scale", log_scale), ("rotation", rotation), ("opacity", _bounded(logit)),
@@ -262,7 +263,7 @@ def check_fields(fields: Fields, report: Report) -> None:
 
 
 def discs(path: Path, splats: Gaussians) -> RawMesh:
-    """A square across each opaque Gaussian, in the file's units: what finds units and axes, as of a mesh."""
+    """A square across each opaque Gaussian, in the file's units: used to find units and axes, as for a mesh."""
     opaque = np.flatnonzero(splats.opacity > 0.5)
     if not len(opaque):
         raise InputError(f"{path}: no Gaussian has more than half of the opacity: there is no surface")

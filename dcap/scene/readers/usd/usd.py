@@ -1,8 +1,7 @@
 """USD scenes (.usd, .usda, .usdc, .usdz): their meshes with transforms, instances, unit and up axis.
 
-Needs the optional library `usd-core`. It runs in a process of its own with a limit on time and memory, as a broken
-binary can keep it busy for ever. Guaranteed: a file that refers to others is refused where they are missing, and every
-index is checked.
+Needs the optional library `usd-core`. It runs in its own process with limits on time and memory, because a broken
+binary can keep it busy forever. Guaranteed: a file that refers to missing files is refused, and every index is checked.
 """
 
 import importlib.util
@@ -25,22 +24,22 @@ from dcap.scene.types.mesh import Paint
 USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 
 MAGIC = (b"#usda", b"PXR-USDC", b"PK\x03\x04")
-"""How texts, binaries and packages begin."""
+"""First bytes of texts, binaries and packages."""
 
 CPU_SECONDS = 60
-"""Processor time that reading may take [s], and as much again per 50 MB: a sound file of 20 MB takes a few."""
+"""Processor time allowed for reading [s], and as much again per 50 MB: a sound file of 20 MB takes a few seconds."""
 
 MOST_SECONDS = 3600
-"""Longest wait for it [s]: a stage may refer to what cannot be read to an end."""
+"""Longest wait for it [s]: a stage may refer to a source that never ends."""
 
 MEMORY = 4 << 30
-"""Address space that it may take [bytes], half of it for the library itself, and a hundred times the file."""
+"""Address space allowed [bytes], half of it for the library itself, and in addition a hundred times the file."""
 
 
 def read_usd(path: Path, report: Report | None = None) -> RawMesh:
-    """Read every mesh of a stage; helpers and what is hidden only where there is nothing else.
+    """Read every mesh of a stage; helpers and hidden meshes only if there are no others.
 
-    With a `report`, the first thing that is wrong is told as well as raised: what is left of a stage is not looked at.
+    With a `report`, the first problem is reported and raised: the rest of the stage is not checked.
     """
     data = read_bytes(path)
     if not data.startswith(MAGIC):
@@ -79,7 +78,7 @@ def read_usd(path: Path, report: Report | None = None) -> RawMesh:
 
 
 def _paint(path: Path, arrays: Mapping[str, NDArray[np.generic]], notes: list[str]) -> Paint | None:
-    """Base-colour textures; None where there are none. An image that cannot be decoded is left out."""
+    """Base-colour textures; None if there are none. An image that cannot be decoded is left out."""
     if "face_texture" not in arrays:
         return None
     textures, wraps, slot, budget = [], [], [], PixelBudget(path)

@@ -1,16 +1,15 @@
-"""The meshes of a USD stage, read by Pixar's library: run as a process of its own by `dcap.scene.readers.usd.usd`.
+"""The meshes of a USD stage, read by Pixar's library: run as a separate process by `dcap.scene.readers.usd.usd`.
 
     python usd_stage.py FILE CPU_SECONDS BYTES > arrays.npz, or one line of JSON with exit code 3
 
-Subdivision surfaces are read as their cages; spheres and other shapes by formula are left out.
-Source: Pixar, "USD Geom schema": Mesh, Primvar, stage metadata `upAxis` and `metersPerUnit`.
+Subdivision surfaces are read as their cages; spheres and other analytic shapes are left out. Source: Pixar, "USD Geom
+schema": Mesh, Primvar, stage metadata `upAxis` and `metersPerUnit`.
 
 Base-colour textures of a USD stage, read by Pixar's library within the process of `usd_stage`.
 
-Read are `UsdUVTexture` nodes at the `diffuseColor` of a `UsdPreviewSurface`, with the coordinates that their
+Reads `UsdUVTexture` nodes at the `diffuseColor` of a `UsdPreviewSurface`, with the coordinates that their
 `UsdPrimvarReader_float2` names, through a `UsdTransform2d` if there is one. Only images next to the stage or within its
-package count.
-Source: Pixar, "UsdPreviewSurface Specification", version 2.6.
+package count. Source: Pixar, "UsdPreviewSurface Specification", version 2.6.
 """
 
 import io
@@ -33,18 +32,18 @@ Prim = Any
 
 WRAPS = {"repeat": REPEAT, "mirror": MIRROR, "clamp": CLAMP, "black": CLAMP}
 COORDINATES = "st"
-"""Primvar of texture coordinates where none is named."""
+"""Default primvar of texture coordinates."""
 Stage = Any
 
 """Object of that name in the library, which has no types."""
 
 REFUSED = 3
-"""Exit code where a line says what is wrong."""
+"""Exit code if a line describes the problem."""
 
 FLATTEN = "flatten it into one file: `usdcat --flatten in.usd -o out.usdc`"
 
 GREY = 200
-"""Of meshes without a colour next to others that have one [sRGB]."""
+"""Grey level of meshes without a colour next to meshes with one [sRGB]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,10 +51,10 @@ class Texture:
     """A texture of a material."""
 
     slot: int
-    """Index of its image and how that goes on."""
+    """Index of its image with its wrapping."""
     primvar: str
     uv_from_primvar: NDArray[np.float64]
-    """Shape (3, 2): rows for u, v and 1."""
+    """Texture transform, shape (3, 2): rows for u, v and 1."""
 
 
 @dataclass
@@ -115,7 +114,7 @@ class StageTextures:
         return self._textures[key]
 
     def _read(self, material: Any) -> Texture | None:
-        """Texture that is connected to the diffuse colour of a material's surface."""
+        """Texture connected to the diffuse colour of a material's surface."""
         surface = material.ComputeSurfaceSource()[0]
         node = _source(surface, "diffuseColor") if surface else None
         if node is None or node.GetIdAttr().Get() != "UsdUVTexture":
@@ -129,7 +128,7 @@ class StageTextures:
         return None if slot is None else Texture(slot, str(name), turn)
 
     def _slot(self, asset: Any, wrap: Wrap) -> int | None:
-        """Slot of an image; None where it is not there, or lies elsewhere than the stage."""
+        """Slot of an image; None if it is missing, or lies outside the stage's folder and package."""
         from pxr import Ar
 
         where = str(getattr(asset, "resolvedPath", "") or "")
@@ -145,7 +144,7 @@ class StageTextures:
         return self._slots[where, wrap]
 
     def _coordinates(self, prim: Prim, name: str, index: NDArray[np.int64], points: int) -> NDArray[np.float64] | None:
-        """Texture coordinates at each corner of the polygons, shape (c, 2); None where the mesh has none."""
+        """Texture coordinates at each corner of the polygons, shape (c, 2); None if the mesh has none."""
         from pxr import UsdGeom
 
         primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
@@ -157,7 +156,7 @@ class StageTextures:
 
 
 def _source(node: Any, name: str) -> Any:
-    """The shader that an input of a shader is connected to; None where there is none."""
+    """The shader connected to an input of a shader; None if there is none."""
     from pxr import UsdShade
 
     found = node.GetInput(name)
@@ -166,14 +165,14 @@ def _source(node: Any, name: str) -> Any:
 
 
 def _value(node: Any, name: str) -> Any:
-    """The value of an input, its own or that of what it is connected to; None where there is none."""
+    """The value of an input, its own or that of its connection; None if there is none."""
     found = node.GetInput(name)
     attributes = found.GetValueProducingAttributes() if found else []
     return attributes[0].Get() if attributes else None
 
 
 def _transform(node: Any) -> NDArray[np.float64]:
-    """Coordinates scaled, turned, moved: rows for u, v and 1, shape (3, 2)."""
+    """Scale, rotation and translation of texture coordinates: rows for u, v and 1, shape (3, 2)."""
     scale, angle = _value(node, "scale") or (1.0, 1.0), np.radians(float(_value(node, "rotation") or 0.0))
     turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
     move = np.array(_value(node, "translation") or (0.0, 0.0), dtype=np.float64)
@@ -181,7 +180,7 @@ def _transform(node: Any) -> NDArray[np.float64]:
 
 
 def main(path: Path, cpu_seconds: int, memory: int) -> int:
-    """Write the arrays, or what is wrong, to standard output."""
+    """Write the arrays, or the problem, to standard output."""
     resource.setrlimit(resource.RLIMIT_CPU, (cpu_seconds, cpu_seconds))
     resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
     from pxr import Tf
@@ -203,7 +202,7 @@ def main(path: Path, cpu_seconds: int, memory: int) -> int:
 
 
 def read_stage(path: Path) -> dict[str, NDArray[np.generic]]:
-    """Every mesh of a stage; helpers and what is hidden only where there is nothing else."""
+    """Every mesh of a stage; helpers and hidden meshes only if there are no others."""
     from pxr import UsdGeom
 
     stage = _stage(path)
@@ -217,7 +216,7 @@ def read_stage(path: Path) -> dict[str, NDArray[np.generic]]:
 
 
 def _stage(path: Path) -> Stage:
-    """The composed stage; what it refers to must be there."""
+    """The composed stage; all files that it refers to must exist."""
     from pxr import Usd
 
     stage = Usd.Stage.Open(str(path))
@@ -226,7 +225,7 @@ def _stage(path: Path) -> Stage:
         raise FormatError(f"{path}: {_first_line(errors[0])}; {FLATTEN}")
     home = path.parent.resolve()
     for layer in stage.GetUsedLayers():
-        place = Path(layer.realPath.partition("[")[0])  # of a layer in a package that of the package
+        place = Path(layer.realPath.partition("[")[0])  # for a layer in a package, the path of the package
         if layer.realPath and not place.resolve().is_relative_to(home):
             raise FormatError(f"{path}: it refers to {place}, which lies outside of the file's folder; {FLATTEN}")
     return stage
@@ -238,7 +237,7 @@ def _first_line(error: object) -> str:
 
 
 def _meshes(path: Path, stage: Stage) -> list[Prim]:
-    """The prims that are meshes, those within instances too."""
+    """The prims that are meshes, including those within instances."""
     from pxr import Usd, UsdGeom
 
     shown: list[Prim] = []
@@ -290,7 +289,7 @@ class _UsdBuilder:
         self.face_count += int(np.maximum(corners - 2, 0).sum())
         check_face_count(self.path, self.face_count)
         check_vertex_count(self.path, self.vertex_count + len(points))
-        stage_from_mesh = np.array(self.frames.GetLocalToWorldTransform(prim)).T  # theirs act on rows
+        stage_from_mesh = np.array(self.frames.GetLocalToWorldTransform(prim)).T  # their matrices act on rows
         corner, polygon = _triangles(points, corners, index)
         mirrored = np.linalg.det(stage_from_mesh[:3, :3]) < 0
         if mirrored != (mesh.GetOrientationAttr().Get() == UsdGeom.Tokens.leftHanded):
@@ -302,7 +301,7 @@ class _UsdBuilder:
         texture, uv = self.textures.of(prim, polygon, corner, index, len(points))
         self.face_texture.append(texture)
         self.corner_uv.append(uv)
-        textured = bool((texture >= 0).any())  # the material's colour counts, not displayColor
+        textured = bool((texture >= 0).any())  # the material's colour is used, not displayColor
         white = np.full((len(points), 3), 255, np.uint8)
         self.colors.append(white if textured else self._colors(prim, corners, index, len(points)))
         self.vertices.append(points @ stage_from_mesh[:3, :3].T + stage_from_mesh[:3, 3])
@@ -311,7 +310,7 @@ class _UsdBuilder:
     def _colors(
         self, prim: Prim, corners: NDArray[np.int64], index: NDArray[np.int64], count: int
     ) -> NDArray[np.uint8] | None:
-        """displayColor at the vertices: the mean where faces or their corners have colours of their own."""
+        """displayColor at the vertices: the mean if faces or their corners have their own colours."""
         from pxr import UsdGeom
 
         primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance("displayColor")
@@ -330,7 +329,7 @@ class _UsdBuilder:
         return np.rint(mean).astype(np.uint8)
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
-        """All of it as one mesh."""
+        """All collected meshes as one."""
         arrays: dict[str, NDArray[np.generic]] = {
             "vertices": np.concatenate(self.vertices), "faces": np.concatenate(self.faces),
             "face_node": np.concatenate(self.face_node), "names": np.array(self.names),
@@ -354,8 +353,8 @@ class _UsdBuilder:
 def _triangles(
     points: NDArray[np.float64], corners: NDArray[np.int64], index: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Triangles of polygons of any size, in their order: which corners of all polygons they have (t, 3), and which
-    polygon they are of (t,)."""
+    """Triangles of polygons of any size, in order: their corners as indices into the corners of all polygons (t, 3),
+    and the polygon of each triangle (t,)."""
     start = np.cumsum(corners) - corners
     faces, owners = [np.zeros((0, 3), dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
     for count in np.unique(corners[corners > 2]).tolist():
