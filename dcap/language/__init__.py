@@ -1,1 +1,1 @@
-"""Meaning of sentences and choices among what is listed: one seam, several clients, a lexicon in files."""
+"""The meaning of sentences, and choices among listed options: one interface, several clients, a lexicon in files."""

@@ -1,7 +1,8 @@
-"""The seam between stages and language: one protocol, and who stands behind it.
+"""The interface between stages and language: one protocol, and the choice of the client behind it.
 
-A stage is handed a `Client` and never learns which one it got. The protocol stands here, above all clients, because a
-stage's digest follows imports: whoever declares a parameter `client` reaches what may answer, the lexicon included.
+A stage gets a `Client` and never learns which one. The protocol is defined here, above all clients, because the digest
+of a stage follows imports: a module that declares a parameter `client` thus depends on everything that may answer,
+including the lexicon.
 """
 
 from collections.abc import Sequence
@@ -16,15 +17,15 @@ from dcap.language.protocol.session import Session
 
 
 class Client(Protocol):
-    """Answers questions with replies that passed their own check; LanguageError if it cannot."""
+    """Answers questions with replies that passed their own check; raises LanguageError if it cannot."""
 
     def ask(self, question: Question[RequestT, ReplyT], request: RequestT) -> ReplyT:
         """The answer to one question."""
 
     def ask_all(self, question: Question[RequestT, ReplyT], requests: Sequence[RequestT]) -> list[ReplyT]:
-        """Answers to questions that do not depend on each other, in their order."""
+        """Answers to independent questions, in their order."""
 
 
 def connect(config: LanguageConfig, session: Session, idle: Idle = nullcontext) -> Client:
-    """The client that a configuration names, asking as `session` says; nothing is asked yet."""
+    """The client selected by a configuration, asking as `session` says; nothing is asked yet."""
     return OfflineClient() if config.client is ClientName.OFFLINE else model_client(config, session, idle)

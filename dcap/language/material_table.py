@@ -3,19 +3,19 @@
 In: the CSV file with SI units in its header. Out: `Material` by id. Guaranteed: every number is finite and physical,
 dynamic friction does not exceed static friction, no word names two rows, and each number has a source.
 
-`source` is `estimate`, or entries that say for which columns they hold, without units, and `rest` for all others:
+`source` is `estimate`, or entries that name their columns, without units, with `rest` for all others:
 
     density, youngs_modulus: https://a.page (what was read there) | static_friction: https://b.page | rest: estimate
 
-A page was opened and states the number or a range that holds it; what stands in brackets says how the number follows
-from the page. For soft things of many fibres or layers the modulus is an effective one in compression; the name says
-so. Of cloth in layers and of fibre fillings that is the modulus across the layers, and the `layer_` columns hold those
-in them and between them; a row whose constants together are not positive definite is refused.
+A page was opened and states the number or a range that contains it; the text in brackets explains how the number
+follows from the page. For soft things of many fibres or layers the modulus is an effective one in compression, and the
+name says so. For cloth in layers and fibre fillings it is the modulus across the layers, and the `layer_` columns give
+those in the layers and between them; a row whose constants are not positive definite together is refused.
 
-Covers: what is spread over other things as a layer, and how thick it usually is.
+Covers: things spread over other things as a layer, and their usual thickness.
 
-In: the name of a part or the label of a thing. Out: its usual thickness, None for what is no cover. It is the role that
-makes a cover, not what it is made of: a blanket of the same fleece as a pillow is a layer, the pillow is not.
+In: the name of a part or the label of a thing. Out: its usual thickness, or None if it is not a cover. Its role makes
+it a cover, not its material: a blanket of the same fleece as a pillow is a layer, the pillow is not.
 """
 
 import csv
@@ -55,11 +55,12 @@ LAYER_RANGES = {
     "layer_poisson_ratio": (-0.9, 0.9),
     "layer_shear_modulus_pa": (1.0e1, 1.0e9),
 }
-"""Of what lies in layers, all three or none: from a heap of down to plywood's glue."""
+"""Physical limits of layered materials, whose columns are all given or all empty: from a heap of down to the glue of
+plywood."""
 
 
 def sourced_as(column: str) -> str:
-    """A column as it is called in `source`: without its unit."""
+    """The name of a column in `source`: without its unit."""
     return column.removesuffix("_kg_m3").removesuffix("_pa").removesuffix("_m")
 
 
@@ -124,7 +125,7 @@ def material(row: Mapping[str, str], where: str) -> Material:
 
 
 def layers_of(row: Mapping[str, str], where: str) -> LayerConstants | None:
-    """The constants of a material of layers, positive definite; None where the row leaves them empty."""
+    """The constants of a layered material, positive definite; None if the row leaves them empty."""
     given = [name for name in LAYER_RANGES if row[name]]
     if not given:
         return None
@@ -149,7 +150,7 @@ def number(text: str, name: str, where: str) -> float:
 
 
 def sources_of(text: str, where: str, sourced: Sequence[str] = SOURCED) -> dict[str, str]:
-    """Page or `estimate` of each column of `sourced`; every one has exactly one."""
+    """Page or `estimate` of each column of `sourced`; each column has exactly one source."""
     if not text:
         raise InputError(f"{where}: no source; write 'estimate' where there is none")
     if text == ESTIMATE:
@@ -198,8 +199,8 @@ def cover_thicknesses() -> dict[str, float]:
 
 
 def cover_thickness(name: str) -> float | None:
-    """Usual thickness of a cover of this name [m]; None if it names none. The last words decide: a "wool blanket" is a
-    blanket, a "blanket box" is a box."""
+    """Usual thickness of a cover with this name [m]; None if it is not a cover. The last words decide: a "wool blanket"
+    is a blanket, a "blanket box" is a box."""
     known, words = cover_thicknesses(), name.lower().replace("_", " ").replace("-", " ").split()
     endings = [" ".join(words[start:]) for start in range(len(words))]
     singular = [one.removesuffix("s") for one in endings]

@@ -1,1 +1,1 @@
-"""The clients behind which a model answers, now or when it was recorded."""
+"""Clients that get their answers from a model, live or recorded."""

@@ -1,8 +1,8 @@
-"""Anthropic's API through the official SDK: one question at once; dcap/language/model/batch.py sends many.
+"""Anthropic's API through the official SDK: one question at a time; dcap/language/model/batch.py sends many.
 
-The key comes from the environment only (the SDK reads ANTHROPIC_API_KEY, and ANTHROPIC_BASE_URL where another address
-is wanted); it reaches no log, no artifact and no cache key. Rate limits, overload, 5xx and lost connections are tried
-again by the SDK with growing pauses. It is imported where somebody is asked: that takes a second.
+The key only comes from the environment (the SDK reads ANTHROPIC_API_KEY, and ANTHROPIC_BASE_URL for another address);
+it reaches no log, no artifact and no cache key. The SDK retries after rate limits, overload, 5xx and lost connections,
+with growing pauses. It is imported on first use, as that takes a second.
 """
 
 import json
@@ -24,15 +24,16 @@ if TYPE_CHECKING:
     import anthropic
 
 USUAL = "api.anthropic.com"
-"""Where the SDK asks unless told otherwise."""
+"""Default address of the SDK."""
 RETRIES = 5
-"""Times the SDK tries again after a rate limit, an overload or a lost connection."""
+"""Number of retries of the SDK after a rate limit, an overload or a lost connection."""
 PICTURE_TOKENS = 5000
-"""More than a picture takes: the API documents width x height / 750, and ours have at most 960 x 720 pixels."""
+"""Upper bound of the tokens of a picture: the API documents width x height / 750, and ours have at most 960 x 720
+pixels."""
 PASSING = (408, 409, 429)
-"""Client errors that go by: whether such a call was charged is not said."""
+"""Client errors that may be temporary; it is not documented whether such a call is charged."""
 SHOWN = 300
-"""Characters of a server's message that an error quotes."""
+"""Maximum length of a server's message in an error [characters]."""
 
 
 def reply_of(config: LanguageConfig, payload: Payload, session: Session) -> Message:
@@ -44,25 +45,25 @@ def reply_of(config: LanguageConfig, payload: Payload, session: Session) -> Mess
 
 
 def size_of(payload: Payload) -> int:
-    """More than the tokens of a call: the bytes of its text, and what pictures take at most."""
+    """Upper bound of the tokens of a call: the bytes of its text, and the maximum for each picture."""
     return payload.bytes + PICTURE_TOKENS * payload.pictures
 
 
 def endpoint() -> str:
-    """Address that is asked where it is not the usual one, fit for a file name; empty for the usual one."""
+    """Address of the API if it is not the default, usable in a file name; empty for the default."""
     name = address_name(os.environ.get("ANTHROPIC_BASE_URL", ""))
     return "" if name == USUAL.replace(":", "-") else name
 
 
 def address_name(url: str) -> str:
-    """Host, port and path of an address, without a password, fit for a file name."""
+    """Host, port and path of an address, without a password, usable in a file name."""
     parts = urlsplit(url)
     address = parts.netloc.rpartition("@")[2] + parts.path.rstrip("/")
     return address.replace(":", "-").replace("/", "-")
 
 
 def connection() -> "anthropic.Anthropic":
-    """The SDK's client for the present environment."""
+    """The SDK's client for the current environment."""
     import anthropic
 
     try:
@@ -72,7 +73,7 @@ def connection() -> "anthropic.Anthropic":
 
 
 def call_of(config: LanguageConfig, payload: Payload, session: Session) -> dict[str, Any]:
-    """The arguments of one call: the answer is one JSON object of the reply's form."""
+    """The arguments of one call, whose answer is a JSON object of the reply's schema."""
     effort = {"effort": config.effort} if config.effort else {}
     return {
         "model": config.model,
@@ -84,7 +85,7 @@ def call_of(config: LanguageConfig, payload: Payload, session: Session) -> dict[
 
 
 def as_message(model: str, text: str) -> Message:
-    """A reply as it came; LanguageError if it is no message."""
+    """A reply as received; raises LanguageError if it is not a message."""
     try:
         message = json.loads(text)
     except (ValueError, RecursionError):
@@ -95,7 +96,7 @@ def as_message(model: str, text: str) -> Message:
 
 
 def well_formed(message: object) -> bool:
-    """Whether it is a message with a list of blocks, texts in the text blocks."""
+    """Return whether an object is a message with a list of blocks, and with text in its text blocks."""
     if not isinstance(message, Mapping) or not isinstance(message.get("content"), list):
         return False
     blocks = message["content"]
@@ -107,7 +108,8 @@ def well_formed(message: object) -> bool:
 
 @contextmanager
 def told_in_a_line(model: str, timeout: float | None = None) -> Iterator[None]:
-    """Failures of the SDK as LanguageError in one line, without headers and key; RefusedError: nothing was done."""
+    """Turn failures of the SDK into a one-line LanguageError, without headers and key; RefusedError: nothing was
+    done."""
     import anthropic
 
     try:
@@ -127,7 +129,7 @@ def told_in_a_line(model: str, timeout: float | None = None) -> Iterator[None]:
 
 
 def no_access(error: Exception) -> RefusedError:
-    """Error for an SDK that finds no key, or cannot use the one it found."""
+    """Error if the SDK finds no key, or cannot use the key that it found."""
     why = one_line(str(error)) if any(_access()[:2]) else "there is no key"
     return RefusedError(f"no access to Anthropic: {why}; set ANTHROPIC_API_KEY")
 
@@ -139,20 +141,20 @@ def failed(model: str, status: int, said: str) -> LanguageError:
 
 
 def unanswered(model: str, timeout: float | None) -> LanguageError:
-    """Return the error of a call whose every try took too long; None: the longest wait is not the user's."""
+    """Error of a call whose attempts all timed out; None: the limit was not set by the user."""
     waited = f"{TIMEOUT:g} s" if timeout is None else f"{timeout:g} s (--reply-timeout)"
     return LanguageError(f"{model} gave no answer within {waited}, {RETRIES + 1} times")
 
 
 def unreachable(model: str, error: Exception, variable: str) -> LanguageError:
-    """Error of a call that never reached the server, whose address a variable of the environment may name."""
+    """Error of a call that never reached the server, whose address may come from an environment variable."""
     given = os.environ.get(variable, "")
     address = f"{redacted_url(given)} ({variable})" if given else f"the usual address ({variable} names another)"
     return LanguageError(f"{model} cannot be reached at {address}: {one_line(str(error))}")
 
 
 def message_of(body: object, otherwise: str) -> str:
-    """The server's own words, without headers; an SDK may have taken them out of their `error` already."""
+    """The message of the server, without headers; an SDK may already have extracted it from `error`."""
     inner = body.get("error", body) if isinstance(body, Mapping) else None
     said = inner.get("message") if isinstance(inner, Mapping) else inner
     return one_line(str(said or otherwise))
@@ -164,7 +166,7 @@ def one_line(text: str) -> str:
 
 
 def _access() -> tuple[str, ...]:
-    """Environment values that decide the connection: tests and long processes may change them."""
+    """Environment values that determine the connection: tests and long processes may change them."""
     names = ("ANTHROPIC_API_KEY", "ANTHROPIC_AUTH_TOKEN", "ANTHROPIC_BASE_URL")
     return tuple(os.environ.get(name, "") for name in names)
 

@@ -1,4 +1,4 @@
-"""The servers that a model can be asked through, by the client's name."""
+"""The APIs through which a model can be asked, by the client's name."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -16,19 +16,19 @@ from dcap.scene.errors import RefusedError
 
 @dataclass(frozen=True, slots=True)
 class ModelApi:
-    """How one is asked."""
+    """Access to one API."""
 
     reply_of: Callable[[LanguageConfig, Payload, Session], Message]
     """The reply to one call."""
     endpoint: Callable[[], str]
-    """Address that is asked where it is not the usual one."""
+    """Address of the API if it is not the default."""
     address_variable: str
-    """Environment variable that names another address."""
+    """Environment variable for another address."""
     check: Callable[[], None] = lambda: None
-    """InputError if what it needs is not installed."""
+    """Raises InputError if a required package is not installed."""
 
     def ask_at_once(self, config: LanguageConfig, payload: Payload, session: Session) -> Message:
-        """The reply to one call, which the ledger has; RefusedError: nothing was done, and nothing is charged."""
+        """The reply to one call, recorded in the ledger; RefusedError: nothing was done, and nothing is charged."""
         ledger = Ledger(Path(session.ledger) if session.ledger else None, session.max_cost, session.sample)
         tokens = payload.tokens(session.max_tokens)
         booked = ledger.reserve(config.model, payload.question, size_of(payload), tokens)

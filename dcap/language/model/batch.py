@@ -1,9 +1,9 @@
-"""Questions in batches, at half the price: stages put them into a queue and wait, the queue sends what has gathered.
+"""Questions in batches, at half the price: stages add questions to a queue and wait, the queue sends them together.
 
-`ask_in_batch` (in a stage, whatever its process) writes a file to the queue's folder and waits for the reply.
-`BatchQueue` (in the process of the run) sends all waiting questions as one batch of the Message Batches API when none
-has come for a while, keeps each reply as soon as its batch has ended, and writes what it cost. A question is sent once,
-however many wait for it. A batch that was open when a run was killed is collected by the next.
+`ask_in_batch` (in a stage, in any process) writes a file to the queue's folder and waits for the reply. `BatchQueue`
+(in the process of the run) sends all waiting questions as one batch of the Message Batches API when none has arrived
+for a while, keeps each reply as soon as its batch has ended, and records its cost. A question is sent once, however
+many stages wait for it. A batch that was open when a run was killed is collected by the next run.
 """
 
 import json
@@ -26,17 +26,17 @@ from dcap.scene import errors
 from dcap.scene.errors import BudgetError, DcapError, LanguageError, RefusedError
 
 POLL_S = 0.2
-"""How often waiting questions and the queue look at the folder [s]."""
+"""Interval at which waiting questions and the queue check the folder [s]."""
 QUIET_S = 5.0
 """A batch is sent once no question has come for this time [s]."""
 ASK_AGAIN_S = 20.0
-"""How often the API is asked whether a batch has ended [s]; they take minutes to hours."""
+"""Interval at which the API is asked whether a batch has ended [s]; batches take minutes to hours."""
 MOST_BYTES = 100_000_000
-"""Largest batch; the API takes 256 MB."""
+"""Largest batch [bytes]; the API accepts 256 MB."""
 OPEN = "batches"
 """Folder of the open batches, next to the kept replies."""
 CLOSED = "closed"
-"""File by which a queue says that it answers no more."""
+"""File that marks a closed queue."""
 
 
 def ask_in_batch(config: LanguageConfig, payload: Payload, session: Session, kept: ReplyFolder, idle: Idle) -> Message:
@@ -44,7 +44,7 @@ def ask_in_batch(config: LanguageConfig, payload: Payload, session: Session, kep
     from dcap.language.model.anthropic_api import call_of, size_of
 
     queue, digest = Path(session.batch), payload.digest
-    (queue / f"{digest}.error").unlink(missing_ok=True)  # of an earlier try
+    (queue / f"{digest}.error").unlink(missing_ok=True)  # from an earlier attempt
     asked = {"question": payload.question, **payload.readable()}
     entry = {
         "name": config.source, "model": config.model, "sample": session.sample,
@@ -57,7 +57,7 @@ def ask_in_batch(config: LanguageConfig, payload: Payload, session: Session, kep
 
 
 def waited_for(queue: Path, kept: ReplyFolder, name: str, digest: str) -> Message:
-    """The reply, once the queue has kept it."""
+    """The reply, after the queue has stored it."""
     failed, closed = queue / f"{digest}.error", queue / CLOSED
     while True:
         message = kept.read(name, digest)
@@ -71,17 +71,17 @@ def waited_for(queue: Path, kept: ReplyFolder, name: str, digest: str) -> Messag
 
 
 def told_error(path: Path) -> DcapError:
-    """The error that the queue has written."""
+    """The error written by the queue."""
     with suppress(OSError, ValueError, KeyError):
         told = json.loads(path.read_bytes())
         kind: type[DcapError] = getattr(errors, told["type"])
         return kind(told["message"])
-    return LanguageError("the question could not be asked")  # somebody queued it again meanwhile
+    return LanguageError("the question could not be asked")  # another process has queued it again
 
 
 @contextmanager
 def batch_queue(folder: Path, session: Session, tell: Callable[[str], None] = lambda text: None) -> Iterator[None]:
-    """A queue for the questions that are asked in this block; whoever still waits afterwards gets an error."""
+    """A queue for the questions asked in this block; questions that still wait afterwards get an error."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     ledger = Ledger(Path(session.ledger) if session.ledger else None, session.max_cost)
@@ -99,7 +99,7 @@ def batch_queue(folder: Path, session: Session, tell: Callable[[str], None] = la
 
 @dataclass(slots=True)
 class BatchQueue:
-    """Sends what waits in its folder, batch by batch."""
+    """Sends the questions waiting in its folder, batch by batch."""
 
     folder: Path
     kept: ReplyFolder
@@ -107,10 +107,10 @@ class BatchQueue:
     tell: Callable[[str], None]
     stopped: threading.Event = field(default_factory=threading.Event)
     asked_at: dict[str, float] = field(default_factory=dict)
-    """When the API was last asked about each open batch [s of the monotonic clock]."""
+    """Time of the last query to the API about each open batch [s of the monotonic clock]."""
 
     def serve(self) -> None:
-        """Work until stopped; what ends it is said, and told to those who wait."""
+        """Work until stopped; a fatal error is reported and passed to all waiting questions."""
         try:
             while not self.stopped.wait(POLL_S):
                 self.step()
@@ -121,7 +121,7 @@ class BatchQueue:
                 (self.folder / CLOSED).touch()
 
     def step(self) -> None:
-        """Send what has gathered, collect what has ended."""
+        """Send the collected questions, and collect the batches that have ended."""
         batches = self.open_batches()
         sent = {digest for _, batch in batches for digest in batch["questions"]}
         waiting = [path for path in sorted(self.folder.glob("*.json")) if path.stem not in sent]
@@ -134,7 +134,8 @@ class BatchQueue:
                 self.collect(path, batch)
 
     def open_batches(self) -> list[tuple[Path, dict[str, Any]]]:
-        """Batches of this queue, and those of runs that are gone: what it takes over no other queue collects."""
+        """Open batches of this queue, and of runs that no longer exist; batches taken over here are not collected by
+        other queues."""
         folder = self.kept.root / OPEN
         found = []
         for path in sorted(folder.glob("*.json")):
@@ -148,13 +149,13 @@ class BatchQueue:
         return found
 
     def send(self, paths: list[Path]) -> None:
-        """One batch of these questions, as far as the budget goes."""
+        """Send one batch of these questions, as far as the budget allows."""
         from dcap.language.model.anthropic_api import connection, told_in_a_line
 
         queued: dict[str, dict[str, Any]] = {}
         for path in paths:
             question = json.loads(path.read_bytes())
-            if self.kept.read(question["name"], path.stem) is not None:  # kept while the question was being queued
+            if self.kept.read(question["name"], path.stem) is not None:  # stored while the question was being queued
                 path.unlink(missing_ok=True)
                 continue
             try:
@@ -217,7 +218,7 @@ class BatchQueue:
         self.tell(f"batch {path.stem}: {len(results)} replies")
 
     def book(self, digest: str, question: Mapping[str, Any], message: Message, *, own: bool) -> None:
-        """Write what a reply took; one of a run that is gone is booked anew."""
+        """Record the cost of a reply; a reply to a run that no longer exists is recorded again."""
         self.ledger.settle(
             question["booked"] if own else f"collected {question['booked']}",
             question["model"],
@@ -230,7 +231,7 @@ class BatchQueue:
         )
 
     def give_up(self, questions: Mapping[str, Any], error: DcapError, *, own: bool) -> None:
-        """Fail the questions that a batch of ours left open; those that a run that is gone left open are asked anew."""
+        """Fail the questions that a batch of ours left open; those of a run that no longer exists are asked again."""
         if not own:
             return
         for question in questions.values():
@@ -238,14 +239,14 @@ class BatchQueue:
         self.fail(questions, error)
 
     def fail(self, digests: Iterable[str], error: DcapError) -> None:
-        """Tell those who wait that there will be no reply."""
+        """Tell the waiting questions that there will be no reply."""
         for digest in digests:
             write_whole(self.folder / f"{digest}.error", {"type": type(error).__name__, "message": str(error)})
             (self.folder / f"{digest}.json").unlink(missing_ok=True)
 
 
 def bundles(paths: list[Path]) -> Iterator[list[Path]]:
-    """Questions in groups, none too large for a batch."""
+    """Groups of questions, each small enough for a batch."""
     group: list[Path] = []
     size = 0
     for path in paths:
@@ -259,7 +260,7 @@ def bundles(paths: list[Path]) -> Iterator[list[Path]]:
 
 
 def reply_of(result: Any) -> Message | None:
-    """The reply in a batch's result, None if there is none that one can use."""
+    """The reply in a batch's result; None if there is no usable one."""
     from dcap.language.model.anthropic_api import well_formed
 
     if result is None or result.type != "succeeded":
@@ -269,7 +270,7 @@ def reply_of(result: Any) -> Message | None:
 
 
 def why(result: Any) -> str:
-    """Why a question of a batch has no reply."""
+    """Reason why a question of a batch has no reply."""
     if result is None:
         return "the batch ended without an answer to the question"
     if result.type == "errored":

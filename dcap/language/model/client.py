@@ -1,7 +1,7 @@
-"""The client behind which a model answers, now or when it was recorded: asks, checks, and asks again with the reason.
+"""The client for answers of a model, live or recorded: asks, checks, and asks again with the reason.
 
-In: a question. Out: a reply that passed pydantic and its check against the request. An answer that is invalid goes
-back with the reason, a bounded number of times; then the replies are put aside for a person to read, and the stage
+In: a question. Out: a reply that passed pydantic and its check against the request. An invalid answer is returned to
+the model with the reason, a limited number of times; then the replies are set aside for a person to read, and the stage
 fails.
 """
 
@@ -24,18 +24,18 @@ from dcap.language.protocol.session import MAX_TOKENS, Session
 from dcap.scene.errors import InputError, LanguageError
 
 ATTEMPTS = 3
-"""Times a question is asked before an invalid answer becomes an error."""
+"""Number of attempts at a question before an invalid answer becomes an error."""
 AT_A_TIME = 4
-"""Questions of one stage that are under way together."""
+"""Maximum number of questions of one stage in progress at a time."""
 MOST_IN_A_BATCH = 256
-"""The same where they wait for a batch: threads that sleep."""
+"""The same for questions that wait for a batch: the threads only sleep."""
 CUT_OFF = "max_tokens"
-"""Why a reply ended that was cut off."""
+"""Stop reason of a reply that was cut off."""
 SHOWN = 300
-"""Characters of a bad answer that an error quotes."""
+"""Maximum length of a bad answer in an error [characters]."""
 
 Send = Callable[[Payload, Idle], Message]
-"""One call: the reply to a question; `Idle` is entered while it waits for a batch."""
+"""Sends one call and returns the reply to a question; `Idle` is entered while it waits for a batch."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,16 +45,16 @@ class ModelClient:
     model: str
     send: Send
     reject: Callable[[Sequence[str]], Path | None]
-    """Puts the replies to these questions aside for a person; their folder, None if nothing was kept."""
+    """Sets aside the replies to these questions for a person; returns their folder, or None if nothing was stored."""
     batched: bool = False
     """Whether questions wait for a batch."""
     max_tokens: int = MAX_TOKENS
-    """Longest answer before one was cut off."""
+    """Maximum length of an answer before the first cut-off."""
     idle: Idle = nullcontext
     """Entered while a question waits for a batch."""
 
     def ask(self, question: Question[RequestT, ReplyT], request: RequestT) -> ReplyT:
-        """The answer, asked for at most ATTEMPTS times."""
+        """The answer, after at most ATTEMPTS attempts."""
         payload = payload_of(question, request)
         sent: list[str] = []
         problem = answer = ""
@@ -84,18 +84,18 @@ class ModelClient:
         )
 
     def ask_all(self, question: Question[RequestT, ReplyT], requests: Sequence[RequestT]) -> list[ReplyT]:
-        """Several at a time, in a batch all of them; the first that fails ends it."""
+        """Answers to several questions at a time, in a batch to all at once; the first failure ends it."""
         if len(requests) < 2:
             return [self.ask(question, request) for request in requests]
         at_once = min(len(requests), MOST_IN_A_BATCH if self.batched else AT_A_TIME)
-        # in a batch all wait together: the slot is lent once, here, and not again by each thread
+        # in a batch all wait together: the slot is lent once here, not by each thread
         waiting = replace(self, idle=nullcontext)
         with self.idle() if self.batched else nullcontext(), ThreadPoolExecutor(at_once) as pool:
             tasks = [pool.submit(waiting.ask, question, one) for one in requests]
             try:
                 return [task.result() for task in tasks]
             except BaseException:
-                pool.shutdown(wait=False, cancel_futures=True)  # what has not begun is not asked
+                pool.shutdown(wait=False, cancel_futures=True)  # questions not yet started are not asked
                 raise
 
     def _aside(self, digests: Sequence[str]) -> str:
@@ -104,7 +104,7 @@ class ModelClient:
 
 
 def model_client(config: LanguageConfig, session: Session, idle: Idle = nullcontext) -> ModelClient:
-    """The client for a model in this session: the API behind what is kept, or a recording."""
+    """The client for a model in this session: the API together with stored replies, or a recording."""
     if config.client is ClientName.REPLAY:
         replay = replayed(config.source, session)
         return ModelClient(config.model, replay, lambda _: None, max_tokens=session.max_tokens)
@@ -120,7 +120,7 @@ def model_client(config: LanguageConfig, session: Session, idle: Idle = nullcont
 
 
 def replayed(name: str, session: Session) -> Send:
-    """Answers from a recording only."""
+    """Answers only from a recording."""
     folder = ReplyFolder(Path(session.replay))
 
     def send(payload: Payload, idle: Idle) -> Message:
@@ -139,7 +139,7 @@ def replayed(name: str, session: Session) -> Send:
 
 
 def kept_or_asked(config: LanguageConfig, session: Session, kept: ReplyFolder) -> Send:
-    """Answers from what is kept, else from the API; every reply that is used goes into the recording."""
+    """Answers from stored replies, else from the API; every reply used is added to the recording."""
     from dcap.language.model.apis import APIS
     from dcap.language.model.batch import ask_in_batch
 
@@ -168,19 +168,19 @@ def kept_or_asked(config: LanguageConfig, session: Session, kept: ReplyFolder) -
 
 
 def note_kept(model: str, payload: Payload, message: Message, session: Session) -> None:
-    """A line for a reply that cost nothing this time."""
+    """Record a stored reply, which costs nothing, in the ledger."""
     ledger = Ledger(Path(session.ledger) if session.ledger else None, sample=session.sample)
     ledger.settle("", model, payload.question, message, how="kept", digest=payload.digest)
 
 
 def written(message: Message) -> int:
-    """Tokens that a model wrote, thoughts included."""
+    """Number of tokens written by a model, including thoughts."""
     return Usage.of(message).output_tokens
 
 
 def turn_of(message: Message) -> list[dict[str, Any]]:
-    """A reply as a turn of the conversation, up to its last text: the API takes no turn that ends in a thought, and no
-    turn or text that is empty."""
+    """A reply as a turn of the conversation, up to its last text: the API rejects turns that end in a thought, and
+    empty turns or texts."""
     content = [one for one in message.get("content", []) if one.get("type") != "text" or one["text"].strip()]
     while content and content[-1].get("type") != "text":
         content.pop()
@@ -193,10 +193,10 @@ def text_of(message: Message) -> str:
 
 
 def json_of(text: str) -> Any:
-    """An answer as JSON; ValueError if it is none."""
+    """An answer as JSON; raises ValueError if it is not JSON."""
     try:
         return json.loads(text)
-    except (ValueError, RecursionError) as error:  # the latter where brackets are nested by the thousand
+    except (ValueError, RecursionError) as error:  # the latter for thousands of nested brackets
         raise ValueError(f"the answer is not one JSON object ({error})") from None
 
 

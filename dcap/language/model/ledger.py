@@ -1,9 +1,9 @@
-"""Requests and spending of a run: a line of JSON per reply, and a budget beyond which nothing is asked.
+"""Requests and spending of a run: a line of JSON per reply, and a budget that limits further questions.
 
-Before a question is asked, the most that it can cost is set aside; if that does not fit into what is left,
-BudgetError. When the reply is there, the line of its true cost takes its place. A call that is lost on the way stays
-counted at its most as long as the run lives; what a killed run had under way is free again, though it may be charged,
-and so may an attempt that timed out before one that succeeded. Threads and processes of one machine share a ledger.
+Before a question is asked, its maximum cost is reserved; if that exceeds the rest of the budget, BudgetError is raised.
+The actual cost replaces the reservation when the reply arrives. A call that is lost remains reserved at its maximum for
+the lifetime of the run; reservations of a killed run are released, though such calls may be charged, and so may an
+attempt that timed out before a successful one. Threads and processes of one machine share a ledger.
 """
 
 import csv
@@ -26,7 +26,7 @@ from dcap.scene.json_tree import object_to_json
 PRICES = Path(__file__).with_name("prices.csv")
 MILLION = 1e6
 BATCH_FACTOR = 0.5
-"""Price of a token in a batch over its usual price: the API's discount."""
+"""Price of a token in a batch over its normal price: the API's discount."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,14 +44,14 @@ class Usage:
     """Tokens of one reply."""
 
     input_tokens: int = 0
-    """Neither written to nor read from the cache."""
+    """Tokens neither written to nor read from the cache."""
     output_tokens: int = 0
     cache_write_tokens: int = 0
     cache_read_tokens: int = 0
 
     @classmethod
     def of(cls, message: Message) -> "Usage":
-        """The tokens that a reply says it took."""
+        """The token counts stated in a reply."""
         told = message.get("usage") or {}
         names = ("input_tokens", "output_tokens", "cache_creation_input_tokens", "cache_read_input_tokens")
         return cls(*(int(told.get(name) or 0) for name in names))
@@ -74,12 +74,12 @@ def prices() -> Mapping[str, Price]:
 
 
 def price_of(model: str) -> Price | None:
-    """Price of a model, None if it is not known."""
+    """Price of a model; None if it is unknown."""
     return prices().get(model)
 
 
 def check_budget(model: str, max_cost: float | None) -> None:
-    """InputError if a budget cannot be kept for that model."""
+    """Raise InputError if a budget cannot be enforced for a model."""
     if max_cost is not None and not 0 < max_cost < float("inf"):
         raise InputError(f"--max-cost {max_cost} is not a positive number of US dollars")
     if max_cost is not None and price_of(model) is None:
@@ -87,20 +87,21 @@ def check_budget(model: str, max_cost: float | None) -> None:
 
 
 def most(text_bytes: int, price: Price, max_tokens: int) -> float:
-    """More than a call can cost [USD]: every byte of it a token written to the cache, the longest answer."""
+    """Upper bound of the cost of a call [USD]: every byte counts as a token written to the cache, with the longest
+    answer."""
     return (text_bytes * price.cache_write + max_tokens * price.output) / MILLION
 
 
 @dataclass(frozen=True, slots=True)
 class ReservationLine:
-    """A call that is under way."""
+    """A call in progress."""
 
     reserved: str
     """Name of the reservation."""
     process: int
-    """Id of the process that asks."""
+    """Id of the asking process."""
     usd: float
-    """The most that it can cost [USD]."""
+    """Maximum cost of the call [USD]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,29 +111,29 @@ class ReleaseLine:
     settles: str
     """Name of its reservation."""
     usd: float
-    """Its cost: nothing [USD]."""
+    """Cost of the call: zero [USD]."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReplyLine:
-    """A reply, and what it took."""
+    """A reply and its cost."""
 
     settles: str
-    """Name of its reservation; empty if it was kept from before."""
+    """Name of its reservation; empty if the reply was already stored."""
     sample: str
-    """Id of the sample that needed it."""
+    """Id of the sample that needed the reply."""
     question: str
     model: str
     how: str
-    """asked, batch or kept."""
+    """Source of the reply: asked, batch or kept."""
     input_tokens: int
     output_tokens: int
     cache_write_tokens: int
     cache_read_tokens: int
     usd: float | None
-    """Its cost [USD]; None where the model's price is not known."""
+    """Cost of the reply [USD]; None if the model's price is unknown."""
     digest: str = ""
-    """Of what was asked, under which the reply is kept; empty in ledgers of earlier versions."""
+    """Digest of the question, under which the reply is stored; empty in ledgers of earlier versions."""
 
 
 LedgerLine: TypeAlias = ReservationLine | ReleaseLine | ReplyLine
@@ -141,23 +142,23 @@ LedgerLine: TypeAlias = ReservationLine | ReleaseLine | ReplyLine
 
 @dataclass(frozen=True, slots=True)
 class Spending:
-    """Totals of a run; tokens and cost are those of the replies that were not kept from before."""
+    """Totals of a run; tokens and cost are those of new replies only."""
 
     models: tuple[str, ...]
-    """Names, in alphabetical order."""
+    """Names of the models, in alphabetical order."""
     asked: int
-    """Replies asked for one at a time."""
+    """Number of replies asked for one at a time."""
     batch: int
-    """Replies asked for in batches."""
+    """Number of replies asked for in batches."""
     kept: int
-    """Replies kept from before."""
+    """Number of replies that were already stored."""
     input_tokens: int
-    """Neither written to nor read from the cache."""
+    """Tokens neither written to nor read from the cache."""
     output_tokens: int
     cache_write_tokens: int
     cache_read_tokens: int
     usd: float | None
-    """[USD]; None where a model's price is not known."""
+    """Cost [USD]; None if the price of a model is unknown."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,13 +166,13 @@ class Ledger:
     """The lines of one run."""
 
     path: Path | None
-    """None: nothing is written, and there is no budget."""
+    """File of the ledger; None: nothing is written, and there is no budget."""
     max_cost: float | None = None
     sample: str = ""
 
     def reserve(self, model: str, question: str, size: int, max_tokens: int, factor: float = 1.0) -> str:
-        """Set aside what a call of this size may cost at most, and name the reservation; BudgetError if too little
-        is left."""
+        """Reserve the maximum cost of a call of this size, and return the name of the reservation; raises BudgetError
+        if it exceeds the rest of the budget."""
         name = uuid.uuid4().hex[:12]
         if self.path is None or self.max_cost is None:
             return name
@@ -189,7 +190,7 @@ class Ledger:
         return name
 
     def release(self, name: str) -> None:
-        """The call did not take place."""
+        """Record that the call did not take place."""
         if self.path is not None and self.max_cost is not None:
             with locked(self.path) as file:
                 append(file, ReleaseLine(name, 0.0))
@@ -206,7 +207,7 @@ class Ledger:
         sample: str = "",
         digest: str = "",
     ) -> None:
-        """Write what a reply took; `how` is asked, batch or kept."""
+        """Record the cost of a reply; `how` is asked, batch or kept."""
         if self.path is None:
             return
         usage, price = Usage.of(message), price_of(model)
@@ -235,13 +236,13 @@ def spending_of(path: Path) -> Spending:
 
 
 def total_cost(replies: Sequence[ReplyLine]) -> float | None:
-    """Cost of replies [USD]; None where a model's price is not known."""
+    """Cost of replies [USD]; None if the price of a model is unknown."""
     known = [one.usd for one in replies if one.usd is not None]
     return round(sum(known, 0.0), 6) if len(known) == len(replies) else None
 
 
 def in_words(total: Spending) -> str:
-    """Totals for a person."""
+    """Totals as text for a person."""
     cost = "at an unknown price" if total.usd is None else f"{total.usd:.4f} USD"
     read = total.input_tokens + total.cache_write_tokens + total.cache_read_tokens
     return (
@@ -251,12 +252,12 @@ def in_words(total: Spending) -> str:
 
 
 def read_lines(path: Path) -> list[LedgerLine]:
-    """All lines; none if there is no ledger."""
+    """All lines; empty if there is no ledger."""
     return [read_line(text) for text in path.read_text(encoding="utf-8").splitlines()] if path.is_file() else []
 
 
 def read_line(text: str) -> LedgerLine:
-    """One line, of the kind that its keys tell."""
+    """One line, of the kind determined by its keys."""
     tree = json.loads(text)
     kind: type[LedgerLine] = ReservationLine if "reserved" in tree else ReplyLine if "how" in tree else ReleaseLine
     return kind(**{one.name: tree[one.name] for one in fields(kind) if one.name in tree})
@@ -264,7 +265,7 @@ def read_line(text: str) -> LedgerLine:
 
 @contextmanager
 def locked(path: Path) -> Iterator[IO[str]]:
-    """The ledger, open and ours."""
+    """The ledger, opened and locked."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("a+", encoding="utf-8") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
@@ -272,14 +273,14 @@ def locked(path: Path) -> Iterator[IO[str]]:
 
 
 def append(file: IO[str], line: LedgerLine) -> None:
-    """One line, at once."""
+    """Append one line immediately."""
     file.write(json.dumps(object_to_json(line)) + "\n")
     file.flush()
 
 
 def cost_by_reservation(file: IO[str]) -> dict[str, float]:
-    """Cost by reservation: what is set aside until it is settled, then what was spent [USD]; what a process had set
-    aside that is gone is free again."""
+    """Cost by reservation [USD]: the reserved amount until it is settled, then the actual cost; reservations of
+    processes that no longer exist are released."""
     file.seek(0)
     cost: dict[str, float] = {}
     for line in map(read_line, file):

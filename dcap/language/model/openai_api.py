@@ -1,9 +1,9 @@
-"""OpenAI's chat completions through the official SDK, for any server that speaks them: a local vLLM or Ollama too.
+"""OpenAI's chat completions through the official SDK, for any compatible server, including a local vLLM or Ollama.
 
-An extra: `pip install 'dcap[openai]'`. The key comes from the environment only (OPENAI_API_KEY; a server of one's own,
-OPENAI_BASE_URL, may need none). A completion is kept as it came, along with the form of the Messages API in which the
-rest of this package reads replies, so that ledger, kept replies and recordings are the same for both. A rate limit, an
-overload or a lost connection is tried again by the SDK.
+An extra: `pip install 'dcap[openai]'`. The key only comes from the environment (OPENAI_API_KEY; your own server,
+OPENAI_BASE_URL, may need none). A completion is stored as received, together with the form of the Messages API in which
+the rest of this package reads replies, so that ledger, stored replies and recordings are the same for both. The SDK
+retries after a rate limit, an overload or a lost connection.
 """
 
 import importlib.util
@@ -33,11 +33,11 @@ if TYPE_CHECKING:
     import openai
 
 USUAL = "api.openai.com-v1"
-"""Where the SDK asks unless told otherwise, as `endpoint` would name it."""
+"""Default address of the SDK, in the form of `endpoint`."""
 NO_KEY = "none"
-"""Sent where a server of one's own wants no key; the SDK insists on one."""
+"""Key sent to a server that needs none, because the SDK requires one."""
 CUT_OFF, FILTERED = "length", "content_filter"
-"""Reasons for which a completion has ended that make it unusable."""
+"""Finish reasons that make a completion unusable."""
 
 
 def reply_of(config: LanguageConfig, payload: Payload, session: Session) -> Message:
@@ -49,13 +49,13 @@ def reply_of(config: LanguageConfig, payload: Payload, session: Session) -> Mess
 
 
 def endpoint() -> str:
-    """Address that is asked where it is not the usual one, fit for a file name; empty for the usual one."""
+    """Address of the API if it is not the default, usable in a file name; empty for the default."""
     name = address_name(os.environ.get("OPENAI_BASE_URL", ""))
     return "" if name == USUAL else name
 
 
 def check_installed() -> None:
-    """InputError if the SDK is not there."""
+    """Raise InputError if the SDK is not installed."""
     if importlib.util.find_spec("openai") is None:
         raise InputError(
             "--language openai needs the library openai, which is not installed: `pip install 'dcap[openai]'`"
@@ -63,7 +63,7 @@ def check_installed() -> None:
 
 
 def connection() -> "openai.OpenAI":
-    """The SDK's client for the present environment; RefusedError without a key for the usual address."""
+    """The SDK's client for the current environment; raises RefusedError without a key for the default address."""
     check_installed()
     key = os.environ.get("OPENAI_API_KEY", "")
     if not key and not endpoint():
@@ -74,21 +74,21 @@ def connection() -> "openai.OpenAI":
 
 
 def call_of(config: LanguageConfig, payload: Payload, session: Session) -> dict[str, Any]:
-    """The arguments of one call: the answer is one JSON object of the reply's form."""
+    """The arguments of one call, whose answer is a JSON object of the reply's schema."""
     form = {"name": payload.question, "strict": True, "schema": payload.schema}
     effort = {"reasoning_effort": config.effort} if config.effort else {}
     return {
         "model": config.model,
         "messages": [{"role": "system", "content": payload.system}, *map(turn_of, payload.messages)],
         "response_format": {"type": "json_schema", "json_schema": form},
-        # the older name is all that many servers know, and what the usual one no longer takes
+        # many servers only know the older name, which the default server no longer accepts
         ("max_tokens" if endpoint() else "max_completion_tokens"): payload.tokens(session.max_tokens),
         **effort,
     }
 
 
 def turn_of(message: Mapping[str, Any]) -> dict[str, Any]:
-    """A turn of the conversation: what a model said as its text alone."""
+    """A turn of the conversation; a model's turn only contains its text."""
     if message["role"] == "assistant":
         return {"role": "assistant", "content": "".join(block.get("text", "") for block in message["content"])}
     return {"role": message["role"], "content": [part_of(block) for block in message["content"]]}
@@ -103,7 +103,8 @@ def part_of(block: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def as_message(model: str, text: str) -> Message:
-    """A completion in the form of the Messages API, with the completion itself; LanguageError if it is none."""
+    """A completion in the form of the Messages API, with the completion itself; raises LanguageError for anything
+    else."""
     try:
         completion = json.loads(text)
         choice = completion["choices"][0]
@@ -120,7 +121,7 @@ def as_message(model: str, text: str) -> Message:
 
 
 def usage_of(told: Mapping[str, Any]) -> dict[str, int]:
-    """Tokens under the Messages API's names: there, what came from a cache is no part of the input."""
+    """Token counts under the names of the Messages API, where tokens read from a cache are not part of the input."""
     cached = int((told.get("prompt_tokens_details") or {}).get("cached_tokens") or 0)
     return {
         "input_tokens": int(told.get("prompt_tokens") or 0) - cached,
@@ -131,7 +132,8 @@ def usage_of(told: Mapping[str, Any]) -> dict[str, int]:
 
 @contextmanager
 def told_in_a_line(model: str, timeout: float) -> Iterator[None]:
-    """Failures of the SDK as LanguageError in one line, without headers and key; RefusedError: nothing was done."""
+    """Turn failures of the SDK into a one-line LanguageError, without headers and key; RefusedError: nothing was
+    done."""
     check_installed()
     import openai
 

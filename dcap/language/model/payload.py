@@ -1,8 +1,8 @@
-"""A question as the Messages API takes it: system text, data, pictures and the form of the answer.
+"""A question in the form of the Messages API: system text, data, pictures and the schema of the answer.
 
-In: a question and its request. Out: a `Payload` whose digest names everything that a model gets to see, and nothing
-else: not the model, not the key. Text of scenes and prompts travels as JSON inside data blocks in which `<` and `>`
-are escaped, so it can neither close its block nor pass for ours.
+In: a question and its request. Out: a `Payload` whose digest covers everything that a model sees, and nothing else:
+neither the model nor the key. Text of scenes and prompts is sent as JSON inside data blocks with `<` and `>` escaped,
+so it can neither close its block nor pass for our own text.
 """
 
 import base64
@@ -28,11 +28,12 @@ from dcap.scene.settings import resource
 
 PROMPTS = "prompts"
 EXAMPLES, PICTURES = "examples", "pictures"
-"""Fields of requests with pictures: the same of every request, and its own."""
+"""Fields of requests with pictures: the shared ones, and those of the request."""
 CACHED = {"cache_control": {"type": "ephemeral"}}
-"""Ends a part of the prompt that the API shall keep for the next question."""
+"""Marks the end of a part of the prompt that the API should cache for the next question."""
 CACHED_FROM = 16_000
-"""Characters of a prompt's beginning from which it is worth keeping: 4,096 tokens, the most that any model asks for."""
+"""Length of the beginning of a prompt from which it is worth caching [characters]: 4,096 tokens, the largest minimum of
+any model."""
 LIMITS = {
     "minimum": "at least {:g}",
     "exclusiveMinimum": "more than {:g}",
@@ -42,14 +43,14 @@ LIMITS = {
     "minItems": "at least {} entries",
     "maxItems": "at most {} entries",
 }
-"""Keywords of JSON schema that no grammar knows, and how a description says them."""
+"""Keywords of JSON schema that grammars do not support, and their wording in a description."""
 
 Block = Mapping[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
 class Payload:
-    """One call of the API, whichever model gets it."""
+    """One call of the API, for any model."""
 
     question: str
     system: str
@@ -57,16 +58,16 @@ class Payload:
     schema: Mapping[str, Any]
     """JSON schema of the answer."""
     room: int = 1
-    """How many times as long as usual the answer may be: 2 after one that was cut off."""
+    """Factor on the allowed length of the answer: 2 after an answer that was cut off."""
 
     @property
     def digest(self) -> str:
-        """SHA-256 of all that a model sees, pictures by their pixels: 64 hex digits."""
+        """SHA-256 of everything that a model sees, with pictures by their pixels: 64 hex digits."""
         return hashlib.sha256(json.dumps(self.readable(), sort_keys=True).encode()).hexdigest()
 
     @property
     def bytes(self) -> int:
-        """Length of its text, and so more than the tokens of its text: a token has at least one byte."""
+        """Length of the text, an upper bound of its tokens: a token has at least one byte."""
         return len(json.dumps(self.readable(), ensure_ascii=False).encode())
 
     @property
@@ -75,9 +76,10 @@ class Payload:
         return sum(block.get("type") == "image" for message in self.messages for block in message["content"])
 
     def readable(self) -> dict[str, Any]:
-        """The payload for a person: pictures by the digest of their pixels, which no PNG writer changes."""
+        """The payload for a person, with pictures given by the digest of their pixels, which does not depend on the PNG
+        writer."""
         tree: dict[str, Any] = {"system": self.system, "messages": list(self.messages), "schema": self.schema}
-        if self.room > 1:  # another question, so that the reply that was cut off is not its answer
+        if self.room > 1:  # a different question, so that the reply that was cut off is not its answer
             tree["room"] = self.room
         found: dict[str, Any] = json.loads(json.dumps(tree))
         for message in found["messages"]:
@@ -91,11 +93,11 @@ class Payload:
         return replace(self, messages=(*self.messages, *messages))
 
     def with_more_room(self) -> "Payload":
-        """The same conversation, for an answer that may be twice as long."""
+        """The same conversation, for an answer of up to twice the length."""
         return replace(self, room=2 * self.room)
 
     def tokens(self, max_tokens: int) -> int:
-        """Longest answer where `max_tokens` is the usual one [tokens]."""
+        """Maximum length of the answer if `max_tokens` is the normal one [tokens]."""
         return max(max_tokens, min(self.room * max_tokens, MOST_TOKENS))
 
 
@@ -121,21 +123,21 @@ def payload_of(question: Question[RequestT, ReplyT], request: RequestT) -> Paylo
 
 
 def data_text(question: str, data: Mapping[str, object]) -> str:
-    """Data in its block."""
+    """Data in a data block."""
     return template("data.j2").render(question=question, data=data)
 
 
 def rejection(reason: str) -> dict[str, Any]:
-    """The turn that says why an answer cannot be used; the reason is data, for it quotes names."""
+    """The turn that explains why an answer cannot be used; the reason is data, since it quotes names."""
     text = template("rejected.j2").render(reason=reason)
     return {"role": "user", "content": [{"type": "text", "text": text}]}
 
 
 @cache
 def schema_of(reply: type[BaseModel]) -> Mapping[str, Any]:
-    """JSON schema of a reply that the grammars of all APIs know. Every property is required, in the order in which it
-    stands in the class, so that what is written first can decide what follows: an API refuses too many optional
-    properties, and would write them last. Limits that no grammar knows stand in descriptions."""
+    """JSON schema of a reply, restricted to features that all APIs support. Every property is required, in the order of
+    the class, so that earlier properties can determine later ones: an API refuses too many optional properties, and
+    would write them last. Limits that grammars do not support are stated in descriptions."""
     schema = reply.model_json_schema()
     return strict_schema(schema, schema.get("$defs", {}))
 
@@ -176,7 +178,7 @@ def field_names(value: Any) -> list[str]:
 
 
 def plain(value: object) -> object:
-    """A value as JSON types; lengths to a tenth of a millimetre, so that rounding noise does not show."""
+    """A value as JSON types; lengths are rounded to a tenth of a millimetre, so that rounding noise does not show."""
     if is_dataclass(value) and not isinstance(value, type):
         return {name: plain(getattr(value, name)) for name in field_names(value)}
     if isinstance(value, tuple | list):
@@ -187,7 +189,7 @@ def plain(value: object) -> object:
 
 
 def picture_block(one: Picture) -> dict[str, object]:
-    """A picture as the API takes it."""
+    """A picture in the form of the API."""
     data = base64.standard_b64encode(png(one.make())).decode()
     return {"type": "image", "source": {"type": "base64", "media_type": "image/png", "data": data}}
 
@@ -206,9 +208,9 @@ def png(rgb: NDArray[np.uint8]) -> bytes:
 
 
 @cache
-def environment() -> jinja2.Environment:  # noqa: TID251 -- the type of a sandboxed one
-    """Where the templates are; a name that is not given is an error. What people say is a value in them and never a
-    part of one; sandboxed, no template reaches an attribute from which Python code could be run."""
+def environment() -> jinja2.Environment:
+    """Environment of the templates, in which an undefined name is an error. User text is a value in them and never part
+    of a template; sandboxed, no template can reach an attribute from which Python code could be run."""
     return SandboxedEnvironment(
         loader=jinja2.FileSystemLoader(resource(PROMPTS)),
         undefined=jinja2.StrictUndefined,

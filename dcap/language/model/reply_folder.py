@@ -1,8 +1,8 @@
-"""A folder of raw replies, each under the digest of what was asked: what a run keeps, records or replays.
+"""A folder of raw replies, each under the digest of its question: stored, recorded or replayed by a run.
 
-Layout: `MODEL/aa/DIGEST.json` with the question, what was sent (pictures by digest) and the reply as it came; what
-was invalid to the end lies under `rejected/`. Files appear whole or not at all, and processes may share a folder.
-Because the raw reply is kept, its parsing can change without asking again.
+Layout: `MODEL/aa/DIGEST.json` with the question, the payload sent (pictures by digest) and the reply as received;
+replies that remained invalid are under `rejected/`. Files appear whole or not at all, and processes may share a folder.
+Because the raw reply is stored, its parsing can change without asking again.
 """
 
 import hashlib
@@ -19,10 +19,10 @@ from dcap.scene.errors import LanguageError
 
 REJECTED = "rejected"
 MARK = "recording.json"
-"""Names a recording, so that two recordings into the same path are told apart."""
+"""File with the id of a recording, which distinguishes two recordings into the same path."""
 
 Message = dict[str, Any]
-"""A reply as the Messages API gives it, as JSON."""
+"""A reply in the form of the Messages API, as JSON."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,11 +32,11 @@ class ReplyFolder:
     root: Path
 
     def path(self, model: str, digest: str) -> Path:
-        """Where the reply of a model to a payload lies."""
+        """Path of the reply of a model to a payload."""
         return self.root / model / digest[:2] / f"{digest}.json"
 
     def read(self, model: str, digest: str) -> Message | None:
-        """The reply, None if there is none."""
+        """The reply; None if there is none."""
         path = self.path(model, digest)
         try:
             message = json.loads(path.read_bytes())["message"]
@@ -47,17 +47,17 @@ class ReplyFolder:
         return dict(message)
 
     def write(self, model: str, digest: str, asked: Mapping[str, Any], message: Message) -> Path:
-        """Keep a reply; `asked` is what was sent, for a person."""
+        """Store a reply; `asked` is the payload sent, for a person."""
         path = self.path(model, digest)
         write_whole(path, {"model": model, "asked": dict(asked), "message": message})
         return path
 
     def keep(self, model: str, payload: Payload, message: Message) -> Path:
-        """Keep the reply to a payload."""
+        """Store the reply to a payload."""
         return self.write(model, payload.digest, {"question": payload.question, **payload.readable()}, message)
 
     def reject(self, model: str, digests: Sequence[str]) -> Path | None:
-        """Put replies aside, so that they are asked for again; where the last of them lies then."""
+        """Set replies aside, so that they are asked for again; returns the new place of the last one."""
         last = None
         for digest in digests:
             path = self.path(model, digest)
@@ -68,7 +68,7 @@ class ReplyFolder:
         return last
 
     def models(self) -> list[str]:
-        """Models whose replies are here."""
+        """Models with replies in this folder."""
         return sorted({path.parent.parent.name for path in self._files()} - {REJECTED})
 
     def content(self) -> str:
@@ -79,7 +79,7 @@ class ReplyFolder:
         return hashlib.sha256("\n".join(names).encode()).hexdigest()[:16]
 
     def mark(self) -> str:
-        """Name of the recording in this folder, given to it now if it has none."""
+        """Id of the recording in this folder, created if it has none."""
         path = self.root / MARK
         if not path.is_file():
             write_whole(path, {"recording": uuid.uuid4().hex[:16]})

@@ -1,1 +1,1 @@
-"""The client that needs no model: a grammar, a lexicon in files, and choosers over both."""
+"""The client that needs no model: a grammar, a lexicon in files, and choices by both."""

@@ -1,6 +1,6 @@
-"""The client that needs no model: a transparent reader of sentences and a chooser over the lexicon.
+"""The client that needs no model: a transparent reader of sentences, and choices by the lexicon.
 
-It answers only from the request and the lexicon's files, the same way every time, and says what it did not
+It answers only from the request and the lexicon's files, always in the same way, and reports what it did not
 understand.
 """
 
@@ -55,7 +55,7 @@ from dcap.language.protocol.requests import (
 
 
 class OfflineClient:
-    """Reads with the grammar, chooses with rules."""
+    """Reads with the grammar, chooses by rules."""
 
     def ask(self, question: Question[RequestT, ReplyT], request: RequestT) -> ReplyT:
         """The answer to one question."""
@@ -65,12 +65,12 @@ class OfflineClient:
         return reply
 
     def ask_all(self, question: Question[RequestT, ReplyT], requests: Sequence[RequestT]) -> list[ReplyT]:
-        """One after the other."""
+        """Answers one after the other."""
         return [self.ask(question, request) for request in requests]
 
 
 def intent(request: IntentRequest) -> IntentReply:
-    """Which base, how big, how heavy, which orientation and region."""
+    """The base, size, mass, orientation and region."""
     reading = read(request.prompt, SceneWords.of((one.id, one.label) for one in request.instances))
     target = given_target(reading, request) if request.given_base else target_of(reading, request)
     leaning = reading.pose == "leaning"
@@ -112,7 +112,7 @@ def intent(request: IntentRequest) -> IntentReply:
 
 
 def rotation(request: RotationRequest) -> RotationReply:
-    """The listed pose that fits the words, else how such a thing usually rests."""
+    """The listed pose that fits the words, else the usual one of such a thing."""
     thing = thing_of(request.object_name)
     pose, reason = chosen_pose(request, thing)
     facings = {facing.id for facing in request.facings}
@@ -121,7 +121,7 @@ def rotation(request: RotationRequest) -> RotationReply:
 
 
 def anchor(request: AnchorRequest) -> AnchorReply:
-    """The asked part, else the one that usually carries things; the region is the asked one."""
+    """The requested part, or the part that usually carries things; the requested region."""
     part, reason = chosen_part(request)
     regions = request.asked_regions
     if moved_into_which(request, part):
@@ -135,7 +135,7 @@ def anchor(request: AnchorRequest) -> AnchorReply:
 
 
 def materials(request: MaterialsRequest) -> MaterialsReply:
-    """By what words say, the thing's own list, category and part name; else a stated fallback."""
+    """Materials by words, the thing's own list, category and part name; otherwise a stated fallback."""
     return MaterialsReply(choices=tuple(chosen_materials(request)))
 
 
@@ -145,23 +145,23 @@ def label(request: LabelRequest) -> LabelReply:
 
 
 def parts(request: PartsRequest) -> PartsReply:
-    """The proposed names: they come from rules already."""
+    """The proposed names, which already come from rules."""
     names = (PartName(index=p.part.index, name=p.part.name, confidence=p.confidence) for p in request.parts)
     return PartsReply(names=tuple(names), reason="as geometry proposes")
 
 
 def layoutgpt(request: LayoutRequest) -> LayoutReply:
-    """A line that puts a box where the sentence wants it, as the intent's reader understands it."""
+    """A line that places a box as the sentence requests, by the reader of the intent."""
     return layout_answer(request, understood(request))
 
 
 def holodeck(request: RelationsRequest) -> RelationsReply:
-    """The receptacle and the relations that the sentence names, as the intent's reader understands it."""
+    """The receptacle and the relations that the sentence names, by the reader of the intent."""
     return relations_answer(request, understood(request))
 
 
 def understood(request: LayoutRequest | RelationsRequest) -> IntentReply:
-    """Intent that our own method would read from the prompt."""
+    """The intent that our own method would read from the prompt."""
     return intent(IntentRequest(request.prompt, request.item, request.instances, request.room_center))
 
 

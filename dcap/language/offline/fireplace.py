@@ -1,8 +1,8 @@
-"""The FirePlace* baseline's questions by rules: the sentence as constraints, and choices by the options' measures.
+"""The questions of the FirePlace* baseline, answered by rules: constraints of a sentence, and choices by measures.
 
 In: the requests of `dcap.language.protocol.fireplace`. Out: replies. The sentence is read with the same grammar, and
-the same rules for support, part and pose, that answer for the placement by drop; here only what was read is written
-in another language. Turns by an angle ("turned by 30 degrees") have no constraint that says them and are left out.
+with the same rules for support, part and pose, as for the placement by drop; here the result is only written in another
+language. Turns by an angle ("turned by 30 degrees") have no corresponding constraint and are left out.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -43,40 +43,40 @@ from dcap.language.protocol.requests import (
 )
 
 NEAR, NEXT_TO, TOUCHING, OFF = 0.2, 0.1, 0.02, 0.02
-"""Distances that near, next to, against and not on mean [m]."""
+"""Distances meant by near, next to, against and not on [m]."""
 AT_EDGE = 0.05
-"""Distance from an edge within which a thing is at it [m]."""
+"""Largest distance from an edge for a thing to be at the edge [m]."""
 AWAY, FARTHEST = 0.5, 3.0
-"""Distances that away from and as far as possible from mean [m]."""
+"""Distances meant by away from and as far as possible from [m]."""
 HALF, END, MIDDLE = 0.5, 0.75, 0.45
-"""How far from the opposite side what is in a half or at an end is, as shares of the extent [-]: the areas that the
-placement by drop means by the same words. And from all sides what is in the middle: farther than it can be, so that it
-is as near to the middle as it can be."""
+"""Distances from the opposite side for a half and for an end, as shares of the extent [-]: the same areas as in the
+placement by drop. And the distance from all sides for the middle: larger than possible, so that the result is as close
+to the middle as possible."""
 SIDE_OF = {"left": "left", "right": "right", "front": "front", "back": "back", "head": "back", "foot": "front"}
 OPPOSITE = {"left": "right", "right": "left", "front": "back", "back": "front"}
 BESIDE = {"near": NEAR, "next_to": NEXT_TO}
 LIES = 0.7
-"""A front that points this much up or down belongs to what lies [-]."""
+"""Least vertical part of the front of a lying thing [-]."""
 LOSS_STEP = 1e-3
-"""Losses that differ by less are equal [-]."""
+"""Losses that differ by less than this are equal [-]."""
 MARGIN_STEP = 0.02
-"""Distances from the rim that differ by less are equal [m]."""
+"""Distances from the rim that differ by less than this are equal [m]."""
 WORSE, MUCH_WORSE = 2.0, 0.05
-"""Placements with more than so many times the least loss, and so much beyond it, are pruned [-]."""
+"""Factor over the least loss, and distance beyond it, above both of which placements are pruned [-]."""
 MOST_OVERHANG = 0.3
-"""Share over the rim beyond which an object is about to fall [-]."""
+"""Share over the rim above which an object is about to fall [-]."""
 
 Fields = dict[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
 class Support:
-    """Support that a sentence puts the object on."""
+    """Support on which a sentence puts the object."""
 
     base: InstanceView
     part: PartView
     front: Vector
-    """Towards who looks at the base's front."""
+    """Direction towards the viewer of the base's front."""
     regions: tuple[str, ...]
     reason: str
 
@@ -106,7 +106,7 @@ def outlines(request: OutlinesRequest) -> OutlinesReply:
 
 
 def support_of(request: OutlinesRequest, target: Target, base: InstanceView) -> Support:
-    """The part that is asked for, else the one on which such a base carries things."""
+    """The requested part, or the part on which such a base carries things."""
     front = request.fronts[[one.id for one in request.instances].index(base.id)]
     barred = {one.reference.removeprefix("part:") for one in target.constraints if one.kind == "not_on"}
     parts = tuple(part for part in base.parts if part.name not in barred) or base.parts
@@ -135,7 +135,7 @@ def support_of(request: OutlinesRequest, target: Target, base: InstanceView) -> 
 
 
 def pose_of(request: OutlinesRequest, reading: Reading, target: Target, facing: str) -> tuple[PoseView, str]:
-    """With which of its surfaces the object rests, by the rules that choose its pose, and why."""
+    """The pose of the object, by the rules that choose its pose, and the reason."""
     pose = "upright" if reading.pose == "leaning" and not target.lean_on else reading.pose
     question = RotationRequest(
         prompt=request.prompt,
@@ -154,11 +154,12 @@ def pose_of(request: OutlinesRequest, reading: Reading, target: Target, facing: 
     return chosen_pose(question, thing_of(request.object_name))
 
 
-# where --------------------------------------------------------------------------------------------------------------
+# position
+# --------------------------------------------------------------------------------------------------------------
 
 
 def region_outlines(request: OutlinesRequest, support: Support, target: Target) -> list[Fields]:
-    """The asked region as distances from sides of the support, or from things."""
+    """The requested region as distances from sides of the support, or from things."""
     names = support.regions
     sides = list(dict.fromkeys(SIDE_OF[name] for name in names if name in SIDE_OF))
     references = tuple(target.references)
@@ -190,7 +191,7 @@ def region_outlines(request: OutlinesRequest, support: Support, target: Target) 
 def beside_outlines(
     request: OutlinesRequest, support: Support, relation: str, references: Sequence[str]
 ) -> list[Fields]:  # fmt: skip
-    """Near, next to, between or under things."""
+    """Outlines for near, next to, between or under things."""
     if relation == "under":
         return [{"function": "no_overhang", **whole(support, one)} for one in references]
     distance = BESIDE.get(relation, 0.0) or half_gap(request, references)
@@ -202,7 +203,7 @@ def beside_outlines(
 
 
 def half_gap(request: OutlinesRequest, references: Sequence[str]) -> float:
-    """How far from each of two things what is in the middle between them is [m]."""
+    """Distance from each of two things to the middle between them [m]."""
     views = [one for one in request.instances if one.id in references]
     if len(views) < 2:
         return NEXT_TO
@@ -230,7 +231,7 @@ def limit_outlines(request: OutlinesRequest, support: Support, limits: Iterable[
 
 
 def targets_of(request: OutlinesRequest, support: Support, limit: Constraint) -> list[Fields]:
-    """Sides of the support, or things, that a limit speaks of."""
+    """Sides of the support, or things, to which a limit refers."""
     sides = [SIDE_OF[name] for name in limit.regions if name in SIDE_OF]
     if not limit.reference:
         edges = sides or (["front"] if limit.kind in ("exactly", "at_most", "nearest") else list(OPPOSITE))
@@ -241,7 +242,7 @@ def targets_of(request: OutlinesRequest, support: Support, limit: Constraint) ->
 
 
 def side_towards(request: OutlinesRequest, support: Support, reference: str) -> str:
-    """The side of the support that looks at a thing or part."""
+    """The side of the support that faces a thing or part."""
     center = next((np.array(one.center) for one in request.instances if one.id == reference), None)
     if center is None:
         name = reference.removeprefix("part:").partition("/")[0]
@@ -254,11 +255,11 @@ def side_towards(request: OutlinesRequest, support: Support, reference: str) -> 
     return max(along, key=lambda side: (round(float(along[side]), 6), side))
 
 
-# which way ----------------------------------------------------------------------------------------------------------
+# direction ----------------------------------------------------------------------------------------------------------
 
 
 def direction_outlines(request: OutlinesRequest, support: Support, pose: PoseView, facing: str) -> list[Fields]:
-    """Outlines of what its front looks at; where nothing is said, of how such a thing is usually turned."""
+    """Outlines for the direction of the front; without a request, for the usual orientation of such a thing."""
     if facing:
         away = facing.startswith("away:")
         own = "back" if away else "front"
@@ -274,14 +275,14 @@ def direction_outlines(request: OutlinesRequest, support: Support, pose: PoseVie
 
 
 def towards(support: Support, own: str, side: str) -> list[Fields]:
-    """A side of the object looks at a side of the support, squarely."""
+    """A side of the object faces a side of the support at a right angle."""
     return [
         {"function": name, **side_of(support, side), "object_surfaces": (own,)} for name in ("parallel", "facing")
     ]  # fmt: skip
 
 
 def across(support: Support, pose: PoseView) -> list[Fields]:
-    """The long side across, as its viewer sees it."""
+    """The long side across, as the viewer sees it."""
     along_front = abs(pose.front[0]) * pose.size[0] + abs(pose.front[1]) * pose.size[1]
     beside = abs(pose.front[1]) * pose.size[0] + abs(pose.front[0]) * pose.size[1]
     own = "front" if along_front > beside else "left"
@@ -291,7 +292,7 @@ def across(support: Support, pose: PoseView) -> list[Fields]:
 
 
 def faced(request: OutlinesRequest, support: Support, name: str) -> Fields | None:
-    """Target that is looked at: a thing, a part, the nearest wall or door, the room."""
+    """Target of the facing: a thing, a part, the nearest wall or door, the room."""
     if name.startswith("part:") or any(one.id == name for one in request.instances):
         return whole(support, name)
     word = "floor" if name == "room" else name
@@ -342,26 +343,26 @@ def whole(support: Support, reference: str) -> Fields:
 
 
 def choice(request: ChoiceRequest) -> ChoiceReply:
-    """Of placements the nearest to the constraints, then the farthest from the rim and the nearest to the middle; of
-    others the likeliest, then the largest."""
+    """Among placements the nearest to the constraints, then the farthest from the rim and the nearest to the middle;
+    among other options the likeliest, then the largest."""
     options = request.options
     best = max(options, key=placement_rank) if request.kind == "placement" else max(options, key=size_rank)
     return ChoiceReply(chosen=best.id, reason="by its measures")
 
 
 def placement_rank(option: ChoiceOption) -> tuple[float, float, float, str]:
-    """Which placement is better, whatever its letter."""
+    """Rank of a placement, independent of its letter."""
     margin = round(option.fact("margin_m") / MARGIN_STEP)
     return -round(option.fact("loss") / LOSS_STEP), margin, -round(option.fact("from_middle_m"), 3), option.label
 
 
 def size_rank(option: ChoiceOption) -> tuple[float, float, str]:
-    """Which thing or surface is likelier meant."""
+    """Rank of a thing or surface."""
     return round(option.fact("likelihood"), 6), round(option.fact("area_m2"), 6), option.label
 
 
 def pruning(request: PruningRequest) -> PruningReply:
-    """Those much farther from the constraints than the best, and those about to fall."""
+    """Placements that are much farther from the constraints than the best, or about to fall."""
     least = min(option.fact("loss") for option in request.options)
     limit = max(WORSE * least, least + MUCH_WORSE)
     out = [one.id for one in request.options if one.fact("loss") > limit or one.fact("overhang") > MOST_OVERHANG]

@@ -1,10 +1,10 @@
-"""Nouns tied to the instances of a scene: which bed is "the left bed", what does the lamp stand on.
+"""Grounds nouns in the instances of a scene: "the left bed", the thing that a lamp stands on.
 
-In: noun phrases and instance views. Out: instances with how likely each is meant, part names and regions. How likely a
-noun means an instance says `likelihood`; colours, sides and places weigh several such things against each other. Boxes
-decide; the sides of several alike things are those of a viewer who looks at their fronts (at things without fronts:
-along +y, as on a floor plan), the sides of a landmark those of a viewer who looks at its front. A choice that depends
-on a side without a front comes with a caution.
+In: noun phrases and instance views. Out: instances with the likelihood that each is meant, part names and regions.
+`likelihood` gives the likelihood for the noun itself; colours, sides and places weigh several candidates against each
+other. Boxes decide; the sides of several similar things are those of a viewer who looks at their fronts (at things
+without fronts: along +y, as on a floor plan), the sides of a landmark those of a viewer who looks at its front. A
+choice that depends on a side without a front comes with a caution.
 """
 
 from collections.abc import Sequence
@@ -40,29 +40,30 @@ COLOURS: dict[str, tuple[float, float, float]] = {
 }  # fmt: skip
 """Typical sRGB values of colour words."""
 SHADE = 0.1
-"""Difference of two distances from a colour word's value that tells things apart by their colour [sRGB]."""
+"""Difference of two distances from a colour word's value that distinguishes things by colour [sRGB]."""
 HAND = 0.3
-"""A distance that still counts as "next to" [m]: at it a thing is half as likely to be meant as one that touches."""
+"""Distance at which a thing that should be "next to" another is half as likely to be meant as a touching one [m]."""
 SAME_SIZE = 1.05
-"""Things whose sizes differ by less than this factor are equally large [-]."""
+"""Factor of sizes below which things count as equally large [-]."""
 SAME_PLACE = 0.05
-"""Distances and heights that differ by less than this are alike [m]."""
+"""Difference of distances and heights below which they count as equal [m]."""
 SIZES = frozenset({"largest", "smallest", "tallest", "shortest", "widest", "narrowest"})
-"""Sizes that words ask for, be they compared or not."""
+"""Sizes that words can select, comparative or not."""
 POSITIVE = frozenset({"big", "large", "small", "little", "tiny", "tall", "low", "high"})
-"""Sizes that compare with nothing."""
+"""Sizes that do not compare."""
 NAMELESS = "thing"
-"""Label of a thing that neither the source nor its shape names."""
+"""Label of a thing that is named neither by the source nor by its shape."""
 NEAREST = 3
-"""So many things are told of those that are too unlikely to be meant [-]."""
+"""Number of unlikely candidates that are reported [-]."""
 SIDED_RELATIONS = frozenset({"left_of", "right_of", "front_of", "behind"})
-"""Relations to a side of a thing that depends on who looks at it."""
+"""Relations to a side of a thing that depends on the viewer."""
 PLAN_VIEWER = np.array([0.0, -1.0])
-"""Towards who looks at a floor plan."""
+"""Direction towards the viewer of a floor plan."""
 ALIKE = "they have no front in common"
-"""Why it is he who sees the left one of several."""
+"""Reason for using that viewer to find the left one of several things."""
 STANDS_ON = 0.12
-"""A thing stands on what has its top within this height of its bottom [m]; a mattress gives way that much."""
+"""Maximum height difference between the top of a support and the bottom of a thing on it [m]; a mattress yields that
+much."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,65 +72,65 @@ class Found:
 
     instances: tuple[InstanceView, ...]
     scores: tuple[float, ...]
-    """How likely each is meant, 0..1."""
+    """Likelihood that each is meant, 0..1."""
     note: str = ""
-    """How one was chosen among several."""
+    """Explanation of the choice among several."""
     cautions: tuple[Caution, ...] = ()
-    """Sides by which it was chosen although nothing says from where they are seen."""
+    """Sides that decided the choice although their point of view is not stated."""
 
     @property
     def best(self) -> InstanceView:
-        """The likeliest; of equals the first by id."""
+        """The likeliest; among equals the first by id."""
         return self.instances[0]
 
     @property
     def open(self) -> bool:
-        """Whether another may be meant as well."""
+        """Whether another instance may be meant as well."""
         return len(self.scores) > 1 and self.scores[1] >= PLAUSIBLE * self.scores[0]
 
 
 def named(noun: Noun, instances: Sequence[InstanceView]) -> tuple[InstanceView, ...]:
-    """Instances that the noun may mean: the likeliest, and those that are at least half as likely."""
+    """Instances that the noun may mean: the likeliest, and those at least half as likely."""
     scores = [likelihood(noun, i) for i in instances]
     least = max(LEAST, PLAUSIBLE * max(scores, default=0.0))
     return tuple(i for i, score in zip(instances, scores, strict=True) if score >= least)
 
 
 def near_miss(noun: Noun, instances: Sequence[InstanceView]) -> str:
-    """The label that comes nearest to a noun that names nothing here, empty if none does."""
+    """The label nearest to a noun that names nothing here; empty if there is none."""
     scored = [(by_label(noun, i), i.label) for i in instances]
     best = max(scored, default=(0.0, ""))
     return best[1] if best[0] > 0.0 else ""
 
 
 def unlikely(noun: Noun, instances: Sequence[InstanceView]) -> Found:
-    """Instances nearest to a noun that names nothing here, by what things may be: not likely enough to be taken."""
+    """Instances nearest to a noun that names nothing here, by their possible labels: too unlikely to be chosen."""
     scored = [(likelihood(noun, i), i) for i in instances]
     left = sorted((one for one in scored if one[0] > 0.0), key=lambda one: (-one[0], one[1].id))[:NEAREST]
     return Found(tuple(i for _, i in left), tuple(round(score, 6) for score, _ in left))
 
 
 def is_wider(instance: InstanceView, noun: Noun) -> bool:
-    """Whether a label names the kind that the noun's thing is: a stool, where an ottoman is asked for."""
+    """Return whether a label names the kind to which the noun's thing belongs: a stool, if the noun is an ottoman."""
     parent = parent_of(noun.thing)
     return parent not in NO_KIND and label_thing(instance) == parent
 
 
 def owners(noun: Noun, instances: Sequence[InstanceView]) -> tuple[InstanceView, ...]:
-    """Instances that have a part of that name."""
+    """Instances that have a part with that name."""
     return tuple(i for i in instances if any(part.name in noun.parts for part in i.parts) and not i.structure)
 
 
 def part_of(noun: Noun, instance: InstanceView) -> str:
-    """The instance's part that the noun means, empty if it has none."""
+    """The instance's part that the noun means; empty if it has none."""
     names = [part.name for part in instance.parts]
     return next((part for part in noun.parts if part in names), "")
 
 
 def candidates(noun: Noun, instances: Sequence[InstanceView]) -> tuple[InstanceView, ...]:
-    """Instances that the noun itself names, else those that have such a part.
+    """Instances named by the noun itself, else those that have such a part.
 
-    "The second shelf" is a board where something has several above each other.
+    "The second shelf" is a board if a thing has several above each other.
     """
     found = boarded(noun, instances) or named(noun, instances) or owners(noun, instances)
     one = len(found) == 1 and found[0] in named(noun, instances)
@@ -137,12 +138,13 @@ def candidates(noun: Noun, instances: Sequence[InstanceView]) -> tuple[InstanceV
 
 
 def describes(noun: Noun) -> bool:
-    """Whether its size is absolute, as in "the little table", and not relative, as in "the smaller table"."""
+    """Return whether the noun's size is absolute, as in "the little table", and not relative, as in "the smaller
+    table"."""
     return SIZES.issuperset(noun.sides) and not POSITIVE.isdisjoint(label_words(noun.text))
 
 
 def nameless(noun: Noun, instances: Sequence[InstanceView]) -> tuple[InstanceView, ...]:
-    """The only thing there is, where nothing says what it is and its size fits: a scan of one sofa in "scan.ply"."""
+    """The only thing in the scene, if nothing names it and its size fits: a scan of one sofa in "scan.ply"."""
     things = tuple(i for i in instances if not i.structure)
     unknown = len(things) == 1 and not things[0].guesses and things[0].label == NAMELESS
     fits = unknown and is_a(noun.thing, FURNITURE) and usual_size(noun.thing, things[0].size) >= LEAST
@@ -150,12 +152,13 @@ def nameless(noun: Noun, instances: Sequence[InstanceView]) -> tuple[InstanceVie
 
 
 def widened(noun: Noun, instances: Sequence[InstanceView]) -> tuple[InstanceView, ...]:
-    """All that a noun may mean at all: who says "the larger table" sees two, of which one may be called otherwise."""
+    """All instances that a noun may possibly mean: "the larger table" implies two, one of which may have another
+    name."""
     return tuple(i for i in instances if likelihood(noun, i) >= LEAST)
 
 
 def boarded(noun: Noun, instances: Sequence[InstanceView]) -> tuple[InstanceView, ...]:
-    """Instances one of whose boards a noun counts: "the second shelf from the top"; none for other nouns."""
+    """Instances with a board counted by the noun: "the second shelf from the top"; empty for other nouns."""
     counts = any(side[0].isdigit() or side in ("top", "bottom", "middle", "last") for side in noun.sides)
     if not counts or "board" not in noun.parts or noun.owner is not None:
         return ()
@@ -163,7 +166,7 @@ def boarded(noun: Noun, instances: Sequence[InstanceView]) -> tuple[InstanceView
 
 
 def is_stacked(instance: InstanceView, part: str) -> bool:
-    """Whether it has several parts of that name above each other."""
+    """Return whether an instance has several parts with that name above each other."""
     heights = [one.center[2] for one in instance.parts if one.name == part]
     return len(heights) > 1 and max(heights) - min(heights) > 2.0 * SAME_PLACE
 
@@ -175,10 +178,10 @@ def choose(
     instances: Sequence[InstanceView],
     room_center: Sequence[float],
 ) -> Found:
-    """How likely each of several is meant: by the noun, by colour, by places that say which, by sides."""
+    """Likelihood that each of several instances is meant: by the noun, by colour, by places that select, by sides."""
     score = {i.id: likelihood(noun, i) or 1.0 for i in found}
     if noun.sides and sum(one >= PLAUSIBLE * max(score.values()) for one in score.values()) < 2:
-        score = dict.fromkeys(score, max(score.values(), default=0.0))  # the side tells them apart, see `widened`
+        score = dict.fromkeys(score, max(score.values(), default=0.0))  # the side distinguishes them, see `widened`
     notes: list[str] = []
     guessed: list[Caution] = []
 
@@ -206,13 +209,13 @@ def choose(
 
 
 def seen_from(words: str, viewer: Vector, why: str) -> Caution:
-    """That a side was seen from where nobody said, with what says it otherwise."""
+    """Caution that a side was seen from a point of view nobody stated, with a way to state another."""
     taken = f"{words!r} is taken as seen from {axis_word(viewer)} (world axes, z up), as {why}"
     return Caution(Cause.WHICH, f"{taken}; name another by its id or by what is nearest to it")
 
 
 def is_viewed(side: str) -> bool:
-    """Whether a side, or a number counted from the left or right, depends on who looks."""
+    """Return whether a side, or a number counted from the left or right, depends on the viewer."""
     counted = side.split()[0].isdigit() and not side.endswith(("from top", "from bottom"))
     return side in VIEWED or side == "last" or counted
 
@@ -220,7 +223,7 @@ def is_viewed(side: str) -> bool:
 def guessed_side(
     found: Sequence[InstanceView], place: Place, instances: Sequence[InstanceView], room_center: Sequence[float]
 ) -> list[Caution]:
-    """That a place is a side of which nothing says from where it is seen; empty where a front says so."""
+    """Cautions for a place that is a side without a stated point of view; empty if a front determines it."""
     noun = place.nouns[0]
     if len(found) < 2:
         return []
@@ -237,7 +240,7 @@ def guessed_side(
 
 
 def viewer_of(thing: InstanceView, room_center: Sequence[float]) -> Vector:
-    """Unit vector towards who looks at a thing, as for places next to it, shape (2,)."""
+    """Unit vector towards the viewer of a thing, as for places next to it, shape (2,)."""
     half = 0.5 * np.subtract(thing.high, thing.low)
     box = OrientedBox(np.array(thing.center, dtype=float), np.eye(3), half)
     front = None if thing.front is None or thing.structure else np.array(thing.front)
@@ -245,25 +248,25 @@ def viewer_of(thing: InstanceView, room_center: Sequence[float]) -> Vector:
 
 
 def nearest_of(thing: InstanceView, others: Sequence[InstanceView]) -> InstanceView:
-    """The one that is nearest to a thing."""
+    """The other thing that is nearest to a thing."""
     return min(others, key=lambda other: (gap(thing, other), other.id))
 
 
 def of_colour(found: Sequence[InstanceView], colour: str) -> list[float]:
-    """How well each fits a colour word compared with the one that fits best, 0..1."""
+    """Fit of each instance to a colour word, relative to the best fit, 0..1."""
     away = [colour_distance(i, colour) for i in found]
     return [float(np.exp(-0.5 * ((one - min(away)) / SHADE) ** 2)) for one in away]
 
 
 def colour_distance(instance: InstanceView, colour: str) -> float:
-    """Distance of its mean colour from the word's in sRGB [-]."""
+    """Distance of the instance's mean colour from the word's in sRGB [-]."""
     return float(np.linalg.norm(np.subtract(instance.color, COLOURS[colour])))
 
 
 def fits(
     found: Sequence[InstanceView], place: Place, instances: Sequence[InstanceView], room_center: Sequence[float]
 ) -> list[float] | None:
-    """How well each stands in the relation to the named thing, 0..1; None if that thing is not there."""
+    """Fit of each instance to a relation with the named thing, 0..1; None if that thing does not exist."""
     good = fits_as_said(found, place, instances, room_center)
     return None if good is None else [1.0 - min(one, 1.0) for one in good] if place.excluded else good
 
@@ -271,7 +274,7 @@ def fits(
 def fits_as_said(
     found: Sequence[InstanceView], place: Place, instances: Sequence[InstanceView], room_center: Sequence[float]
 ) -> list[float] | None:
-    """The same as if the place were not excluded."""
+    """The same, ignoring that the place is excluded."""
     noun = place.nouns[0]
     if noun.colour and noun.pronoun == "one":
         return of_colour(found, noun.colour)
@@ -290,7 +293,8 @@ def fits_as_said(
 
 
 def by_load(found: Sequence[InstanceView], place: Place, others: Sequence[InstanceView]) -> list[float] | None:
-    """Which carry the named thing or have it as a part, or do not; None if nothing here is called so."""
+    """Whether each instance carries the named thing or has it as a part, or does not; None if nothing here has that
+    name."""
     noun = place.nouns[0]
     loaded = [bool(part_of(noun, i)) or any(stands_on(other, i) for other in others) for i in found]
     known = bool(others) or any(loaded)
@@ -302,7 +306,8 @@ def by_load(found: Sequence[InstanceView], place: Place, others: Sequence[Instan
 def by_place(
     found: Sequence[InstanceView], relation: str, others: Sequence[InstanceView], room_center: Sequence[float]
 ) -> list[float] | None:
-    """How well each is next to, far from, on one side of or under the nearest of other things; None if none is."""
+    """Fit of each instance to being next to, far from, on one side of or under the nearest of other things; None if
+    there are none."""
     gaps = [min(gap(i, o) for o in others) for i in found]
     if relation in ("away", "farthest", "opposite"):
         return [float(one > max(gaps) - SAME_PLACE) for one in gaps]
@@ -317,7 +322,7 @@ def by_place(
 
 
 def is_beyond(thing: InstanceView, other: InstanceView, relation: str, room_center: Sequence[float]) -> bool:
-    """Whether a thing is on that side of another one."""
+    """Return whether a thing is on that side of another thing."""
     toward = viewer_of(other, room_center)
     right = np.array([-toward[1], toward[0]])
     ways = {"left_of": -right, "right_of": right, "front_of": toward, "behind": -toward}
@@ -327,7 +332,7 @@ def is_beyond(thing: InstanceView, other: InstanceView, relation: str, room_cent
 def by_side(
     found: Sequence[InstanceView], side: str, room_center: Sequence[float], instances: Sequence[InstanceView] = ()
 ) -> list[InstanceView]:
-    """The left one, the lower one, the second one, the largest one; several where they are equal."""
+    """The left, lower, second or largest instance; several if they are equal."""
     if not found:
         return []
     if side == "empty":
@@ -364,7 +369,7 @@ def by_side(
 
 
 def right_of(found: Sequence[InstanceView]) -> Vector:
-    """Unit vector to the right of a viewer who looks at the fronts; +x where there is none."""
+    """Unit vector to the right of a viewer who looks at the fronts; +x if there are none."""
     front = common_front(found)
     if front is None:
         return np.array([1.0, 0.0, 0.0])
@@ -373,7 +378,7 @@ def right_of(found: Sequence[InstanceView]) -> Vector:
 
 
 def common_front(found: Sequence[InstanceView]) -> Vector | None:
-    """The mean of the fronts; None where there are none, or where they look in different directions, shape (3,)."""
+    """The mean of the fronts, shape (3,); None if there are none, or if they differ in direction."""
     fronts = [i.front for i in found if i.front is not None]
     front = np.mean(fronts, axis=0) if fronts else np.zeros(3)
     return np.asarray(front) if np.linalg.norm(front) >= 0.5 else None
@@ -386,14 +391,14 @@ def gap(a: InstanceView, b: InstanceView) -> float:
 
 
 def carrier(thing: InstanceView, instances: Sequence[InstanceView]) -> InstanceView | None:
-    """Instance that a thing stands on: the highest instance below its middle; the floor as the last resort."""
+    """Instance on which a thing stands: the highest instance below its middle, or the floor as the last resort."""
     below = [i for i in instances if i.id != thing.id and stands_on(thing, i)]
     below.sort(key=lambda i: (i.structure, -i.high[2], i.id))
     return next(iter(below), None) or floor_of(instances)
 
 
 def stands_on(thing: InstanceView, base: InstanceView) -> bool:
-    """Whether the base lies under the thing's middle and reaches up to its bottom."""
+    """Return whether the base lies under the thing's middle and reaches up to its bottom."""
     x, y, _ = thing.center
     within = base.low[0] <= x <= base.high[0] and base.low[1] <= y <= base.high[1]
     tops = [base.high[2], *(part.center[2] + part.size[2] / 2 for part in base.parts)]
@@ -406,6 +411,6 @@ def floor_of(instances: Sequence[InstanceView]) -> InstanceView | None:
 
 
 def inventory(instances: Sequence[InstanceView]) -> str:
-    """Labels of the things in a scene, in words, for a person."""
+    """Labels of the things in a scene, as text for a person."""
     labels = sorted({i.label for i in instances if not (i.structure and label_thing(i) in ("wall", "ceiling"))})
     return ", ".join(labels) or "nothing"

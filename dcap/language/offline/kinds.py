@@ -3,26 +3,27 @@
 Size and mass priors of the object by its name.
 
 In: the noun of the prompt and the label of the file. Out: the more specific of the two, with the lexicon's numbers;
-masses follow the size of the mesh. An unknown name keeps the mesh's own size as long as anything in a home may be that
-large, else the unit that makes it so is taken, and a note says what was assumed.
+masses scale with the size of the mesh. An unknown name keeps the mesh's own size if anything in a home may be that
+large; otherwise the unit that makes it so is used, and a note states the assumption.
 
-Which things are figures: what has a body that can sit or stand, where others are just set down.
+Figures: things with a body that can sit or stand, while other things are just set down.
 
-In: `lexicon/figures.csv`, ids of things whose kinds are figures too.
+In: `lexicon/figures.csv`, the ids of things whose kinds are figures too.
 
-Which things hold something: what is open of them is their mouth, not damage.
+Vessels: things that hold something, so that their opening is a mouth, not damage.
 
-In: `lexicon/vessels.csv`, ids of things whose kinds hold something too; `face` says where their opening is their face.
+In: `lexicon/vessels.csv`, the ids of things whose kinds are vessels too; `face` marks those whose opening is their
+face.
 
-On which side of a thing its front is, where its category says so: at an end of its long side or in the middle of it.
+The side of a thing on which its front is, if its category determines it: at an end or in the middle of its long side.
 
-In: `lexicon/fronts.csv`. A car drives along its long side, a television looks across it; shape alone tells neither.
+In: `lexicon/fronts.csv`. A car drives along its long side, a television faces across it; shape alone shows neither.
 
-Which things of a scene give way under what is put on them, by their labels alone.
+Deformable supports of a scene, by their labels alone.
 
 The paper counts deformable supports per scene (its figure 3): beds, sofas, cushions, blankets and so on. Here a label
-counts if the lexicon knows it as one of KINDS, or as furniture that carries, and the library's material of the part
-that carries is soft: its Young's modulus does not exceed 1 GPa. Nothing is measured: a scan may hold a wooden bed.
+counts if the lexicon knows it as one of KINDS, or as furniture that carries things, and the library's material of its
+carrying part is soft: its Young's modulus does not exceed 1 GPa. Nothing is measured: a scan may hold a wooden bed.
 """
 
 import math
@@ -44,18 +45,18 @@ from dcap.scene.types.scan import TAKEN_AS_METRES
 
 GENERIC = frozenset({"toy", "food", "fruit", "clothes", "furniture", "cutlery", "structure", "object"})
 UNKNOWN_DENSITY = 150.0
-"""Mass of an unknown thing over the volume of its bounding box [kg/m^3]: most household things are 50 to 500."""
+"""Mass of an unknown thing over the volume of its bounding box [kg/m^3]: most household things have 50 to 500."""
 UNKNOWN_LENGTH = (0.005, 3.0)
-"""The longest extent of an unknown thing, a coin to a pole: a mesh within stays as it is [m]."""
+"""Range of the longest extent of an unknown thing, from a coin to a pole [m]: a mesh within it keeps its size."""
 THINNEST = 1e-4
-"""A sheet of paper: what a mesh without thickness is taken for [m]."""
+"""Thickness assumed for a mesh without thickness, that of a sheet of paper [m]."""
 TYPICAL_LENGTH = 0.25
-"""Where several units are possible, the one that brings the longest extent nearest to this is taken [m]."""
+"""Longest extent to which the unit is chosen if several are possible [m]."""
 RIGID_ABOVE = 1.0e9
 """Young's modulus above which a part is rigid [Pa]; the paper's 1 GPa."""
 
 MATTRESS = "mattress"
-"""A part that scenes annotate by itself."""
+"""A part that scenes annotate as a separate thing."""
 
 KINDS = {
     "bed": ("bed",),
@@ -67,28 +68,28 @@ KINDS = {
     "soft toy": ("plush toy",),
     "rug": ("rug",),
 }
-"""Kinds of deformable supports and the things that belong to each, in the order in which they are shown."""
+"""Kinds of deformable supports with their things, in the order in which they are shown."""
 
 OTHER = "other"
-"""Furniture that carries softly and is none of KINDS."""
+"""Kind of soft furniture that belongs to none of KINDS."""
 
 
 @dataclass(frozen=True, slots=True)
 class Prior:
-    """Sizes and mass of the object that are known from its name."""
+    """Sizes and mass of the object known from its name."""
 
     name: str
     sizes: tuple[Size, ...]
-    """Extents of each shape it is met in, largest first [m]; the most usual one first."""
+    """Extents of each of its usual shapes, largest first [m]; the most usual shape first."""
     spread: float
     mass: float
-    """[kg]."""
+    """Mass [kg]."""
     hollow: bool
     notes: tuple[str, ...]
 
 
 def object_thing(theme: Noun | None, label: str) -> Thing | None:
-    """Thing that the object is: the prompt's word, or the file's where it is more specific or the prompt says none."""
+    """Kind of the object: the prompt's word, or the file's if that is more specific or the prompt has none."""
     said = things().get(theme.thing) if theme is not None else None
     filed = thing_of(label)
     if said is None:
@@ -113,7 +114,7 @@ def prior_of(theme: Noun | None, label: str, size: Size) -> Prior:
 
 
 def unknown_scale(longest: float) -> tuple[float, str]:
-    """Factor for a mesh of an unknown thing with this longest extent [m], and what that assumes."""
+    """Factor for a mesh of an unknown thing with this longest extent [m], and the assumption."""
     low, high = UNKNOWN_LENGTH
     if low <= longest <= high:
         return 1.0, "the mesh keeps its size"
@@ -125,7 +126,7 @@ def unknown_scale(longest: float) -> tuple[float, str]:
 
 
 def mismatch(theme: Noun | None, label: str, chosen: Thing) -> tuple[str, ...]:
-    """A note where prompt and file speak of different things."""
+    """A note if prompt and file name different things."""
     filed = thing_of(label)
     if theme is None or not theme.thing or filed is None or is_a(filed.id, chosen.id):
         return ()
@@ -140,60 +141,60 @@ def figures() -> frozenset[str]:
 
 
 def is_figure(name: str) -> bool | None:
-    """Whether what a name means is a figure; None where the lexicon does not know it."""
+    """Whether a name means a figure; None if the lexicon does not know it."""
     thing = thing_of(name)
     return None if thing is None else bool(figures() & set(lineage(thing.id)))
 
 
 @cache
 def vessels() -> frozenset[str]:
-    """Ids of things that hold something."""
+    """Ids of vessels."""
     return frozenset(row["id"] for row in rows("lexicon/vessels.csv"))
 
 
 @cache
 def faced_by_opening() -> frozenset[str]:
-    """Ids of those that lie on their face when their opening is down."""
+    """Ids of vessels that lie on their face when their opening is down."""
     return frozenset(row["id"] for row in rows("lexicon/vessels.csv") if row["face"] == "opening")
 
 
 def is_vessel(name: str) -> bool | None:
-    """Whether what a name means holds something; None where the lexicon does not know it."""
+    """Whether a name means a vessel; None if the lexicon does not know it."""
     thing = thing_of(name)
     return None if thing is None else bool(vessels() & set(lineage(thing.id)))
 
 
 class FrontSide(StrEnum):
-    """Where the front is, seen from above."""
+    """Side of the front, seen from above."""
 
     LONG = "long"
     """At an end of the longer horizontal side."""
     SHORT = "short"
-    """Across it."""
+    """In the middle of the longer horizontal side."""
     UNKNOWN = ""
 
 
 @cache
 def front_sides() -> Mapping[str, FrontSide]:
-    """By thing id."""
+    """Side of the front by thing id."""
     return MappingProxyType({row["id"]: FrontSide(row["front"]) for row in rows("lexicon/fronts.csv")})
 
 
 def front_side(name: str) -> FrontSide:
-    """Of the thing that a name means, or of its nearest kind that says."""
+    """Side of the front of the named thing, or of its nearest kind with an entry."""
     thing = thing_of(name)
     kinds = lineage(thing.id) if thing else ()
     return next((front_sides()[kind] for kind in kinds if kind in front_sides()), FrontSide.UNKNOWN)
 
 
 def deformable_supports(labels: Iterable[str]) -> Counter[str]:
-    """How many of the labels are deformable supports, by kind."""
+    """Number of labels that are deformable supports, by kind."""
     return Counter(kind for label in labels if (kind := deformable_kind(label)))
 
 
 @cache
 def deformable_kind(label: str) -> str:
-    """The kind of deformable support that a label names; empty if it names none."""
+    """The kind of deformable support named by a label; empty if it is none."""
     thing = thing_of(label)
     if thing is None:
         return MATTRESS if MATTRESS in parts_named(label_words(label)) and _is_soft(label, MATTRESS) else ""
@@ -204,15 +205,15 @@ def deformable_kind(label: str) -> str:
 
 
 def deformable_materials(things: Iterable[tuple[str, Sequence[str]]]) -> Counter[str]:
-    """How many parts are made of each deformable material of the library, for things given by label and names of parts;
-    the material is the one that is usual for such a part of such a thing."""
+    """Number of parts of each deformable material of the library, for things given by label and names of parts; the
+    material is the usual one for such a part of such a thing."""
     moduli = _moduli()
     tags = (_material(label, part) for label, parts in things for part in parts)
     return Counter(material for material in tags if moduli[material] <= RIGID_ABOVE)
 
 
 def _is_soft(label: str, part: str) -> bool:
-    """Whether the library's material for a part of a thing is not rigid."""
+    """Return whether the library's material for a part of a thing is not rigid."""
     return _moduli()[_material(label, part)] <= RIGID_ABOVE
 
 

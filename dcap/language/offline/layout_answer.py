@@ -1,14 +1,12 @@
-"""The line that a layout gains, written by rules: what LayoutGPT's model would write, from the same reader of
-sentences.
+"""The new line of a layout, written by rules: a substitute for LayoutGPT's model, with our own reader of sentences.
 
-The support, its part, the regions and what shall be faced are those that the reader finds for our own method; the box
-stands on the part's box, at the asked place or the free one nearest to it.
+The support, its part, the regions and the facing are those that the reader finds for our own method; the box stands on
+the box of the part, at the requested place or the free one nearest to it.
 
-Support and relations of a thing, by rules: the reply that Holodeck asks of a model, from the same reader of
-sentences.
+Support and relations of a thing, by rules: a substitute for Holodeck's model, with our own reader of sentences.
 
-The receptacle is the support that the reader finds; the floor is none. Of the place the vocabulary says what it can:
-at a wall or in the middle, near and far, the sides of another thing, and what is faced.
+The receptacle is the support that the reader finds, unless that is the floor. The place is expressed as far as the
+vocabulary allows: at a wall or in the middle, near and far, the sides of another thing, and the facing.
 """
 
 from collections.abc import Sequence
@@ -36,21 +34,21 @@ from dcap.language.protocol.replies import Constraint, IntentReply
 from dcap.language.protocol.requests import AnchorRequest, InstanceView, PartView
 
 TOUCHES = 0.02
-"""Things that rise less above the support are not in the way [m]."""
+"""Height above the support below which things are no obstacle [m]."""
 WIDE = 1.2
-"""Things longer than this are faced at their nearest point, smaller ones at their middle [m]."""
+"""Length above which a thing is faced at its nearest point instead of its middle [m]."""
 COVER, WELL_COVERED = 0.1, 0.25
-"""Things that rise less above the support [m] and cover more of it [-] are covers, on which things stand too."""
+"""Largest height above the support [m] and least covered share [-] of a cover, on which things stand too."""
 RIM = "rim"
-"""The part that is a ring."""
+"""Name of a ring-shaped part."""
 VESSEL = 0.15
-"""How thick the bottom of a vessel is guessed to be, over its height [-]: a box does not show it."""
+"""Assumed thickness of the bottom of a vessel over its height [-]: a box does not show it."""
 SIDE_WORDS = {"left": "left of", "right": "right of", "front": "in front of", "back": "behind"}
 AT_WALL = frozenset({"edge", "corner"})
 
 
 def layout_answer(request: LayoutRequest, meant: IntentReply) -> LayoutReply:
-    """The new line for what was understood; none where the scene has no such support."""
+    """The new line for the interpreted sentence; empty if the scene has no such support."""
     if not meant.base_id:
         return LayoutReply(layout="")
     base = next(one for one in request.instances if one.id == meant.base_id)
@@ -71,7 +69,7 @@ def layout_answer(request: LayoutRequest, meant: IntentReply) -> LayoutReply:
 def part_and_regions(
     base: InstanceView, whole: PlanRectangle, meant: IntentReply, size: Array
 ) -> tuple[PartView, tuple[str, ...]]:
-    """The part of the base as our own method's offline reader chooses it, and the regions that are left."""
+    """The part of the base chosen by our own method's offline reader, and the remaining regions."""
     request = AnchorRequest(
         "", meant.region_words, meant.object_name, (float(size[0]), float(size[1])), base.label, base.parts,
         meant.part, meant.which, meant.regions, meant.references,
@@ -83,7 +81,7 @@ def part_and_regions(
         regions = tuple(one for one in regions if one not in ("left", "right", "middle", "center"))
     if one_of_a_whole(request, part):
         regions = (meant.which, *regions)
-    if part.name == RIM and not regions and not meant.references:  # a ring: there is nothing at its middle
+    if part.name == RIM and not regions and not meant.references:  # a ring has nothing at its middle
         regions = ("edge",)
     return part, regions
 
@@ -91,8 +89,8 @@ def part_and_regions(
 def level_of(
     request: LayoutRequest, base: InstanceView, part: PartView, support: PlanRectangle, spot: Array, half: Array
 ) -> float:
-    """Height on which the box stands: the top of the part's box, or of a cover's under it; in a vessel, above its
-    thickness [m]."""
+    """Height on which the box stands [m]: the top of the part's box, or of a cover on it; in a vessel, the top of its
+    bottom."""
     inside = {inside_parts().get(one, "") for one in lineage(thing_id(base.label))}
     if part.name in inside:
         return part.center[2] + (VESSEL - 0.5) * part.size[2]
@@ -110,7 +108,7 @@ def spot_and_yaw(
     *,
     on_rim: bool,
 ) -> tuple[Array, float]:
-    """Where the middle goes, shape (2,), and how the box is turned [rad]."""
+    """Position of the box's middle, shape (2,), and its rotation [rad]."""
     references = [one for name in meant.references for one in referred(request, meant, name)]
     view = reference_view(request, base, meant.references)
     half = 0.5 * size[:2]
@@ -119,9 +117,9 @@ def spot_and_yaw(
     if "under" in regions:
         taken = [one for one in taken if one.thing not in meant.references]
     spot, yaw = support.center, facing_yaw(request, base, support, support.center, meant)
-    for _ in range(2):  # what is faced depends on the place, and the room it takes on how it is turned
+    for _ in range(2):  # the faced thing depends on the place, and the room that the box takes on its rotation
         around = extents(half, yaw, support)
-        if on_rim:  # it is narrow: the middle of the box goes over it, not its side
+        if on_rim:  # the rim is narrow: the middle of the box goes over it, not its side
             around, taken = np.zeros(2), []
         spot = wanted_spot(support, regions, references, around, view, taken)
         spot = limited(support, spot, around, limits)
@@ -131,14 +129,14 @@ def spot_and_yaw(
 
 
 def extents(half: Array, yaw: float, frame: PlanRectangle) -> Array:
-    """Half extents along a rectangle's right and front of a box that is turned by `yaw` [rad], shape (2,)."""
+    """Half extents along a rectangle's right and front of a box turned by `yaw` [rad], shape (2,)."""
     own = np.array([[np.cos(yaw), np.sin(yaw)], [np.sin(yaw), -np.cos(yaw)]])
     axes = np.stack([frame.right, frame.front])
     return np.asarray(np.abs(axes @ own.T) @ half)
 
 
 def reference_view(request: LayoutRequest, base: InstanceView, names: Sequence[str]) -> PlanRectangle | None:
-    """Whose left and front are meant: on the floor those of a single thing that has a line."""
+    """The thing that defines left and front: on the floor a single referenced thing that has a line."""
     on_floor = base.structure or base.size[2] < 0.05
     if not on_floor or len(names) != 1:
         return None
@@ -146,7 +144,7 @@ def reference_view(request: LayoutRequest, base: InstanceView, names: Sequence[s
 
 
 def middle_of(request: LayoutRequest, meant: IntentReply, reference: str) -> Array | None:
-    """The middle of what a constraint refers to, shape (2,); None where it is the base."""
+    """The middle of the target of a constraint, shape (2,); None if it is the base."""
     found = referred(request, meant, reference) if reference else []
     return np.mean([one.center for one in found], axis=0) if found else None
 
@@ -154,8 +152,8 @@ def middle_of(request: LayoutRequest, meant: IntentReply, reference: str) -> Arr
 def in_the_way(
     request: LayoutRequest, meant: IntentReply, support: PlanRectangle, height: float
 ) -> list[PlanRectangle]:
-    """Obstacles to a box of that height on the support: other things, the base's other parts, and what
-    the sentence excludes."""
+    """Obstacles for a box of that height on the support: other things, the base's other parts, and things excluded by
+    the sentence."""
     lines = rectangles(request)
     owners = {one.thing for one in lines if one.part >= 0}
     solid = [one for one in lines if one.part >= 0 or one.thing not in owners]
@@ -168,7 +166,7 @@ def in_the_way(
 
 
 def covers_of(request: LayoutRequest, support: PlanRectangle) -> list[PlanRectangle]:
-    """Other parts of the base that lie on the support like a blanket: low, and over a good part of it."""
+    """Other parts of the base that lie on the support like a blanket: low, and covering a good part of it."""
     area = 4.0 * float(np.prod(support.half))
     return [
         one
@@ -182,7 +180,7 @@ def covers_of(request: LayoutRequest, support: PlanRectangle) -> list[PlanRectan
 def facing_yaw(
     request: LayoutRequest, base: InstanceView, support: PlanRectangle, spot: Array, meant: IntentReply
 ) -> float:
-    """The turn with which the front looks where it shall, else as the support does [rad]."""
+    """The rotation with which the front faces its target, or that of the support [rad]."""
     way = faced(request, support, spot, meant, meant.facing.removeprefix("away:"))
     if way is None or np.linalg.norm(way) < 1e-6:
         way = support.front
@@ -192,7 +190,7 @@ def facing_yaw(
 
 
 def faced(request: LayoutRequest, support: PlanRectangle, spot: Array, meant: IntentReply, facing: str) -> Array | None:
-    """From the spot to what shall be faced, shape (2,); None where nothing is said or it is not there."""
+    """Direction from the spot to the faced thing, shape (2,); None without a facing, or if the thing does not exist."""
     ways = {"viewer": support.front, "front": support.front, "back": -support.front}
     ways |= {"left": -support.right, "right": support.right, "room": np.array(request.room_center[:2]) - spot}
     if facing in ways:
@@ -218,7 +216,7 @@ def faced_point(one: PlanRectangle, spot: Array) -> Array:
 
 
 def relations_answer(request: RelationsRequest, meant: IntentReply) -> RelationsReply:
-    """Receptacle and line for what was understood; the floor where the scene has no such support."""
+    """Receptacle and line for the interpreted sentence; the floor if the scene has no such support."""
     names = {one.id: one.name for one in request.things}
     views = {one.id: one for one in request.instances}
     base = views.get(meant.base_id)
@@ -241,13 +239,13 @@ def relations_answer(request: RelationsRequest, meant: IntentReply) -> Relations
 
 
 def at_wall(meant: IntentReply, views: dict[str, InstanceView]) -> bool:
-    """Whether the place is at a wall: a wall, a window or a door is near, or an edge of the floor is asked for."""
+    """Return whether the place is at a wall: near a wall, a window or a door, or at an edge of the floor."""
     near = [views[one] for one in meant.references if one in views]
     return any(one.structure and label_thing(one) == "wall" for one in near) or bool(AT_WALL & set(meant.regions))
 
 
 def relations_to(name: str, meant: IntentReply, *, again: bool) -> list[str]:
-    """Distance and position relative to one thing; of several only how near."""
+    """Distance and position relative to one thing; relative to several things only the distance."""
     sides = [SIDE_WORDS[one] for one in meant.regions if one in SIDE_WORDS]
     found = [f"near, {name}"]
     if sides and not again:

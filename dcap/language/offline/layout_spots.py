@@ -1,10 +1,10 @@
-"""Where on a rectangle a sentence wants a box: the middle, a side, an edge, next to another thing; then the nearest
+"""The requested spot for a box on a rectangle: the middle, a side, an edge, next to another thing; then the nearest
 free spot.
 
-In: what was read of the sentence and the rectangles of a layout. Out: the middle of the box, seen from above. Sides are
-those of who looks at the front.
+In: the interpretation of the sentence and the rectangles of a layout. Out: the middle of the box, seen from above.
+Sides are those of a viewer who looks at the front.
 
-The lines of a layout as rectangles that look somewhere, in metres: what the offline writer reckons with.
+The lines of a layout as rectangles with a front, in metres: the representation of the offline writer.
 """
 
 from collections.abc import Sequence
@@ -21,15 +21,15 @@ PART = "part:"
 SIDES = {"left": (-1, 0), "right": (1, 0), "front": (0, 1), "back": (0, -1), "head": (0, -1), "foot": (0, 1)}
 """Directions (right, front)."""
 QUARTER, THIRD = 0.5, 0.65
-"""How far from the middle a half, and head or foot, are aimed at, over the half extent [-]."""
+"""Distances of the aims of a half, and of head or foot, from the middle, over the half extent [-]."""
 BRINK = 0.02
 """Rim left free at an edge [m]."""
 BESIDE = 0.05
-"""Gap to the thing next to which a new one is put [m]."""
+"""Gap between a new box and the thing next to it [m]."""
 RINGS, TURNS = 12, 16
-"""Spots tried around the wanted one: so many distances, and directions at each."""
+"""Spots tried around the requested one: number of distances, and of directions at each."""
 AS_FREE = 1e-4
-"""Overlaps that differ by less are equal [m^2]."""
+"""Overlaps that differ by less than this are equal [m^2]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -38,30 +38,30 @@ class PlanRectangle:
 
     thing: str
     part: int
-    """-1 for the whole thing."""
+    """Index of the part; -1 for the whole thing."""
     center: Array
-    """[m], shape (2,)."""
+    """Middle of the box [m], shape (2,)."""
     right: Array
-    """Unit vector to the right of who looks at its front, shape (2,)."""
+    """Unit vector to the right of a viewer who looks at its front, shape (2,)."""
     front: Array
     """Unit vector out of its front, shape (2,)."""
     half: Array
     """Half extents along right and front [m], shape (2,)."""
     bottom: float
     top: float
-    """Heights of its lower and upper face [m]."""
+    """Heights of the lower and upper face [m]."""
 
     def local(self, point: Array) -> Array:
-        """A point (2,) to its right and to its front from its middle [m]."""
+        """A point (2,) relative to the middle, to the right and to the front [m]."""
         offset = point - self.center
         return np.array([offset @ self.right, offset @ self.front])
 
     def world(self, local: Array) -> Array:
-        """The point (2,) of what `local` gives."""
+        """The world point (2,) for a result of `local`."""
         return np.asarray(self.center + local[0] * self.right + local[1] * self.front)
 
     def reach(self, direction: Array) -> float:
-        """How far it reaches from its middle along a unit vector (2,) [m]."""
+        """Extent from the middle along a unit vector (2,) [m]."""
         return float(self.half @ np.abs([direction @ self.right, direction @ self.front]))
 
 
@@ -91,7 +91,7 @@ def rectangles(request: LayoutRequest) -> list[PlanRectangle]:
 
 
 def shell_rectangle(one: InstanceView) -> PlanRectangle:
-    """A thing that no line stands for, the floor or a wall, by its bounds; its viewer stands towards -y."""
+    """A thing without a line, the floor or a wall, by its bounds; its viewer is on the -y side."""
     low, high = np.array(one.low), np.array(one.high)
     right, front = np.array([1.0, 0.0]), np.array([0.0, -1.0])
     center, half = 0.5 * (low + high)[:2], 0.5 * (high - low)[:2]
@@ -99,7 +99,7 @@ def shell_rectangle(one: InstanceView) -> PlanRectangle:
 
 
 def rectangle_of(request: LayoutRequest, thing: str, part: int = -1) -> PlanRectangle:
-    """The rectangle of a thing or of its part; a thing of one part has a line for the whole only."""
+    """The rectangle of a thing or of its part; a thing with a single part has only a line for the whole."""
     lines = {(one.thing, one.part): one for one in rectangles(request)}
     if (thing, part) in lines:
         return lines[thing, part]
@@ -109,7 +109,7 @@ def rectangle_of(request: LayoutRequest, thing: str, part: int = -1) -> PlanRect
 
 
 def referred(request: LayoutRequest, meant: IntentReply, reference: str) -> list[PlanRectangle]:
-    """The rectangles that a reference of the sentence means: an instance, or parts of the base."""
+    """The rectangles to which a reference of the sentence refers: an instance, or parts of the base."""
     if not reference.startswith(PART):
         return [rectangle_of(request, reference)]
     name, _, side = reference.removeprefix(PART).partition("/")
@@ -132,7 +132,7 @@ def wanted_spot(
     view: PlanRectangle | None = None,
     taken: Sequence[PlanRectangle] = (),
 ) -> Array:
-    """Where the words aim [m], shape (2,).
+    """The requested spot [m], shape (2,).
 
     Args:
         base: what carries.
@@ -150,7 +150,7 @@ def wanted_spot(
         return references[0].center
     if references and not {"corner", "edge", "end"} & set(names):
         return spots_next_to(base, references, sides, half, view or base, taken)
-    if references and not sides:  # the edge or corner that looks at them
+    if references and not sides:  # the edge or corner that faces them
         toward = base.local(np.mean([one.center for one in references], axis=0)) / np.maximum(base.half, 1e-9)
         if "corner" in names:
             sides = [(int(np.sign(toward[0])) or 1, 0), (0, int(np.sign(toward[1])) or 1)]
@@ -179,7 +179,7 @@ def spots_next_to(
     view: PlanRectangle,
     taken: Sequence[PlanRectangle],
 ) -> Array:
-    """The side of a reference on which the box is over the base and in nothing's way, the nearest of several."""
+    """The spot at a side of a reference where the box is over the base and unobstructed, the nearest of several."""
     ways = [np.clip(np.sum(sides, axis=0), -1, 1)] if sides else [(0, 1), (1, 0), (-1, 0), (0, -1)]
     found: list[tuple[float, float, int, Array]] = []
     for one in references:
@@ -204,7 +204,7 @@ def kept_on(base: PlanRectangle, point: Array, half: Array) -> Array:
 
 
 def limited(base: PlanRectangle, spot: Array, half: Array, limits: Sequence[tuple[Constraint, Array | None]]) -> Array:
-    """The spot moved as distances ask: each constraint with the middle of what it refers to, None for the base."""
+    """The spot moved to meet distances: each constraint with the middle of its target, None for the base."""
     room = np.maximum(base.half - half - BRINK, 0.0)
     for limit, point in limits:
         sides = [np.array(SIDES[name], dtype=float) for name in limit.regions if name in SIDES]
@@ -228,7 +228,7 @@ def limited(base: PlanRectangle, spot: Array, half: Array, limits: Sequence[tupl
 
 
 def free_spot(base: PlanRectangle, spot: Array, half: Array, taken: Sequence[PlanRectangle]) -> Array:
-    """The nearest spot where the box is in nothing's way, or in the least, shape (2,)."""
+    """The nearest spot where the box overlaps nothing, or as little as possible, shape (2,)."""
     best, least = spot, overlap(base, spot, half, taken)
     reach = float(np.linalg.norm(base.half))
     for ring in range(1, RINGS + 1):
@@ -244,7 +244,8 @@ def free_spot(base: PlanRectangle, spot: Array, half: Array, taken: Sequence[Pla
 
 
 def overlap(base: PlanRectangle, spot: Array, half: Array, taken: Sequence[PlanRectangle]) -> float:
-    """Area of the box that others cover, seen from above [m^2]; of turned ones their bounds in the base's frame."""
+    """Area of the box covered by others, seen from above [m^2]; turned boxes count with their bounds in the base's
+    frame."""
     local, area = base.local(spot), 0.0
     for one in taken:
         reach = np.array([one.reach(base.right), one.reach(base.front)])

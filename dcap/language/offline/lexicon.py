@@ -1,8 +1,8 @@
-"""The words that the offline reader knows: things with sizes and masses, parts, and phrases, from CSV files next to it.
+"""The vocabulary of the offline reader: things with sizes and masses, parts, and phrases, from CSV files next to it.
 
-In: `lexicon/*.csv`. Out: frozen rows, and one vocabulary that maps word sequences to what they may mean. Every word
-that means something to the grammar stands in those files; its code knows kinds of words. Where one word needs a rule of
-its own (a container's opening, the sRGB value of a colour), the table stands next to that rule.
+In: `lexicon/*.csv`. Out: frozen rows, and a vocabulary that maps word sequences to their possible meanings. Every word
+with a meaning in the grammar is in those files; its code only knows kinds of words. If a single word needs its own rule
+(a container's opening, the sRGB value of a colour), the table is next to that rule.
 """
 
 import csv
@@ -31,7 +31,7 @@ ARROW = re.compile(r"\s*(?:[-=]+>|\N{RIGHTWARDS ARROW})\s*")
 WORD_OR_MARK = re.compile(r"(?<!\S)-\d+(?:\.\d+)?|\d+\.\d+|[^\W_]+|[,.;:!?]")
 """Words and numbers, and the marks that separate clauses."""
 SOURCE = re.compile(r"size: (?P<size>\S+); mass: (?P<mass>\S+)|(?P<both>\S+)")
-"""One word for both, or one for each."""
+"""A single source for both, or one for each."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,26 +42,26 @@ class Thing:
     parent: str
     """More general category, or empty."""
     sizes: tuple[Size, ...]
-    """Typical extents, largest first [m]; more than one where it is met in several shapes: folded and spread out,
-    closed and open, rolled up and laid out."""
+    """Typical extents, largest first [m]; several if it occurs in several shapes: folded and spread out, closed and
+    open, rolled up and laid out."""
     spread: float
-    """Real ones are between size / spread and size * spread [-]."""
+    """Factor within which real sizes lie: between size / spread and size * spread [-]."""
     mass: float
     """Typical mass at that size [kg]."""
     hollow: bool
-    """Its mass is not density times the volume of its closed mesh."""
+    """Whether its mass differs from density times the volume of its closed mesh."""
     rest: str
-    """How it lies when nothing is said: upright, flat or any."""
+    """Default rest pose: upright, flat or any."""
     materials: Mapping[str, str]
     """Material id by part name."""
     size_source: str
-    """Address of a page that states the extent that tells its size (length, height or diameter), or `estimate`."""
+    """Address of a page that states the main dimension (length, height or diameter), or `estimate`."""
     mass_source: str
-    """Address of a page that states its mass, or `estimate`."""
+    """Address of a page that states the mass, or `estimate`."""
 
     @property
     def size(self) -> Size:
-        """Extents of the shape it is most often met in, largest first [m]."""
+        """Extents of the most usual shape, largest first [m]."""
         return self.sizes[0]
 
 
@@ -71,16 +71,16 @@ class PartWord:
 
     id: str
     owners: tuple[str, ...]
-    """Things that have it."""
+    """Things that have such a part."""
     material: str
     """Usual material id."""
     front: bool
-    """It is what looks at something when the whole does: a screen, an eye."""
+    """Whether the part faces a target when the whole thing does: a screen, an eye."""
 
 
 @dataclass(frozen=True, slots=True, order=True)
 class Meaning:
-    """One thing that a phrase may mean."""
+    """One possible meaning of a phrase."""
 
     kind: str
     """thing, part, verb, relation, region, side, pose, face, ..."""
@@ -112,7 +112,7 @@ def things() -> Mapping[str, Thing]:
 
 
 def thing_row(row: Mapping[str, str]) -> Thing:
-    """One row of things.csv; ValueError if a field is none."""
+    """One row of things.csv; raises ValueError for an invalid field."""
     spread, mass = float(row["spread"]), float(row["mass_kg"])
     if not (1.0 <= spread <= 5.0 and 0.0 < mass < math.inf):
         raise ValueError(f"spread {spread:g} is not within 1 to 5 or mass {mass:g} kg is not positive")
@@ -141,7 +141,7 @@ def size_of(text: str) -> Size:
 
 
 def sources_of(text: str) -> tuple[str, str]:
-    """Where size and mass come from: `estimate` or an address for both, or `size: ...; mass: ...`."""
+    """Sources of size and mass: `estimate` or an address for both, or `size: ...; mass: ...`."""
     match = SOURCE.fullmatch(text)
     found = (match["size"] or match["both"], match["mass"] or match["both"]) if match else ("", "")
     if not all(one == ESTIMATE or re.match(r"https?://[^/]+/", one) for one in found):
@@ -167,13 +167,13 @@ def default_parts() -> Mapping[str, tuple[str, ...]]:
 
 
 def first_part(thing_id: str) -> str:
-    """The part that first carries things on a thing, or on the nearest kind that it is; empty if none is known."""
+    """The first carrying part of a thing, or of its nearest kind with an entry; empty if unknown."""
     return next((default_parts()[one][0] for one in lineage(thing_id) if one in default_parts()), "")
 
 
 @cache
 def inside_parts() -> Mapping[str, str]:
-    """The part that `in` means."""
+    """The part meant by `in`."""
     return MappingProxyType({row["base"]: row["inside"] for row in rows(DEFAULTS) if row["inside"]})
 
 
@@ -185,12 +185,12 @@ def lineage(thing_id: str) -> Iterator[str]:
 
 
 def is_a(thing_id: str, ancestor: str) -> bool:
-    """Whether one category is the other or a kind of it."""
+    """Return whether a category is the other one or a kind of it."""
     return ancestor in lineage(thing_id)
 
 
 def in_line(thing_id: str, other: str) -> bool:
-    """Whether one of two categories is the other or a kind of it."""
+    """Return whether one of two categories is the other or a kind of it."""
     return is_a(thing_id, other) or is_a(other, thing_id)
 
 
@@ -204,7 +204,7 @@ def plural(word: str) -> str:
 
 
 def split_words(text: str) -> list[str]:
-    """Lower-case words; marks that separate clauses come out as `,`."""
+    """Lower-case words; marks that separate clauses are returned as `,`."""
     plain = unicodedata.normalize("NFKC", text).casefold().replace("\N{DEGREE SIGN}", " degrees ")
     plain = ARROW.sub(" onto ", plain)  # "towel -> stool"
     return [w if w[-1].isalnum() else "," for w in WORD_OR_MARK.findall(plain)]
@@ -228,7 +228,7 @@ def vocabulary() -> Mapping[Words, frozenset[Meaning]]:
             add(irregular, kind, row["id"], is_plural=True)
             for name in names[1 if irregular else 0 :]:
                 words = tuple(split_words(plural(name)))
-                if all(meaning.plural for meaning in found.get(words, ())):  # "glasses" stays what it is
+                if all(meaning.plural for meaning in found.get(words, ())):  # "glasses" keeps its own meaning
                     add(plural(name), kind, row["id"], is_plural=True)
     for row in rows(PHRASES):
         for text in row["phrases"].split("|"):
@@ -250,13 +250,13 @@ def label_words(label: str) -> list[str]:
 
 
 def is_for(thing_id: str, following: str) -> bool:
-    """Whether an unknown word after a food names what one treats it with: a cheese grinder is no cheese."""
+    """Return whether an unknown word after a food names a tool for it: a cheese grinder is not cheese."""
     known = (following,) in vocabulary()
     return not known and re.fullmatch(r"[a-z]{3,}(er|or)s?", following) is not None and is_a(thing_id, "food")
 
 
 def thing_of(label: str) -> Thing | None:
-    """The thing that a label names: its longest known phrase, the last of equals; None for a tool named after food."""
+    """The thing named by a label: its longest known phrase, the last of equals; None for a tool named after food."""
     words = label_words(label)
     best: tuple[int, int, str] | None = None
     for begin in range(len(words)):
@@ -270,7 +270,7 @@ def thing_of(label: str) -> Thing | None:
 
 
 def names_thing(name: str) -> bool:
-    """Whether the name of a node or a file has a word for a thing; a word for a whole room is none, nor is one that
-    modelling tools put in (a cube)."""
+    """Return whether the name of a node or a file has a word for a thing; words for a whole room do not count, nor do
+    those inserted by modelling tools (a cube)."""
     thing = thing_of(name) if says_something(name) else None
     return thing is not None and thing.id != ROOM

@@ -1,13 +1,13 @@
-"""How likely a noun means an instance: one number for grounding, for questions back and for "did you mean".
+"""Likelihood that a noun means an instance: one number for grounding, for questions back and for "did you mean".
 
-In: a noun phrase and an instance with what its label says. Out: 0 to 1. The label's own words weigh first: a thing that
-is called by the noun's words is what it says, a kind of it that goes by another name is that less, the wider kind less
-again, its kin only a guess; scanners that know a few categories only call every shelf "storage". Words before the noun
-that the label has not lower it, words that contradict the label's lower it more. Colours, sides and places tell several
-such things apart; they are weighed in `ground`.
+In: a noun phrase and an instance with its label. Out: 0 to 1. The label's own words count most: a thing called by the
+noun's words is that thing; a kind of it with another name is less likely, the wider kind less again, and a sibling only
+a guess; scanners that know only a few categories call every shelf "storage". Words before the noun that are missing in
+the label lower the likelihood, words that contradict the label lower it more. Colours, sides and places distinguish
+several such things; they are weighed in `ground`.
 
-What a thing may be by its shape alone counts by its probability: "coffee table" finds a low table that is more likely a
-bench. Such labels mix up kin, so kin of the noun's shape counts more there, and its kinds by its usual size.
+A label guessed from shape alone counts by its probability: "coffee table" finds a low table that is more likely a
+bench. Such labels confuse siblings, so siblings by shape count more there, and kinds by their usual size.
 """
 
 import math
@@ -31,46 +31,47 @@ from dcap.language.offline.words import may_be
 from dcap.language.protocol.requests import InstanceView
 
 CALLED = 0.9
-"""A kind of it whose label has the noun's words: a "dining table" for "table" [-]."""
+"""A kind of the thing whose label contains the noun's words: a "dining table" for "table" [-]."""
 KIND = 0.4
-"""A kind of it by another name: an "armchair" for "chair"; less than half, so that a plain chair is not doubted [-]."""
+"""A kind of the thing with another name: an "armchair" for "chair"; less than half, so that a plain chair is not
+doubted [-]."""
 WIDER = 0.35
-"""The kind that it is: a "stool" for "ottoman" [-]."""
+"""The kind to which the thing belongs: a "stool" for "ottoman" [-]."""
 MISTYPED = 0.3
-"""An unknown word that a slip makes of a word of the label [-]."""
+"""An unknown word that is a misspelling of a word of the label [-]."""
 KIN = 0.1
-"""Another kind of the same: a "side table" for "coffee table"; no answer, but worth a question [-]."""
+"""Another kind of the same thing: a "side table" for "coffee table"; not an answer, but worth a question [-]."""
 KIND_BY_SHAPE, KIN_BY_SHAPE = 0.6, 0.3
-"""The last and KIND where shape alone tells the label: a desk is easily taken for a dining table [-]."""
+"""KIND and KIN if only the shape determines the label: a desk is easily confused with a dining table [-]."""
 LEAST_SPREAD = 1.2
-"""Sizes of things that are all of one size differ by so much in a scan [-]."""
+"""Spread in a scan of the sizes of things that all have the same size [-]."""
 SIZE_ALONE = 0.1
-"""Factor for a noun whose thing has no known shape, by size: no answer, but worth telling [-]."""
+"""Factor for a noun whose thing has no known shape, by size: not an answer, but worth mentioning [-]."""
 ONE_SPREAD = math.exp(-0.5)
-"""Factor of a size that is one standard deviation off [-]."""
+"""Factor for a size that is one standard deviation off [-]."""
 PIECE = 0.3
-"""Factor for a piece whose shape is that of a part alone: a "sofa back" for "sofa"; less than half, as KIND [-]."""
+"""Factor for a piece with the shape of a part only: a "sofa back" for "sofa"; less than half, as KIND [-]."""
 SURELY_OTHER = 0.3
-"""A thing that is less likely what the noun says than this share of what it may be besides hardly is that [-]."""
+"""Ratio of the likelihood of the noun to that of the other possible labels below which a thing is hardly meant [-]."""
 SCANNED = 0.5
-"""Factor for a wide category of a scanner: "storage" for "bookshelf" [-]."""
+"""Factor for a scanner's wide category: "storage" for "bookshelf" [-]."""
 UNSAID = 0.45
-"""Factor where a word before the noun is none of the label's [-]."""
+"""Factor if a word before the noun is missing in the label [-]."""
 CONTRADICTED = 0.1
-"""Factor where the label's words exclude one: "single", where the label says "double" [-]."""
+"""Factor if the label's words exclude one: "single" for a label with "double" [-]."""
 LEAST = 0.15
-"""Least likelihood of a thing that is meant; "did you mean" asks about less likely ones [-]."""
+"""Least likelihood of a thing that is meant; "did you mean" asks about less likely things [-]."""
 PLAUSIBLE = 0.5
-"""Things with at least this share of the best one's likelihood may be meant as well [-]."""
+"""Least likelihood of a further candidate, over that of the best [-]."""
 FURNITURE = "furniture"
 NO_KIND = frozenset({"", FURNITURE, "structure"})
-"""Parents that hold things together that nobody would take for each other."""
+"""Parents that group things that nobody would confuse with each other."""
 OPPOSITES = "lexicon/opposites.csv"
 COARSE = "lexicon/coarse.csv"
 
 
 def likelihood(noun: Noun, instance: InstanceView) -> float:
-    """How likely the noun means the instance, 0..1; parts, sides, colour and places are not looked at."""
+    """Likelihood that the noun means the instance, 0..1, without parts, sides, colour and places."""
     if noun.id:
         return 1.0 if noun.id == instance.id else 0.0
     if not instance.guesses:
@@ -88,17 +89,17 @@ def likelihood(noun: Noun, instance: InstanceView) -> float:
 
 
 def by_label(noun: Noun, instance: InstanceView) -> float:
-    """How likely the noun means an instance that is what its label says."""
+    """Likelihood that the noun means an instance whose label is correct."""
     label = label_words(instance.label)
     akin = kinship(noun, label, label_thing(instance))
     named_wider = noun.thing and label_thing(instance) == parent_of(noun.thing)
-    if named_wider and akin <= WIDER:  # a large table is no nightstand
+    if named_wider and akin <= WIDER:  # a large table is not a nightstand
         akin *= usual_size(noun.thing, instance.size)
     return max(akin, coarsely(noun, label, instance)) * fit_of_words(noun, label)
 
 
 def coarsely(noun: Noun, label: Sequence[str], instance: InstanceView) -> float:
-    """How likely where a label names one of the few wide categories that scanners know: "storage" for "bookshelf"."""
+    """Likelihood if a label names one of the few wide categories that scanners know: "storage" for "bookshelf"."""
     kinds = coarse().get(tuple(label), ())
     narrower = [noun.thing if is_a(noun.thing, kind) else kind for kind in kinds if in_line(noun.thing, kind)]
     named = label_thing(instance)
@@ -108,7 +109,8 @@ def coarsely(noun: Noun, label: Sequence[str], instance: InstanceView) -> float:
 
 
 def carries_like(thing: str, instance: InstanceView) -> float:
-    """Factor for what has not the part that first carries things on this one: without boards it is hardly a shelf."""
+    """Factor for an instance without the part that first carries things on such a thing: without boards it is hardly a
+    shelf."""
     first, names = first_part(thing), {part.name for part in instance.parts}
     return 1.0 if not first or not names or first in names else UNSAID
 
@@ -120,7 +122,8 @@ def coarse() -> Mapping[tuple[str, ...], tuple[str, ...]]:
 
 
 def possible_labels(instance: InstanceView) -> tuple[tuple[str, float], ...]:
-    """Labels that an instance may have, with probabilities; its own counts where parts gave it, none the whole."""
+    """Possible labels of an instance, with probabilities; its own label counts if it comes from parts and none of the
+    labels is the whole."""
     guessed = instance.guesses
     if instance.label in [label for label, _ in guessed] or not label_thing(instance):
         return guessed
@@ -128,13 +131,13 @@ def possible_labels(instance: InstanceView) -> tuple[tuple[str, float], ...]:
 
 
 def by_shape(noun: Noun, text: str, instance: InstanceView) -> float:
-    """How likely the noun means an instance that is what this label says, where only its shape tells so."""
+    """Likelihood that the noun means an instance with this label, if only its shape suggests the label."""
     label, thing = label_words(text), thing_of(text)
     theirs = thing.id if thing else ""
     if theirs and label != label_words(noun.name) and not named_last(tuple(label)):
         return PIECE * kinship(noun, label, theirs, KIND_BY_SHAPE, KIN_BY_SHAPE)
     if theirs and theirs == told_by_shape(noun.thing):
-        return CALLED * usual_size(noun.thing, instance.size)  # shapes tell boxes, not what is kept in them
+        return CALLED * usual_size(noun.thing, instance.size)  # shapes identify boxes, not their content
     akin = kinship(noun, label, theirs, KIND_BY_SHAPE, KIN_BY_SHAPE) * fit_of_words(noun, label)
     if theirs == noun.thing or not akin:
         return akin
@@ -143,14 +146,14 @@ def by_shape(noun: Noun, text: str, instance: InstanceView) -> float:
 
 @cache
 def told_by_shape(thing: str) -> str:
-    """The wider kind by which shapes know a thing that has no usual shape of its own, empty if there is none."""
+    """The wider kind by which shapes are known for a thing without a usual shape of its own; empty if there is none."""
     known = {one.id for one in map(thing_of, labels()) if one}
     return "" if thing in known else next((kind for kind in lineage(thing) if kind in known), "")
 
 
 def usual_size(thing: str, size: Sequence[float]) -> float:
-    """Factor for extents that are not usual of a thing, its spread the standard deviation of the mean ratio [-]; 1 of
-    what no size is known."""
+    """Factor for extents that are unusual for a thing, with its spread as the standard deviation of the mean ratio [-];
+    1 if no size is known."""
     if thing not in things():
         return 1.0
     known, extents = things()[thing], sorted((max(one, 1e-3) for one in size), reverse=True)
@@ -159,7 +162,8 @@ def usual_size(thing: str, size: Sequence[float]) -> float:
 
 
 def usual_shape(thing: str, size: Sequence[float]) -> float:
-    """Factor for extents, the last one upright, that shapes do not know of a thing: a high table is no coffee table."""
+    """Factor for extents, the last one upright, that are unusual for the shapes of a thing: a high table is not a
+    coffee table."""
     known = shapes_of(thing)
     if not known:
         return usual_size(thing, size)
@@ -170,19 +174,19 @@ def usual_shape(thing: str, size: Sequence[float]) -> float:
 
 @cache
 def shapes_of(thing: str) -> tuple[ShapePrior, ...]:
-    """Usual shapes of a thing, nothing where none is known."""
+    """Usual shapes of a thing; empty if none is known."""
     return tuple(one for one in shapes() if (named := thing_of(one.label)) and named.id == thing)
 
 
 def fit_of_size(row: ShapePrior, name: str, extent: float) -> float:
-    """How well one extent [m] fits a row, 1 within what is usual."""
+    """Fit of one extent [m] to a row, 1 within the usual range."""
     usual, value = row.traits.get(name), math.log(max(extent, 1e-3))
     away = max((usual.low - value) / usual.below, (value - usual.high) / usual.above, 0.0) if usual else 0.0
     return math.exp(-0.5 * EVIDENCE * away**2)
 
 
 def kinship(noun: Noun, label: Sequence[str], theirs: str, kind: float = KIND, kin: float = KIN) -> float:
-    """How likely from the thing alone.
+    """Likelihood from the kind of thing alone.
 
     Args:
         noun: a noun phrase.
@@ -211,8 +215,8 @@ def kinship(noun: Noun, label: Sequence[str], theirs: str, kind: float = KIND, k
 
 
 def fit_of_words(noun: Noun, label: Sequence[str]) -> float:
-    """Factor for words such as "single" before the noun: one that belongs to the name of the thing, as in "coffee
-    table", need not stand in the label, but nothing in the label may contradict it [-]."""
+    """Factor for words such as "single" before the noun: a word that belongs to the name of the thing, as in "coffee
+    table", may be missing in the label, but nothing in the label may contradict it [-]."""
     before = label_words(noun.name)[:-1]
     if any(opposites().get(word, frozenset()) & set(label) for word in before if word not in label):
         return CONTRADICTED
@@ -221,30 +225,30 @@ def fit_of_words(noun: Noun, label: Sequence[str]) -> float:
 
 
 def mistyped(words: Sequence[str], label: Sequence[str]) -> float:
-    """How likely unknown words are the label's with slips."""
+    """Likelihood that unknown words are misspellings of the label's."""
     return MISTYPED if words and all(any(may_be(word, one) for one in label) for word in words) else 0.0
 
 
 @cache
 def named_last(label: tuple[str, ...]) -> bool:
-    """Whether a label ends with the name of a thing, as what is called by two nouns is a kind of the second."""
+    """Return whether a label ends with the name of a thing, as a thing called by two nouns is a kind of the second."""
     ends = (vocabulary().get(label[begin:], ()) for begin in range(len(label)))
     return any(meaning.kind == "thing" for meanings in ends for meaning in meanings)
 
 
 def contains_words(label: Sequence[str], words: Sequence[str]) -> bool:
-    """Whether the words stand in the label side by side."""
+    """Return whether the words occur in the label consecutively."""
     return any(tuple(label[i : i + len(words)]) == tuple(words) for i in range(len(label)))
 
 
 def label_thing(instance: InstanceView) -> str:
-    """Thing id of an instance's label, empty if unknown."""
+    """Thing id of an instance's label; empty if unknown."""
     thing = thing_of(instance.label)
     return thing.id if thing else ""
 
 
 def parent_of(thing: str) -> str:
-    """The kind that a thing is, empty if none."""
+    """The kind to which a thing belongs; empty if there is none."""
     return things()[thing].parent if thing in things() else ""
 
 

@@ -1,14 +1,13 @@
-"""The offline choice of a material: what words say, the thing's own list, part name, category; else a stated fallback.
+"""The offline choice of a material: by words, the thing's own list, part name, category; otherwise a stated fallback.
 
-In: a part with its name, what the whole is, and the prompt. Out: the id of a library row and why. One row per part,
-never a blend. Which row is usual for what stands in the lexicon (things.csv, parts.csv, usual_materials.csv).
+In: a part with its name, the whole thing, and the prompt. Out: the id of a library row and the reason. One row per
+part, never a blend. The usual rows are listed in the lexicon (things.csv, parts.csv, usual_materials.csv).
 
-Materials of the parts of a thing, by a word of its name: "leather sofa", "glass table", "mug made of steel".
+Materials of the parts of a thing, by a word in its name: "leather sofa", "glass table", "mug made of steel".
 
-In: words of a label or a prompt. Out: the row of the library that a part is made of then, or nothing: a glass table
-has a top of glass and legs of something else, a leather sofa has cushions of leather over foam. Which words belong to
-which family of materials stands in `lexicon/families.csv` and `materials.csv`, which parts a family applies to in
-`lexicon/made_of.csv`.
+In: words of a label or a prompt. Out: the row of the library for a part, or nothing: a glass table has a top of glass
+and legs of something else, a leather sofa has cushions of leather over foam. `lexicon/families.csv` and `materials.csv`
+assign words to families of materials, `lexicon/made_of.csv` assigns families to parts.
 """
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -39,28 +38,28 @@ from dcap.scene.types.materials import Material
 FAMILY_FILE = "lexicon/families.csv"
 MADE_OF = "lexicon/made_of.csv"
 EVERY = "*"
-"""All parts."""
+"""Stands for all parts."""
 ADJECTIVAL = frozenset({"quality", "colour", "unknown", "thing", "part", "side", "number"})
 """Kinds of words that may stand between an article and its noun."""
 OF = frozenset({"of", "from", "out of"})
 USUAL = "lexicon/usual_materials.csv"
 OBJECT = "object"
 ALIKE = 3
-"""Rows of a likely family that are offered for one of another [-]."""
+"""Number of rows of a likely family that are offered for each row of another family [-]."""
 VAGUE_PARTS = frozenset({"body", "base", "head", "handle", "top", "side"})
-"""Names of parts that say nothing about the material as long as it is not known what the whole is."""
+"""Names of parts that say nothing about the material unless the whole thing is known."""
 
 
 @dataclass(frozen=True, slots=True)
 class MaterialPhrase:
-    """A material that somebody named."""
+    """A material named by the user or a label."""
 
     phrase: str
     material: str
-    """Id of the row that it means by itself."""
+    """Id of the row that it means on its own."""
     family: str
     generic: bool
-    """Whether it names a family (wooden) and not a row (oak)."""
+    """Whether it names a family (wooden), not a row (oak)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,16 +68,16 @@ class MaterialRule:
 
     family: str
     owners: tuple[str, ...]
-    """Things whose parts they are; empty: all."""
+    """Things to which the parts belong; empty: all."""
     parts: tuple[str, ...]
     """Part names; empty: none, `*`: all."""
     material: str
-    """The row that such a part has then; empty: the named one."""
+    """The row for such a part; empty: the named one."""
 
 
 @cache
 def material_rules() -> tuple[MaterialRule, ...]:
-    """Rows of made_of.csv; of those that fit a family, an owner and a part the first decides."""
+    """Rows of made_of.csv; the first one that matches family, owner and part counts."""
     return tuple(
         MaterialRule(row["family"], listed(row["owners"]), listed(row["parts"]), row["material"])
         for row in rows(MADE_OF)
@@ -106,8 +105,8 @@ def named_phrases() -> Mapping[Words, MaterialPhrase]:
 
 
 def materials_in(words: Sequence[str], *, head: bool) -> Iterator[MaterialPhrase]:
-    """Materials that the words name, the longest phrase at each place, colours left out; the last word is what the
-    thing is and names a material only by itself if `head`."""
+    """Materials named by the words, the longest phrase at each place, without colours; the last word names the thing
+    itself and only counts as a material if `head`."""
     known = named_phrases()
     begin = 0
     while begin < len(words):
@@ -120,14 +119,14 @@ def materials_in(words: Sequence[str], *, head: bool) -> Iterator[MaterialPhrase
 
 
 def is_colour(words: Words) -> bool:
-    """Whether it is a colour as well: a silver laptop is no silver."""
+    """Return whether a phrase is also a colour: a silver laptop is not of silver."""
     return any(meaning.kind == "colour" for meaning in vocabulary().get(words, ()))
 
 
 def row_of_part(named: MaterialPhrase, whole: str, part: str, usual: str) -> str:
-    """The row that a part of a thing has when the thing is called after a material; empty if it is not meant.
+    """The row for a part of a thing that is named after a material; empty if the part is not meant.
 
-    A family's name ("wooden") keeps the part's usual row where that is of the family.
+    The name of a family ("wooden") keeps the part's usual row if that belongs to the family.
     """
     for row in material_rules():
         if row.family != named.family or not (not row.owners or any(is_a(whole, owner) for owner in row.owners)):
@@ -141,7 +140,7 @@ def row_of_part(named: MaterialPhrase, whole: str, part: str, usual: str) -> str
 
 
 def without_id(words: Sequence[str], whole: str) -> list[str]:
-    """The words without those that the thing's own name begins with: a rubber duck need not be of rubber."""
+    """The words without those with which the thing's own name begins: a rubber duck need not be of rubber."""
     own = split_words(whole)
     for begin in range(len(words) - len(own) + 1):
         if len(own) > 1 and list(words[begin : begin + len(own)]) == own:
@@ -150,10 +149,10 @@ def without_id(words: Sequence[str], whole: str) -> list[str]:
 
 
 def said_of_thing(prompt: str, whole: str, *, last: bool) -> list[str]:
-    """Words before and after the prompt's word for a thing; around the last one if it stands there twice and `last`."""
+    """Words before and after the prompt's word for a thing; around the last occurrence if there are two and `last`."""
     tokens = tokens_of(prompt)
     there = [i for i, t in enumerate(tokens) if any(in_line(v, whole) for v in t.values("thing"))]
-    # an adjective may be a thing as well, "glass table": the noun is the one that no other noun follows
+    # an adjective may be a thing as well, "glass table": the noun is the one not followed by another noun
     nouns = [i for i in there if not (i + 1 < len(tokens) and tokens[i + 1].has("thing", "part"))]
     return around(tokens, nouns[-1 if last else 0], whole) if nouns else []
 
@@ -174,13 +173,13 @@ def material_words_about(prompt: str, *wholes: str) -> set[str]:
 
 
 def parts_begun_by(token: Token) -> set[str]:
-    """Parts that a phrase means, or begins with: "top of"."""
+    """Parts that a phrase means, or with which it begins: "top of"."""
     first = vocabulary().get((token.text.split()[0],), frozenset()) if token.text.split() else frozenset()
     return {*token.values("part"), *(meaning.value for meaning in first if meaning.kind == "part")}
 
 
 def around(tokens: Sequence[Token], index: int, name: str) -> list[str]:
-    """Adjectives of a noun, then itself; "made of X" counts as an adjective."""
+    """Adjectives of a noun, followed by the noun; "made of X" counts as an adjective."""
     first = index
     while first > 0 and any(meaning.kind in ADJECTIVAL for meaning in tokens[first - 1].meanings):
         first -= 1
@@ -189,7 +188,7 @@ def around(tokens: Sequence[Token], index: int, name: str) -> list[str]:
 
 
 def after(tokens: Sequence[Token], index: int) -> list[str]:
-    """Words of "made of X" behind a noun."""
+    """Words of "made of X" after a noun."""
     words = [word for token in tokens[index + 1 :] for word in token.text.split()]
     if words[:1] == ["made"]:
         words = words[1:]
@@ -198,17 +197,17 @@ def after(tokens: Sequence[Token], index: int) -> list[str]:
 
 @dataclass(frozen=True, slots=True)
 class UsualMaterial:
-    """Material that parts of a thing are mostly made of."""
+    """Usual material of parts of a thing."""
 
     thing: str
-    """Empty: the fallback."""
+    """Id of the thing; empty: the fallback."""
     parts: tuple[str, ...]
     """Part names, or words of the fallback; `*`: all."""
     material: str
 
 
 def chosen_materials(request: MaterialsRequest) -> Iterator[MaterialChoice]:
-    """The material of each part and why."""
+    """The material of each part and the reason."""
     known = {material.id for material in request.library}
     for question in request.questions:
         material, reason = material_of(question, known, said_of(question, request))
@@ -216,9 +215,8 @@ def chosen_materials(request: MaterialsRequest) -> Iterator[MaterialChoice]:
 
 
 def shortlist(request: MaterialsRequest, most: int) -> tuple[Material, ...]:
-    """Rows of the request's library that its parts may be made of, in the order of the library: for each part the row
-    that its name and the words name, then rows of all families in turn, three of those families for one of another, up
-    to `most`."""
+    """Rows of the request's library for its parts, in the order of the library: for each part the row named by its name
+    and the words, then rows of all families in turn, three of those families for each row of another, up to `most`."""
     known = {row.id: row for row in request.library}
     chosen = dict.fromkeys(one.material for one in chosen_materials(request))
     near = dict.fromkeys(families()[one] for one in chosen)
@@ -233,7 +231,7 @@ def shortlist(request: MaterialsRequest, most: int) -> tuple[Material, ...]:
 
 
 def said_of(question: MaterialQuestion, request: MaterialsRequest) -> list[str]:
-    """Words of the prompt about the whole or the part; nothing is said of what is neither object nor base."""
+    """Words of the prompt about the whole or the part; empty for things that are neither object nor base."""
     is_object = question.body == OBJECT
     if not is_object and question.body != request.base_id:
         return []
@@ -243,7 +241,7 @@ def said_of(question: MaterialQuestion, request: MaterialsRequest) -> list[str]:
 
 
 def material_of(question: MaterialQuestion, known: Collection[str], said: Collection[str] = ()) -> tuple[str, str]:
-    """The row that words name for this part, else the usual one."""
+    """The row that words name for this part, else the usual row."""
     usual, reason = usual_material(question, known)
     thing = thing_of(question.label)
     whole = thing.id if thing else ""
@@ -257,7 +255,7 @@ def material_of(question: MaterialQuestion, known: Collection[str], said: Collec
 
 
 def usual_material(question: MaterialQuestion, known: Collection[str]) -> tuple[str, str]:
-    """First rule that gives a row of the library, by what the whole and the part are."""
+    """The first rule that gives a row of the library for the whole and the part."""
     name, label = question.part.name, question.label
     thing = thing_of(label)
     whole = thing.id if thing else ""
@@ -288,14 +286,14 @@ def usual_material(question: MaterialQuestion, known: Collection[str]) -> tuple[
 
 
 def parts_named(words: Sequence[str]) -> list[str]:
-    """Parts that a label names, by its last words: a mattress without its bed."""
+    """Parts named by the last words of a label: a mattress without its bed."""
     meanings = [vocabulary().get(tuple(words[begin:]), frozenset()) for begin in range(len(words))]
     return [meaning.value for found in meanings for meaning in sorted(found) if meaning.kind == "part"]
 
 
 @cache
 def usual_rows(thing: str) -> tuple[UsualMaterial, ...]:
-    """Rows of usual_materials.csv about one thing, in the order in which they count; the fallback for none."""
+    """Rows of usual_materials.csv for one thing, in order of precedence; the fallback for an empty thing."""
     found = [UsualMaterial(row["thing"], listed(row["parts"]), row["material"]) for row in rows(USUAL)]
     for one in found:
         if one.material not in families():

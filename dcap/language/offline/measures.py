@@ -1,8 +1,8 @@
-"""Lengths and angles of a sentence, however people write them, as a decimal number and a unit.
+"""Lengths and angles in a sentence, in any notation, as a decimal number and a unit.
 
-In: a sentence. Out: the same one with "2 1/2 inches", "1,5 cm", "a foot and a half" or 5' 6" rewritten as "2.5 inches",
-"1.5 cm", "1.5 feet" and "1.676 m". A range is rewritten as its middle, and that is said. Everything else stays as it
-is.
+In: a sentence. Out: the same sentence with "2 1/2 inches", "1,5 cm", "a foot and a half" or 5' 6" rewritten as "2.5
+inches", "1.5 cm", "1.5 feet" and "1.676 m". A range is rewritten as its middle, with a note. Everything else is
+unchanged.
 """
 
 import re
@@ -13,9 +13,9 @@ from dcap.language.offline.lexicon import rows
 from dcap.scene.types.outcome import Cause, Caution
 
 VULGAR = {"½": "1/2", "¼": "1/4", "¾": "3/4", "⅓": "1/3", "⅔": "2/3", "⅛": "1/8", "⅜": "3/8", "⅝": "5/8", "⅞": "7/8"}
-"""Fractions of one character; Unicode's own normal form would join "2½" to "21/2"."""
+"""Fractions as single characters; Unicode's own normal form would turn "2½" into "21/2"."""
 SHORT = {"in": "inch", "in.": "inch", **dict.fromkeys(('"', "''", "″", "”"), "inch"), **dict.fromkeys("'′’", "foot")}
-"""Units that are something else where no length is meant."""
+"""Units with another meaning where no length is meant."""
 AMBIGUOUS = frozenset({"foot", "feet"})
 """Units that are also parts of things: digits before them make a length, number words only before a direction."""
 DIRECTION = re.compile(
@@ -56,7 +56,7 @@ def plain_measures(text: str) -> tuple[str, tuple[str, ...]]:
 
 
 def is_measure(found: re.Match[str]) -> bool:
-    """Whether a number and a unit are meant as a measure: "2 in" may be two in something, "a meter" a thing."""
+    """Return whether a number and a unit are meant as a measure: "2 in" may be two in something, "a meter" a thing."""
     unit, digits = found["unit"].casefold(), any(c.isdigit() for c in found["number"])
     surely = unit not in SHORT if digits else found["number"].casefold() not in ("a", "an") and unit not in AMBIGUOUS
     return surely or DIRECTION.match(found.string, found.end()) is not None
@@ -84,7 +84,7 @@ def numerals() -> dict[str, float]:
 
 @cache
 def number_pattern() -> str:
-    """Digits with a point, a comma or a fraction; number words; a half or a quarter; "a" and "an"."""
+    """Pattern of digits with a point, a comma or a fraction; number words; a half or a quarter; "a" and "an"."""
     word = f"(?:{alternatives(numerals())})"
     part = f"(?:{alternatives(PARTS_OF_ONE)})"
     fraction = r"\d+\s*[/⁄]\s*\d+"
@@ -97,7 +97,7 @@ def number_pattern() -> str:
 
 @cache
 def measure() -> re.Pattern[str]:
-    """A number, or two that bound a range, a unit, and "and a half"."""
+    """Pattern of a number, or two that bound a range, a unit, and "and a half"."""
     number = number_pattern()
     words = alternatives([*units("length"), *units("unit")])
     signs = alternatives([sign for sign in SHORT if not sign.isalpha()])
@@ -110,7 +110,7 @@ def measure() -> re.Pattern[str]:
 
 @cache
 def chain() -> re.Pattern[str]:
-    """Two lengths that add up: 5 ft 6 in, 1 m and 20 cm."""
+    """Pattern of two lengths that add up: 5 ft 6 in, 1 m and 20 cm."""
     number = r"\d+(?:[.,]\d+)?"
     signs = alternatives([sign for sign in SHORT if not sign.isalpha()])
     unit = rf"(?:(?:{alternatives([*units('length'), 'in'])})\b\.?|{signs})"
@@ -123,7 +123,7 @@ def alternatives(words: Iterable[str]) -> str:
 
 
 def amount(text: str) -> float:
-    """The value of a number as people write it: "2 1/2", "1,5", "1,500", "one and a half", "forty five", "half a"."""
+    """The value of a number in any notation: "2 1/2", "1,5", "1,500", "one and a half", "forty five", "half a"."""
     plain = text.casefold().strip()
     if found := re.fullmatch(r"(?:(\d+)[\s-]+(?:and\s+)?)?(\d+)\s*[/⁄]\s*(\d+)", plain):
         return float(found[1] or 0) + float(found[2]) / float(found[3])

@@ -1,7 +1,7 @@
-"""Noun phrases: a head with what stands before it and whose it is.
+"""Noun phrases: a head with its modifiers and its owner.
 
-In: a cursor at the first token of one. Out: a `Noun` that keeps every reading of its head; the scene decides later
-between a thing, a part and a region ("back" of a sofa, "pillow", "shelf"). Grammar, as in `sentence`:
+In: a cursor at the first token of a noun phrase. Out: a `Noun` that keeps every reading of its head; the scene decides
+later between a thing, a part and a region ("back" of a sofa, "pillow", "shelf"). Grammar, as in `sentence`:
 
     noun     = simple [ GENITIVE noun ] { OF noun | COUNT | ID | NOW }  the bed's left corner, the second shelf
     simple   = { FILLER } { modifier | name | UNKNOWN }            a name as often as it comes: "bed corner"
@@ -17,22 +17,22 @@ from dcap.language.offline.words import Token, TokenCursor
 MODIFIERS = ("det", "side", "colour", "quality", "number", "both")
 NOUNS = ("thing", "part", "region")
 SAYING = (*MODIFIERS[1:], *NOUNS, "pronoun", "one", "viewer", "id", "unknown")
-"""Kinds of tokens that can make a noun phrase alone; an article cannot."""
+"""Kinds of tokens that can form a noun phrase on their own; an article cannot."""
 OUTER = frozenset({"edge", "end", "side", "head", "foot"})
 """Regions at the rim of a surface."""
 STARTS = ("det", *SAYING)
-"""Kinds of tokens that a noun phrase may start with."""
+"""Kinds of tokens with which a noun phrase may start."""
 
 
 @dataclass(frozen=True, slots=True)
 class Noun:
-    """A noun phrase with all that its head may mean."""
+    """A noun phrase with all possible meanings of its head."""
 
     text: str
     name: str = ""
-    """Its own words without article, sides, colour and owner: what a label may say."""
+    """Its own words without article, sides, colour and owner: words that may occur in a label."""
     thing: str = ""
-    """Thing id, empty if the head is none."""
+    """Thing id; empty if the head is not a thing."""
     parts: tuple[str, ...] = ()
     """Part ids that the head may mean."""
     region: str = ""
@@ -46,15 +46,15 @@ class Noun:
     """The whole of "part of whole"."""
     plural: bool = False
     toward: "Noun | None" = None
-    """Thing that it looks at: "the edge facing the sofa"."""
+    """Thing that it faces: "the edge facing the sofa"."""
     encloses: bool = False
-    """One goes into it rather than onto it: a drawer, a basket."""
+    """Whether one puts things into it, not onto it: a drawer, a basket."""
     id: str = ""
-    """Id of the instance that is meant: "the chair with id chair_2"."""
+    """Id of the instance: "the chair with id chair_2"."""
     whichever: bool = False
-    """One is as good as another: "any chair", "one of the chairs"."""
+    """Whether any one will do: "any chair", "one of the chairs"."""
     modifiers: tuple[str, ...] = ()
-    """Words before the head that are no article, side, colour or number: "single", "wooden"."""
+    """Words before the head other than article, side, colour or number: "single", "wooden"."""
 
     @property
     def is_region(self) -> bool:
@@ -64,19 +64,19 @@ class Noun:
 
     @property
     def is_unknown(self) -> bool:
-        """Whether the head is a word that nobody taught us."""
+        """Whether the head is an unknown word."""
         return not (self.thing or self.parts or self.region or self.pronoun or self.sides or self.id)
 
 
 def at_noun(cursor: TokenCursor, ahead: int = 0) -> bool:
-    """Whether a noun phrase starts here, or `ahead` tokens further; fillers and articles alone are none."""
+    """Return whether a noun phrase starts here, or `ahead` tokens further; fillers and articles alone do not count."""
     while cursor.here("filler", "det", ahead=ahead) and not cursor.here(*SAYING, ahead=ahead):
         ahead += 1
     return starts(cursor, ahead)
 
 
 def starts(cursor: TokenCursor, ahead: int = 0) -> bool:
-    """Whether a noun phrase can start with this very token."""
+    """Return whether a noun phrase can start with this very token."""
     relation = cursor.here("relation", ahead=ahead) and not cursor.here("side", ahead=ahead)
     return cursor.here(*STARTS, ahead=ahead) and not relation and not cursor.here("conj", ahead=ahead)
 
@@ -120,13 +120,14 @@ def simple(cursor: TokenCursor) -> Noun:
 
 
 def says_again(cursor: TokenCursor) -> bool:
-    """Whether "back" comes and only says that something was there before: where it goes follows at once."""
+    """Return whether "back" comes next and only means that something was there before, because a place follows."""
     again = cursor.tokens[cursor.index].text == "back" and cursor.here("thing", "pronoun", "verb", ahead=-1)
     return again and cursor.value("relation", ahead=1) in ("on", "in", "under")
 
 
 def skipped(cursor: TokenCursor, words: list[Token]) -> bool:
-    """A filler before the name ("the very edge"), or the word between two colours ("yellow and white")."""
+    """Return whether a filler before the name ("the very edge"), or the word between two colours ("yellow and white"),
+    was skipped."""
     if cursor.here("conj"):
         return bool(words) and words[-1].has("colour") and cursor.here("colour", ahead=1)
     filler = cursor.here("filler") and not cursor.here(*STARTS)
@@ -134,7 +135,7 @@ def skipped(cursor: TokenCursor, words: list[Token]) -> bool:
 
 
 def goes_on(cursor: TokenCursor, words: list[Token]) -> bool:
-    """Whether the token still belongs to the phrase: after its name, no article and no verb does."""
+    """Return whether the token still belongs to the phrase: after its name, articles and verbs do not."""
     if not starts(cursor) or (cursor.here("verb") and words and not cursor.here("side", *NOUNS)):
         return False
     named = any(word.has(*NOUNS) and not word.has("det") for word in words)
@@ -142,7 +143,7 @@ def goes_on(cursor: TokenCursor, words: list[Token]) -> bool:
 
 
 def noun_of(words: list[Token], text: str) -> Noun:
-    """The noun phrase that these tokens make: the last noun is the head, an earlier thing its owner."""
+    """The noun phrase formed by these tokens: the last noun is the head, an earlier thing its owner."""
     several = any(t.has("number", "both") or t.value("pronoun") == "them" for t in words)
     index = next((i for i in range(len(words) - 1, -1, -1) if words[i].has(*NOUNS)), None)
     if index is None:
@@ -175,12 +176,12 @@ def noun_of(words: list[Token], text: str) -> Noun:
 
 
 def id_of(words: list[Token]) -> str:
-    """The id that stands among the words, empty if none does."""
+    """The id among the words; empty if there is none."""
     return next((t.value("id") for t in words if t.has("id")), "")
 
 
 def name_of(words: list[Token]) -> str:
-    """Name in the words: all but article, sides, colour and number; the last one counts as the head."""
+    """Name among the words, without article, sides, colour and number; the last word counts as the head."""
     kept = [t for t in words[:-1] if not t.has("det", "side", "colour", "number", "both")]
     return " ".join(t.text for t in (*kept, *words[-1:]))
 
@@ -194,24 +195,24 @@ def owner_before(head: Token, before: list[Token]) -> Noun | None:
 
 
 def colour_of(words: list[Token]) -> str:
-    """The first colour, as long as it is not a noun as well ("orange")."""
+    """The first colour, unless it is also a noun ("orange")."""
     return next((t.value("colour") for t in words if t.has("colour")), "")
 
 
 def owned(noun: Noun, owner: Noun) -> Noun:
-    """The noun with its owner; "the corner of the cushion of the sofa" is the cushion's, "the smaller of the two
+    """The noun with its owner; "the corner of the cushion of the sofa" belongs to the cushion, "the smaller of the two
     tables" is a table."""
     if noun.is_region and not noun.region and owner.plural:
         pronoun = "" if owner.thing or owner.parts else "one"
         return replace(owner, sides=noun.sides, plural=False, pronoun=pronoun)
     if noun.region in ("center", "middle") and noun.owner is None and owner.region in OUTER:
-        return owner  # "the middle of the long edge" is the edge, which is aimed at in its middle
+        return owner  # "the middle of the long edge" is the edge, whose middle is the aim
     innermost = owned(noun.owner, owner) if noun.owner is not None else owner
     return replace(noun, owner=innermost)
 
 
 def counted(noun: Noun) -> bool:
-    """Whether it is "the second one" of several."""
+    """Return whether a noun is "the second one" of several."""
     return any(side.isdigit() for side in noun.sides)
 
 
@@ -221,33 +222,34 @@ def counting(noun: Noun, where: str) -> Noun:
 
 
 def thing_and_region(noun: Noun) -> bool:
-    """Two nouns side by side of which the second is only a region: "mug dead centre"."""
+    """Return whether there are two nouns side by side of which the second is only a region: "mug dead centre"."""
     return noun.is_region and noun.owner is not None and noun.name.startswith(noun.owner.name)
 
 
 def several(one: Noun, other: Noun) -> Noun:
-    """Two things to be moved."""
+    """A noun for two things to be moved."""
     return replace(one, text=f"{one.text} and {other.text}", plural=True)
 
 
 def belongs(theme: Noun | None, whole: Noun) -> bool:
-    """Whether the moved thing usually belongs to such a thing: a blanket at the foot of the bed lies on the bed."""
+    """Return whether the moved thing usually belongs to such a thing: a blanket at the foot of the bed lies on the
+    bed."""
     owners = {one for part in theme.parts for one in part_words()[part].owners} if theme is not None else set()
     return any(is_a(whole.thing, one) for one in owners)
 
 
 def is_place_alone(noun: Noun) -> bool:
-    """Whether a noun without a relation can only be a region; "left side" is no board at the side."""
+    """Return whether a noun without a relation can only be a region; "left side" is not a board at the side."""
     return noun.is_region or bool(noun.region == "side" and noun.sides and not noun.thing and noun.owner is None)
 
 
 def is_bare_side(noun: Noun) -> bool:
-    """Whether it is "the side" of nothing in particular."""
+    """Return whether a noun is "the side" of nothing in particular."""
     return noun.region == "side" and not (noun.sides or noun.thing or noun.owner)
 
 
 def is_front(noun: Noun, theme: Noun | None) -> bool:
-    """Whether it is a side of what is moved that can look at something: "its screen towards the window"."""
+    """Return whether a noun is a side of the moved thing that can face something: "its screen towards the window"."""
     parts = [part_words()[part] for part in noun.parts if part_words()[part].front]
     whole = theme.thing if theme is not None else ""
     own = not whole or any(is_a(whole, owner) for part in parts for owner in part.owners)

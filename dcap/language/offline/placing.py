@@ -1,11 +1,11 @@
-"""Placement that a sentence asks for, before any scene is looked at: an object, a relation and its reference.
+"""The placement that a sentence requests, without a scene: an object, a relation and its reference.
 
-In: a `Reading`. Out: a `Placing`, with the one place among the reading's that names the support; the grounding in a
+In: a `Reading`. Out: a `Placing`, with the place among those of the reading that names the support; grounding in a
 scene starts from the same place.
 
-Name of the object where a model is asked about it: by a person, by its file or folder, or by the sentence.
+Name of the object for questions to a model: given by a person, by its file or folder, or by the sentence.
 
-In: what is known of its name. Out: words, never the hash, id or number that a data set may have for a file name.
+In: the known names. Out: words, never the hash, id or number that a dataset may use as a file name.
 """
 
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ BESIDE = {
     "nearest": ("near",),
     "distance": ("near",),
 }
-"""Regions that a relation to another thing asks for."""
+"""Regions requested by a relation to another thing."""
 PLACEABLE = frozenset({"at", *SUPPORT})
 NAMELESS = "object"
 
@@ -41,18 +41,19 @@ class Placing:
     """An object in a relation to a reference."""
 
     object: Noun | None
-    """Thing that is moved; None if the sentence says only "it"."""
+    """Moved thing; None if the sentence only says "it"."""
     relation: str
     """on, in, at, under, next_to, near, nearest, distance, against, between, left_of, right_of, front_of or behind."""
     reference: Noun
-    """The thing or part that the relation is to; of several (between) the first."""
+    """The thing or part to which the relation refers; the first of several (between)."""
     place: Place
-    """The phrase that says so."""
+    """The phrase that states the relation."""
     not_understood: tuple[str, ...]
 
 
 def placing_of(reading: Reading) -> Placing:
-    """The placement that a sentence asks for; LanguageError if it names nothing to put the object on or next to."""
+    """The placement that a sentence requests; raises LanguageError if it names nothing to put the object on or next
+    to."""
     place = support_place(reading) or neighbour_place(reading)
     if place is None:
         said = ", ".join(repr(place.text) for place in reading.places) or "it"
@@ -62,12 +63,12 @@ def placing_of(reading: Reading) -> Placing:
 
 
 def support_place(reading: Reading) -> Place | None:
-    """The first place that names what carries the object."""
+    """The first place that names the support of the object."""
     return next((place for place in reading.places if names_support(place)), None)
 
 
 def neighbour_place(reading: Reading) -> Place | None:
-    """Where no support is named: the first place next to, between or under something."""
+    """The first place next to, between or under something, if no support is named."""
     beside = (place for place in reading.places if place.relation in BESIDE and not place.excluded)
     return next((place for place in beside if not place.restrict and names_thing(whole(place))), None)
 
@@ -81,7 +82,7 @@ def reference_of(place: Place) -> Noun:
 
 
 def relation_of(place: Place, reference: Noun) -> str:
-    """The relation to the reference: one goes into a drawer, and is on a bed in the middle of which one is."""
+    """The relation to the reference: in a drawer, and on a bed if the place is in the middle of it."""
     if place.relation in PLACEABLE and reference.encloses:
         return "on" if place.relation == "on" else "in"
     of_a_region = reference is not place.nouns[0]
@@ -97,7 +98,7 @@ def whole(place: Place) -> Noun:
 
 
 def names_support(place: Place) -> bool:
-    """Whether the place can name the support."""
+    """Return whether the place can name the support."""
     noun = place.nouns[0]
     edge_of = (
         place.relation in ("near", "nearest", "against", "distance") and noun.region != "" and noun.owner is not None
@@ -113,28 +114,28 @@ def names_support(place: Place) -> bool:
 
 
 def names_thing(noun: Noun) -> bool:
-    """Whether it is more than a region or a pronoun."""
+    """Return whether a noun is more than a region or a pronoun."""
     return not noun.is_region and noun.pronoun == ""
 
 
 def bare_region(noun: Noun) -> bool:
-    """A word like "back" or "head" that could be a part but has no thing to belong to."""
+    """Return whether a noun is a word like "back" or "head" that could be a part but has no owner."""
     return bool(noun.sides or noun.region) and not noun.thing and noun.owner is None and not plain_part(noun)
 
 
 def plain_part(noun: Noun) -> bool:
-    """Whether a noun without owner names a part for certain ("mattress", not "back")."""
+    """Return whether a noun without owner certainly names a part ("mattress", not "back")."""
     ambiguous = {"back", "top", "side", "head", "base"}
     return any(part not in ambiguous for part in noun.parts)
 
 
 def object_name(path: Path, prompt: str, given: str = "") -> str:
-    """The name that was given, else what the file's or its folder's name says, else the sentence's noun: "ball"."""
+    """The given name, else the name of the file or its folder, else the sentence's noun: "ball"."""
     return readable(given) or readable(describe(path)) or noun_of_sentence(prompt) or NAMELESS
 
 
 def noun_of_sentence(prompt: str) -> str:
-    """Name that the sentence has for the placed thing; empty where it is a pronoun, or the sentence is not read."""
+    """The sentence's name for the placed thing; empty if it is a pronoun, or if the sentence cannot be read."""
     try:
         theme = read(prompt).theme
     except LanguageError:

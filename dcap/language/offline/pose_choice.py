@@ -1,14 +1,14 @@
-"""The offline choices of a pose and a part: by the words of the sentence, else by what is usual.
+"""The offline choices of a pose and a part: by the words of the sentence, else the usual ones.
 
-The offline choice of a pose: what the words ask for, else how such a thing usually rests.
+The offline choice of a pose: the pose stated in words, else the usual rest pose of such a thing.
 
-In: the rotation question with its listed poses. Out: one of them and why. Nothing is known but the poses' own numbers
-(probability, extents, where up and front point) and the lexicon's way of resting. Words name an exact pose; a stable
-pose close to it is taken instead, since the thing would roll there anyway; one farther away is not what was asked.
+In: the rotation question with its listed poses. Out: one of them and the reason. It only uses the poses' own numbers
+(probability, extents, directions of up and front) and the lexicon's rest pose. Words name an exact pose; a stable pose
+close to it is taken instead, since the thing would roll there anyway; a pose farther away does not meet the request.
 
-The offline choice of a part: the asked one, else the one on which such a base carries things.
+The offline choice of a part: the requested part, else the part on which such a base carries things.
 
-In: the anchor question with its listed parts. Out: one of them and why.
+In: the anchor question with its listed parts. Out: one of them and the reason.
 """
 
 from collections.abc import Callable
@@ -20,21 +20,21 @@ from dcap.language.offline.lexicon import Thing, default_parts, is_a, lineage, t
 from dcap.language.protocol.requests import AnchorRequest, PartView, PoseView, RotationRequest
 
 CLOSE = 15.0
-"""A stable pose this near to what the words say is what they say [degrees]."""
+"""Largest angle at which a stable pose counts as the stated pose [degrees]."""
 LOW = 0.75
-"""A thing less high than this times its length lies already [-]."""
+"""Ratio of height to length below which a thing already lies [-]."""
 RIGHTING = 0.5
-"""So much more must the shape speak for another side for a file that could stand to be lying or overturned [-]."""
+"""Least lead of another side in the shape's score for a file that could stand to count as lying or overturned [-]."""
 LEVEL = 0.5
-"""The upright axis of what lies on its side is nearer than this to the horizontal, as the sine of its height [-]."""
+"""Largest sine of the elevation of the upright axis of a thing that lies on its side [-]."""
 HANDS = {"on_left_side": 1.0, "on_right_side": -1.0}
-"""Which side is down, as a factor of the axis that points to the thing's own left."""
+"""The side that is down, as a factor of the axis that points to the thing's left."""
 Miss = Callable[[PoseView], float]
-"""How far a pose is from what is asked [degrees]."""
+"""Function that returns the deviation of a pose from the request [degrees]."""
 
 
 def chosen_pose(request: RotationRequest, thing: Thing | None) -> tuple[PoseView, str]:
-    """The pose and why."""
+    """The pose and the reason."""
     rest = thing.rest if thing else "upright"
     default, why = default_pose(request, thing)
     name = request.object_name
@@ -54,7 +54,7 @@ def chosen_pose(request: RotationRequest, thing: Thing | None) -> tuple[PoseView
 
 
 def meant(request: RotationRequest, thing: Thing | None, default: PoseView) -> str:
-    """Pose that the words mean for such a thing: one among those of the reply apart from upright."""
+    """Pose that the words mean for such a thing: one of those of the reply apart from upright."""
     wanted, rest = request.pose, thing.rest if thing else "upright"
     if wanted == "leaning":  # flat things lean on edge, upright ones as they stand
         return "any" if rest == "upright" and not is_low(default, LOW) else "standing"
@@ -64,7 +64,7 @@ def meant(request: RotationRequest, thing: Thing | None, default: PoseView) -> s
         return "standing"
     on_fours = is_figure(request.object_name) is not False and request.on_legs and is_low(default, LOW)
     if wanted == "lying" and on_fours:
-        return "on_side"  # standing it is low, and lies on its belly in no rigid pose
+        return "on_side"  # its standing pose is low, and no rigid pose lies on its belly
     if wanted == "lying" and (rest != "upright" or is_low(default, LOW)):
         return "any"  # "lay a plate on the table"
     if wanted == "on_side" and rest == "any" and is_low(default, 0.99):
@@ -81,12 +81,12 @@ def meant(request: RotationRequest, thing: Thing | None, default: PoseView) -> s
 
 
 def is_low(default: PoseView, share: float) -> bool:
-    """Whether it lies already as it usually rests: a shoe, a car, a laptop."""
+    """Return whether a thing already lies in its usual rest pose: a shoe, a car, a laptop."""
     return default.size[2] < share * max(default.size[:2])
 
 
 def default_pose(request: RotationRequest, thing: Thing | None) -> tuple[PoseView, str]:
-    """How the thing rests when nothing is said."""
+    """Rest pose of the thing without a request."""
     rest = thing.rest if thing else "upright"
     upright = by_id(request, "upright")
     stable = [pose for pose in request.poses if pose.probability > 0]
@@ -95,7 +95,7 @@ def default_pose(request: RotationRequest, thing: Thing | None) -> tuple[PoseVie
         if upright.size[2] <= 1.1 * lowest:
             return upright, "lies flat as in its file"
         flat = [pose for pose in stable if pose.size[2] <= 1.1 * lowest]
-        # of the two flat sides the one that needs the smaller turn from the file
+        # of the two flat sides, the one with the smaller turn from the file
         return max(
             flat, key=lambda pose: (round(trace(pose), 6), pose.probability, pose.id)
         ), "lies flat on its largest face"
@@ -108,21 +108,18 @@ def default_pose(request: RotationRequest, thing: Thing | None) -> tuple[PoseVie
 
 
 def to_right(thing: Thing | None, *, righting: float, stands: bool, file_up: float) -> bool:
-    """Whether the file's pose is not believed: it could not stand, or its shape speaks clearly for another side.
+    """Return whether the file's pose is rejected: it could not stand, or its shape clearly indicates another side.
 
-    Furniture stands on legs and is open below, which the shape takes for an opening: there the file is believed.
-    Figures may have four legs and a flat back: one that stands in its file is righted from its side only.
+    Furniture stands on legs and is open below, which looks like an opening in its shape: there the file's pose is
+    accepted. Figures may have four legs and a flat back: a figure that stands in its file is only righted from its
+    side.
 
     Args:
-        thing: what it is; None: not known.
-        righting: how much more its shape speaks for the righted pose than for the file's [-]; 0: for none.
-        stands: whether it could stand as in its file.
-        file_up: the vertical component of the file's z axis in the righted pose [-].
     """
     if righting == 0.0 or (thing is not None and thing.rest != "upright"):
         return False
     clearly = righting > RIGHTING
-    if thing is None or is_figure(thing.id):  # it may have legs as furniture has, and only what is on its side has not
+    if thing is None or is_figure(thing.id):  # it may have legs like furniture, unless it lies on its side
         return not stands or (clearly and abs(file_up) < LEVEL)
     return not stands or (clearly and not is_a(thing.id, "furniture"))
 
@@ -133,7 +130,8 @@ def by_id(request: RotationRequest, pose_id: str) -> PoseView:
 
 
 def kin(request: RotationRequest, default: PoseView) -> list[PoseView]:
-    """The poses whose words are meant from the default: those of the file or those of the righted pose; stable ones."""
+    """The poses to which words refer, given the default: those of the file or those of the righted pose; stable
+    ones."""
     if not default.id.startswith("righted"):
         return [pose for pose in request.poses if not pose.id.startswith("righted")]
     return [pose for pose in request.poses if pose.id.startswith(("righted", "stable"))]
@@ -145,17 +143,17 @@ def trace(pose: PoseView) -> float:
 
 
 def own_up(pose: PoseView, default: PoseView) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    """Where the axis that points up in the default pose points in this pose."""
+    """Direction in this pose of the axis that points up in the default pose."""
     return np.asarray(np.array(pose.rotation) @ np.array(default.rotation).T @ (0.0, 0.0, 1.0))
 
 
 def tilt_deg(height: float) -> float:
-    """Angle of a unit vector above the horizontal, by its vertical component [degrees]."""
+    """Angle of a unit vector above the horizontal, from its vertical component [degrees]."""
     return float(np.degrees(np.arcsin(np.clip(height, -1.0, 1.0))))
 
 
 def closest(poses: list[PoseView], miss: Miss) -> PoseView:
-    """The most probable stable pose close to what is asked, else the one that is exactly that."""
+    """The most probable stable pose close to the request, else the pose that meets it exactly."""
     stable = [pose for pose in poses if pose.probability > 0 and miss(pose) < CLOSE]
     if stable:
         return max(stable, key=lambda pose: (pose.probability, -round(miss(pose), 3), -pose.size[2], pose.id))
@@ -163,10 +161,11 @@ def closest(poses: list[PoseView], miss: Miss) -> PoseView:
 
 
 def standing(request: RotationRequest, default: PoseView, rest: str) -> PoseView:
-    """On end: the default of upright things that are high, else the tallest pose, stable if possible, turned little."""
+    """Pose on end: the default of upright things that are high, else the tallest pose, stable if possible, with the
+    smallest turn."""
     if rest == "upright" and not is_low(default, LOW):
         return default
-    # a file that is tilted is high for that reason alone
+    # a tilted file is high only because of its tilt
     stable = [pose for pose in request.poses if pose.probability > 0]
     high = max(pose.size[2] for pose in request.poses)
     steady = bool(stable) and not request.stands and max(pose.size[2] for pose in stable) > 0.8 * high
@@ -177,7 +176,7 @@ def standing(request: RotationRequest, default: PoseView, rest: str) -> PoseView
 
 
 def turned_over(request: RotationRequest, default: PoseView) -> PoseView:
-    """Half a turn about a horizontal axis, the front kept where it was as far as possible."""
+    """Half a turn about a horizontal axis that keeps the direction of the front as far as possible."""
     over = [pose for pose in kin(request, default) if own_up(pose, default)[2] < -0.99]
     kept = np.array(default.front)
     return max(
@@ -186,20 +185,20 @@ def turned_over(request: RotationRequest, default: PoseView) -> PoseView:
 
 
 def by_front(request: RotationRequest, default: PoseView, wanted: str) -> PoseView:
-    """The front up (on its back) or down."""
+    """Pose with the front up (on its back) or down."""
     sign = 1.0 if wanted == "on_back" else -1.0
     return closest(kin(request, default), lambda pose: 90.0 - tilt_deg(sign * pose.front[2]))
 
 
 def on_hand(request: RotationRequest, default: PoseView, wanted: str) -> PoseView:
-    """On its own left or right side, as its front has them."""
+    """Pose on its own left or right side, as defined by its front."""
     left = np.array(default.rotation).T @ np.cross((0.0, 0.0, 1.0), default.front)
     sign = HANDS[wanted]
     return closest(kin(request, default), lambda pose: 90.0 + tilt_deg(sign * (np.array(pose.rotation) @ left)[2]))
 
 
 def on_side(request: RotationRequest, default: PoseView, wanted: str) -> PoseView:
-    """The own vertical made level; on its side, the front too."""
+    """Pose with the upright axis horizontal; for on its side, with the front horizontal too."""
     with_front = wanted == "on_side" and request.has_front
 
     def miss(pose: PoseView) -> float:
@@ -210,7 +209,7 @@ def on_side(request: RotationRequest, default: PoseView, wanted: str) -> PoseVie
 
 
 def chosen_part(request: AnchorRequest) -> tuple[PartView, str]:
-    """The part and why."""
+    """The part and the reason."""
     if request.asked_part:
         alike = [part for part in request.parts if part.name == request.asked_part]
         if alike:
@@ -226,31 +225,31 @@ def chosen_part(request: AnchorRequest) -> tuple[PartView, str]:
 
 
 def thing_id(label: str) -> str:
-    """Thing id of a label, empty if unknown."""
+    """Thing id of a label; empty if unknown."""
     thing = thing_of(label)
     return thing.id if thing else ""
 
 
 def sideways(request: AnchorRequest) -> str:
-    """The asked left, right or middle, which picks among cushions that lie side by side."""
+    """The requested left, right or middle, which selects among cushions that lie side by side."""
     sides = [r for r in request.asked_regions if r in ("left", "right", "middle", "center")]
     return sides[0] if sides else ""
 
 
 def moved_into_which(request: AnchorRequest, part: PartView) -> bool:
-    """Whether left or right already picked one of several parts side by side."""
+    """Return whether left or right already selected one of several parts side by side."""
     alike = [p for p in request.parts if p.name == part.name]
     return len(alike) > 1 and not request.asked_part and sideways(request) != "" and not request.asked_references
 
 
 def one_of_a_whole(request: AnchorRequest, part: PartView) -> bool:
-    """Whether "the left arm" was asked and one part holds both arms: then left says where on it."""
+    """Return whether "the left arm" was requested and one part contains both arms: then left states the place on it."""
     alike = [p for p in request.parts if p.name == part.name]
     return len(alike) == 1 and request.asked_which in ("left", "right", "front", "back")
 
 
 def which_of(alike: list[PartView], which: str, request: AnchorRequest) -> PartView:
-    """The left, right, top, bottom, middle or n-th of parts with the same name; else the one that carries best."""
+    """The left, right, top, bottom, middle or n-th of parts with the same name; else the one with the best support."""
     word, counted = which.split()[0] if which else "", which.split()[-1] if which else ""
     along = sorted(alike, key=lambda p: (round(float(np.dot(p.center, request.right)), 3), p.index))
     upward = sorted(alike, key=lambda p: (round(p.center[2], 3), p.index))

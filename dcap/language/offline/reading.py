@@ -1,17 +1,18 @@
-"""Content of a sentence, before any scene is looked at: places, poses, facings and the thing that is moved.
+"""Content of a sentence, without a scene: places, poses, facings and the moved thing.
 
 Plain values; `sentence` makes them from a prompt.
 
 Turns about the vertical: "rotated by 90 degrees clockwise", "at a 45 degree angle", "diagonally".
 
-In: a cursor among the tokens. Out: how many of them speak of a turn, and the turn. Grammar, as in `sentence`:
+In: a cursor among the tokens. Out: the number of tokens that state a turn, and the turn. Grammar, as in `sentence`:
 
     turn = { WORD } (TURNED | ANGLE [ "angle" ]) [ SENSE ] | TURN before a pose or facing, to which it adds nothing
     WORD = TURN | SENSE | "at" | "by" | DET
 
-An angle alone is none ("tilted by 30 degrees"): a turn, a sense or "at" must be said with it.
+An angle alone is not a turn ("tilted by 30 degrees"): it needs a turn, a sense or "at".
 
-From clauses to one reading: which say where to go, what is moved, and what is no placement of one thing.
+Combines clauses into one reading: those that say where to go and name the moved thing, and those that are not a
+placement.
 """
 
 import math
@@ -22,11 +23,11 @@ from dcap.language.offline.words import Token, TokenCursor
 from dcap.scene.errors import LanguageError
 
 TURNS_TO = {"left": 1.0, "right": -1.0}
-"""Seen from above, what turns to its left turns counterclockwise."""
+"""Sign of a turn to the left or right, counterclockwise seen from above."""
 EXAMPLE = "say what to put where, for example: put the ball on the bed"
 MIRRORED = {"left": "right", "right": "left"}
 STANDS_BY_ITSELF = frozenset({"upside_down", "on_side", "on_left_side", "on_right_side", "on_back", "on_front"})
-"""Poses that a thing keeps although it rests against something."""
+"""Poses that a thing keeps even if it rests against something."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,12 +35,12 @@ class Turn:
     """A turn about the vertical."""
 
     degrees: float
-    """Counterclockwise seen from above."""
+    """Angle, counterclockwise seen from above."""
     text: str
 
 
 def turn_length(cursor: TokenCursor, *, said: bool) -> int:
-    """How many tokens from here up to an angle speak of a turn, 0 if none does; `said`: the verb is "turn"."""
+    """Number of tokens from here to an angle that state a turn, 0 if none do; `said`: the verb is "turn"."""
     here = cursor.here
     ahead = 0
     while here("turn", "sense", "det", ahead=ahead) or leads_to_angle(cursor, ahead):
@@ -51,13 +52,13 @@ def turn_length(cursor: TokenCursor, *, said: bool) -> int:
 
 
 def leads_to_angle(cursor: TokenCursor, ahead: int) -> str:
-    """ "at" or "by" `ahead` tokens further, the words that may stand before an angle; empty if neither does."""
+    """ "at" or "by" `ahead` tokens further, which may precede an angle; empty if there is neither."""
     text = cursor.tokens[cursor.index + ahead].text if cursor.here("relation", ahead=ahead) else ""
     return text if text in ("at", "by") else ""
 
 
 def turn_of(cursor: TokenCursor, length: int) -> Turn | None:
-    """The turn in that many tokens with the sense that may follow them; None if they say no angle."""
+    """The turn in that many tokens, with the sense that may follow them; None if they contain no angle."""
     begin = cursor.index
     tokens = [cursor.take() for _ in range(length)]
     degrees = tokens[-1].value("angle") or tokens[-1].value("turned")
@@ -71,7 +72,7 @@ def turn_of(cursor: TokenCursor, length: int) -> Turn | None:
 
 
 def sideways(cursor: TokenCursor) -> float:
-    """The sense of "to the left" or "to the right", which is taken then; else counterclockwise."""
+    """The sense of "to the left" or "to the right", consuming these words; else counterclockwise."""
     ahead = 2 if cursor.here("det", ahead=1) else 1
     side = cursor.tokens[cursor.index + ahead].value("side") if cursor.here("side", ahead=ahead) else ""
     if side not in TURNS_TO or not is_to(cursor):
@@ -81,17 +82,17 @@ def sideways(cursor: TokenCursor) -> float:
 
 
 def is_to(cursor: TokenCursor) -> bool:
-    """Whether the next word is "to"."""
+    """Return whether the next word is "to"."""
     return cursor.here("relation") and cursor.tokens[cursor.index].text == "to"
 
 
 @dataclass(frozen=True, slots=True)
 class Measure:
-    """A length that a place is to be from something."""
+    """A distance of a place from something."""
 
     metres: float
     mode: str = "exactly"
-    """exactly, most or least."""
+    """Mode: exactly, most or least."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,25 +104,26 @@ class Place:
     opposite, carrying, lacking, distance, which."""
     nouns: tuple[Noun, ...]
     restrict: bool
-    """It says which one is meant ("the bed that is near the window"), not where to go."""
+    """Whether it selects a thing ("the bed that is near the window") instead of naming a place to go."""
     text: str
     attached: bool = False
-    """It follows a noun without a pause, so that it may say which one: "the bed on the left"."""
+    """Whether it follows a noun without a pause, so that it may select a thing: "the bed on the left"."""
     clause: int = 0
-    """Which of the clauses says it."""
+    """Index of its clause."""
     excluded: bool = False
-    """It is where not to go ("not on the pillow"), or with `restrict` what the one that is meant is not."""
+    """Whether it is a place to avoid ("not on the pillow"), or with `restrict` a property that the meant thing
+    lacks."""
     measure: Measure | None = None
-    """How far from its noun."""
+    """Distance from its noun."""
     topmost: bool = False
-    """It says "on top of"."""
+    """Whether it says "on top of"."""
     literal: str = ""
-    """The relation's own words: "at" and "on" the foot of a bed differ."""
+    """The literal words of the relation: "at" and "on" the foot of a bed differ."""
 
 
 @dataclass(frozen=True, slots=True)
 class Facing:
-    """Where the front shall look."""
+    """Direction of the front."""
 
     mode: str
     """toward or away."""
@@ -131,49 +133,50 @@ class Facing:
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """A sentence understood as far as it goes without a scene."""
+    """Interpretation of a sentence, as far as possible without a scene."""
 
     theme: Noun | None
-    """Thing that is moved; None if only "it" or nothing was said."""
+    """Moved thing; None if the sentence only says "it" or nothing."""
     places: tuple[Place, ...]
     pose: str
     """upright, seated, standing, upside_down, on_side, on_left_side, on_right_side, lying, on_back, on_front,
     leaning or any."""
     pose_words: str
     turn: float
-    """About the vertical, counterclockwise seen from above [degrees]."""
+    """Turn about the vertical, counterclockwise seen from above [degrees]."""
     turn_words: str
     facing: Facing | None
     aside: tuple[str, ...]
-    """Phrases that are understood and do not say where to put it: where it is picked up, its name once more."""
+    """Phrases that are understood but do not say where to put the thing: the place from which it is taken, its name
+    again."""
     not_understood: tuple[str, ...]
     notes: tuple[str, ...] = ()
-    """Mistyped words and what they are read as."""
+    """Misspelt words and their corrections."""
 
 
 @dataclass(slots=True)
 class Clause:
-    """A clause while it is read."""
+    """A clause during reading."""
 
     begin: int
     kind: str = ""
-    """place, pick, be, other (no placement), or empty as long as no verb was read."""
+    """place, pick, be, other (not a placement), or empty before the verb."""
     theme: Noun | None = None
     places: list[Place] = field(default_factory=list)
     verb_pose: str = ""
     poses: list[Token] = field(default_factory=list)
     facing: Facing | None = None
     turning: bool = False
-    """Its verb is "turn": an angle after it is how far."""
+    """Whether its verb is "turn", so that an angle after it is the size of the turn."""
     turns: list[Turn] = field(default_factory=list)
     negated: bool = False
-    """It says what not to do: its places are excluded."""
+    """Whether it says what not to do, so that its places are excluded."""
     own_view: bool = False
-    """Left and right are those of who sits or lies in the support."""
+    """Whether left and right are those of a person who sits or lies in the support."""
     hangs: bool = False
-    """Its verb may mean hanging: "hang it from the ceiling"."""
+    """Whether its verb may mean hanging: "hang it from the ceiling"."""
     leans: bool = False
-    """Its verb may mean leaning: "rest it against the wall"."""
+    """Whether its verb may mean leaning: "rest it against the wall"."""
 
     def texts(self) -> list[str]:
         """Phrases about places, poses, turns and facings."""
@@ -188,7 +191,7 @@ class Clause:
 
 
 def check(prompt: str, clauses: list[Clause]) -> None:
-    """Refuse what is not the placement of one thing."""
+    """Refuse a sentence that is not the placement of one thing."""
     placing = [clause for clause in clauses if clause.says_where and not clause.negated]
     if not placing and any(clause.negated for clause in clauses):
         raise LanguageError(f"prompt {prompt!r} says only where not to put it; {EXAMPLE}")
@@ -207,20 +210,21 @@ def check(prompt: str, clauses: list[Clause]) -> None:
 
 
 def themes(clauses: list[Clause]) -> list[Noun]:
-    """Nouns of the things that are moved, clause by clause."""
+    """Nouns of the moved things, clause by clause."""
     nouns = [clause.theme for clause in clauses if clause.kind != "other"]
     known = any(noun is not None and not noun.is_unknown and noun.pronoun != "it" for noun in nouns)
     return [noun for noun in nouns if noun is not None and noun.pronoun != "it" and not (known and noun.is_unknown)]
 
 
 def alike(one: Noun, other: Noun) -> bool:
-    """Whether two phrases can mean one thing: "the red mug", then "the mug"."""
+    """Return whether two phrases can mean the same thing: "the red mug", then "the mug"."""
     colours, sides = {one.colour, other.colour} - {""}, {one.sides, other.sides} - {()}
     return one.name == other.name and len(colours) < 2 and len(sides) < 2
 
 
 def reading_of(clauses: list[Clause], lost: tuple[str, ...]) -> Reading:
-    """The clauses as one reading: the last pose counts, a said pose before one that a verb implies."""
+    """The clauses as one reading: the last pose counts, and a stated pose takes precedence over one implied by a
+    verb."""
     moved = themes(clauses)
     nouns = (clause.theme for clause in clauses if clause.kind != "other" and clause.theme not in moved)
     idle = [noun.text for noun in nouns if noun is not None and noun.pronoun == "" and noun.text not in " ".join(lost)]
@@ -254,6 +258,7 @@ def reading_of(clauses: list[Clause], lost: tuple[str, ...]) -> Reading:
 
 
 def mirrored(noun: Noun) -> Noun:
-    """A noun with left and right exchanged: who sits in a chair looks the other way than who stands before it."""
+    """A noun with left and right exchanged: a person sitting in a chair faces the opposite way to one standing before
+    it."""
     swapped = tuple(" ".join(MIRRORED.get(word, word) for word in side.split()) for side in noun.sides)
     return replace(noun, sides=swapped, owner=mirrored(noun.owner) if noun.owner is not None else None)

@@ -1,4 +1,4 @@
-"""The grammar of placement sentences: what is moved, and the phrases that say where and how; no scene is needed.
+"""The grammar of placement sentences: the moved thing, and the phrases that say where and how; needs no scene.
 
 In: a prompt. Out: a `Reading`. Grammar (brackets: optional, braces: any number; words in capitals are kinds of the
 lexicon); each line is a method of `Reader`, nouns are read in `nouns`:
@@ -12,10 +12,10 @@ lexicon); each line is a method of `Reader`, nouns are read in `nouns`:
     carried  = ( "with" | "without" | "where" ) noun [ BE ] [ "on" IT ]  says which: "that has a lamp on it"
     facing   = [ noun ] FACE noun                                      "its screen facing the window"
 
-The first noun of a clause is what is moved. In "pick A near B and place it on C" only the last clause says where; in
-"open A and put B in it" the first only says what "it" is. Every word is used by one of these rules or reported: what
-no rule kept is the reading's `not_understood`. EXCLUDE before a place or a noun makes it one where not to go, and so
-does a clause that says what not to do. A sentence that is no placement of one thing raises LanguageError.
+The first noun of a clause is the moved thing. In "pick A near B and place it on C" only the last clause says where; in
+"open A and put B in it" the first only defines "it". Every word is either used by one of these rules or reported: words
+that no rule kept are the reading's `not_understood`. EXCLUDE before a place or a noun turns it into a place to avoid,
+and so does a clause that says what not to do. A sentence that is not the placement of one thing raises LanguageError.
 """
 
 from dataclasses import replace
@@ -61,24 +61,24 @@ from dcap.scene.types.outcome import Cause, Caution
 
 SUPPORT = frozenset({"on", "in"})
 NEIGHBOURING = frozenset({"near", "next_to", "nearest", "away", "farthest"})
-"""Relations that one can have to two things at once."""
+"""Relations that can refer to two things at once."""
 BESIDE_IT = frozenset({"at", "near", "next_to", "front_of", "behind", "against", "left_of", "right_of"})
-"""Relations of what a thing has next to it."""
+"""Relations of things next to a thing."""
 SAYS_WHICH = frozenset({"carrying", "lacking"})
-"""Relations that only say which thing is meant."""
+"""Relations that only select a thing."""
 OF_A_LENGTH = frozenset({"source", "away", "near", "left_of", "right_of", "front_of", "behind"})
-"""Relations that a length may stand before: "10 cm to the left of"."""
+"""Relations that may follow a length: "10 cm to the left of"."""
 SIDED = {"left_of": "left", "right_of": "right", "front_of": "front", "behind": "back"}
-"""The side of a support that a relation to its middle means."""
+"""The side of a support meant by a relation to its middle."""
 MIDDLES = frozenset({"center", "middle"})
 ACROSS = frozenset({"corner", "end", "edge", "side"})
-"""Regions of which one lies opposite a thing."""
+"""Regions that can lie opposite a thing."""
 SEEN = {"back": "farthest", "front": "nearest", "nearest": "nearest"}
-"""Meaning of a side for someone who looks from somewhere."""
+"""Meaning of a side as seen from a stated viewpoint."""
 
 
 def read(prompt: str, scene: SceneWords = NO_SCENE) -> Reading:
-    """Read a prompt, with the words of a scene if one is known; LanguageError if it is not the placement of one
+    """Read a prompt, with the words of a scene if given; raises LanguageError if it is not the placement of one
     thing."""
     tokens = given_last(tokens_of(prompt, scene))
     if not any(token.text != "," for token in tokens):
@@ -96,18 +96,18 @@ def read(prompt: str, scene: SceneWords = NO_SCENE) -> Reading:
 
 
 class Reader(KeptWords):
-    """Goes through the tokens once, from left to right; each method reads what its line of the grammar says."""
+    """Goes through the tokens once, from left to right; each method reads its line of the grammar."""
 
     def __init__(self, tokens: list[Token]) -> None:
         super().__init__(tokens)
         self.last_noun: Noun | None = None
-        """Noun that "it" stands for, after "open the drawer"."""
+        """Noun to which "it" refers, after "open the drawer"."""
         self.restrict = False
-        """The next place says which one is meant."""
+        """Whether the next place selects a thing."""
         self.but = ""
         """The word that excluded it."""
         self.exclude = False
-        """... where not to go, or what the one that is meant is not."""
+        """Whether the next place is to be avoided, or a property that the meant thing lacks."""
         self.last_place_ends = -1
         """Index of the token after the last place."""
 
@@ -136,14 +136,15 @@ class Reader(KeptWords):
         return clause
 
     def at_ban(self) -> bool:
-        """Whether a clause begins that says what not to do: "don't put it on the desk"."""
+        """Return whether a clause begins that says what not to do: "don't put it on the desk"."""
         ahead = 1
         while self.cursor.here("filler", ahead=ahead) and not self.cursor.here("verb", ahead=ahead):
             ahead += 1
         return self.cursor.here("negation") and self.cursor.here("verb", ahead=ahead)
 
     def at_verb(self, clause: Clause) -> bool:
-        """Whether a verb comes; after one, a word that may be a noun is one ("stand"), unless "and" precedes it."""
+        """Return whether a verb comes next; after a verb, a word that may be a noun is one ("stand"), unless "and"
+        precedes it."""
         here = self.cursor.here
         if here("relation") and self.cursor.value("relation") in SAYS_WHICH:  # "the table where the lamp is"
             return False
@@ -152,7 +153,7 @@ class Reader(KeptWords):
         )
 
     def verb(self, clause: Clause) -> None:
-        """VERB: what kind of clause it is, and the pose that it says ("lay", "stand", "flip")."""
+        """VERB: sets the kind of the clause, and the pose that the verb states ("lay", "stand", "flip")."""
         token = self.use()
         kind = token.value("verb")
         clause.leans, clause.hangs = clause.leans or token.has("leans"), clause.hangs or token.has("hangs")
@@ -207,12 +208,12 @@ class Reader(KeptWords):
             self.cursor.take()
 
     def leads_to_place(self, ahead: int) -> bool:
-        """Whether a place or a noun comes that many tokens further."""
+        """Return whether a place or a noun comes that many tokens further."""
         here = self.cursor.here
         return here("relation", "distance", "bound", ahead=ahead) or at_noun(self.cursor, ahead)
 
     def bare_exclusion(self, clause: Clause) -> None:
-        """ "except the pillow": not on it; a pronoun or a verb after it excludes nothing."""
+        """ "except the pillow": not on it; before a pronoun or a verb it excludes nothing."""
         begin = self.cursor.index
         noun = noun_phrase(self.cursor)
         self.exclude = False
@@ -223,7 +224,7 @@ class Reader(KeptWords):
         self.restrict, self.but = False, ""
 
     def measure_length(self) -> int:
-        """How many tokens a length with its bound, its relation and "away" take; 0 if it is none of a place."""
+        """Number of tokens of a length with its bound, its relation and "away"; 0 if it does not belong to a place."""
         here = self.cursor.here
         ahead = 1 if here("bound") and here("distance", ahead=1) else 0
         if not here("distance", ahead=ahead):
@@ -251,12 +252,12 @@ class Reader(KeptWords):
         self.said(clause, place)
 
     def may_say_which(self, clause: Clause) -> bool:
-        """Whether "with", "without" or "where" comes right after the name of a place."""
+        """Return whether "with", "without" or "where" comes right after the name of a place."""
         follows = self.last_place_ends == self.cursor.index or self.restrict
         return self.cursor.value("relation") in SAYS_WHICH and bool(clause.places) and follows
 
     def carried(self, clause: Clause) -> None:
-        """ "with a lamp on it" after the name of a place; else "with" means nothing that is used."""
+        """ "with a lamp on it" after the name of a place; otherwise "with" has no used meaning."""
         begin, may = self.cursor.index, self.may_say_which(clause)
         relation = self.cursor.take().value("relation")
         if not at_noun(self.cursor):
@@ -284,24 +285,24 @@ class Reader(KeptWords):
         self.said(clause, place)
 
     def nothing_new(self, ahead: int) -> bool:
-        """Whether no noun but a pronoun comes: "on it", "on top"."""
+        """Return whether only a pronoun or no noun follows: "on it", "on top"."""
         return self.cursor.here("pronoun", ahead=ahead) or not at_noun(self.cursor, ahead)
 
     def said(self, clause: Clause, place: Place) -> None:
-        """Keep a place; what restricted or excluded it is used up."""
+        """Add a place; words that restricted or excluded it are consumed."""
         clause.places.append(replace(place, text=f"{self.but} {place.text}".strip()))
         self.restrict, self.exclude, self.but = False, False, ""
         self.last_place_ends = self.cursor.index
 
     def topic(self) -> None:
-        """Inside "close the drawer": remember the noun for a later "it"."""
+        """In "close the drawer": remember the noun for a later "it"."""
         if starts(self.cursor) and at_noun(self.cursor):
             self.last_noun = noun_phrase(self.cursor)
         else:
             self.cursor.take()
 
     def turn(self, clause: Clause, length: int) -> None:
-        """That many tokens are a turn; what its angle is measured from ("to the edge") is no place."""
+        """Read that many tokens as a turn; the reference of its angle ("to the edge") is not a place."""
         begin = self.cursor.index
         turn = turn_of(self.cursor, length)
         self.keep(begin)
@@ -313,7 +314,7 @@ class Reader(KeptWords):
                 noun_phrase(self.cursor)
 
     def place(self, clause: Clause) -> None:
-        """RELATION [ noun [ "and" noun ] ]; "put it inside" means what was spoken of before."""
+        """RELATION [ noun [ "and" noun ] ]; "put it inside" refers to the thing mentioned before."""
         begin = self.cursor.index
         attached = not self.cursor.here("pause", ahead=-1)
         token = self.cursor.take()
@@ -328,7 +329,7 @@ class Reader(KeptWords):
         if relation in SIDED and nouns[0].is_region:
             if nouns[0].region not in MIDDLES:  # "left of the edge"
                 return
-            side = SIDED[relation]  # "left of the middle of the desk" is on its left
+            side = SIDED[relation]  # "left of the middle of the desk" is on the left of the desk
             relation, nouns = "at", [replace(nouns[0], region="", sides=(side,))]
         self.keep(begin)
         if relation == "seen_from":
@@ -357,7 +358,7 @@ class Reader(KeptWords):
         self.said(clause, place)
 
     def seen_from(self, clause: Clause, viewer: Noun, begin: int) -> None:
-        """ "The far end, seen from the door" is the one farthest from it; any other side seen from there is not
+        """ "The far end, seen from the door" is the end farthest from it; any other side seen from there is not
         understood."""
         last = clause.places[-1] if clause.places else None
         far = next((side for side in (last.nouns[0].sides if last else ()) if side in SEEN), "")
@@ -370,7 +371,7 @@ class Reader(KeptWords):
         clause.places.append(Place(SEEN[far], (viewer,), False, self.cursor.text(begin)))
 
     def second(self, relation: str) -> list[Noun]:
-        """The noun after "and": of "between", or of "next to A and B" where the sentence ends or pauses with it."""
+        """The noun after "and": for "between", or for "next to A and B" if the sentence ends or pauses after it."""
         back = self.cursor.index
         self.cursor.take()
         noun = noun_phrase(self.cursor)
@@ -381,7 +382,7 @@ class Reader(KeptWords):
         return []
 
     def facing(self, clause: Clause, begin: int) -> None:
-        """[ noun ] FACE noun, from the first of them on; after an edge it says which edge."""
+        """[ noun ] FACE noun, starting with the first of them; after an edge it selects the edge."""
         mode = self.cursor.take().value("face") or "toward"
         if not at_noun(self.cursor) or clause.facing is not None:
             return
@@ -394,19 +395,19 @@ class Reader(KeptWords):
             clause.facing = Facing(mode, noun, self.cursor.text(begin))
 
     def is_measured_edge(self, clause: Clause, begin: int) -> bool:
-        """Whether a distance from an edge was said right before."""
+        """Return whether a distance from an edge was stated right before."""
         last = clause.places[-1] if clause.places and self.last_place_ends == begin else None
         return last is not None and last.measure is not None and last.nouns[0].region in ("edge", "end")
 
     def says_edge(self, clause: Clause, begin: int, noun: Noun) -> None:
-        """The edge that was named last is the one at this thing."""
+        """Attach the thing to the edge named last, which is the edge at this thing."""
         edge = clause.places[-1]
         text = f"{edge.text} {self.cursor.text(begin)}"
         clause.places[-1] = replace(edge, nouns=(replace(edge.nouns[0], region="edge", toward=noun),), text=text)
         self.last_place_ends = self.cursor.index
 
     def noun(self, clause: Clause) -> None:
-        """A noun without a relation: what is moved, a region, or "the one" that explains the noun before."""
+        """A noun without a relation: the moved thing, a region, or "the one" that explains the noun before."""
         begin = self.cursor.index
         noun = noun_phrase(self.cursor)
         if noun.pronoun == "one" and clause.places:
@@ -425,7 +426,7 @@ class Reader(KeptWords):
             self.said(clause, Place("on", (noun,), False, noun.text))  # "mug, white table"
         elif noun.pronoun != "it":
             return
-        if noun.pronoun != "it" or not (noun.colour or noun.owner):  # "it red" says nothing that is used
+        if noun.pronoun != "it" or not (noun.colour or noun.owner):  # "it red" has no used meaning
             self.keep(begin)
 
     def theme(self, clause: Clause, noun: Noun) -> None:
@@ -444,7 +445,7 @@ class Reader(KeptWords):
                 clause.theme = several(noun, second)
 
     def referred(self, noun: Noun, relation: str) -> Noun:
-        """Noun that "it" stands for: the drawer of the cabinet to put things in, the cabinet to put them on."""
+        """Noun to which "it" refers: the drawer of the cabinet to put things in, the cabinet to put them on."""
         if noun.pronoun != "it" or self.last_noun is None:
             return noun
         last = self.last_noun

@@ -1,16 +1,16 @@
-"""Names things by shape, size and height: each label of `lexicon/shapes.csv` says what is usual for it.
+"""Names things by shape, size and height: each label of `lexicon/shapes.csv` states its usual values.
 
-In: a `LabelRequest`. Out: the label that fits best, and how sure that is. A row gives, for some measures, four
-numbers: limits and, between them, the usual range. They are household dimensions as commonly known (`estimate`), not
-measured from data. One rule scores all labels: a measure is as likely as a density that is even over the usual range
-and falls off as a normal distribution beyond it, its limits two standard deviations away; what a row leaves open, and
-the label `thing`, are even over everything. Measures of one thing depend on each other, so their evidence is counted
-in part. The confidence is the probability of the best label among all of them; below DOUBT a thing stays a thing.
+In: a `LabelRequest`. Out: the label that fits best, and its confidence. A row gives four numbers for some measures:
+limits and, between them, the usual range. They are household dimensions as commonly known (`estimate`), not measured
+from data. One rule scores all labels: a measure has a density that is uniform over the usual range and falls off as a
+normal distribution beyond it, with the limits two standard deviations away; a measure that a row leaves open, and the
+label `thing`, are uniform over everything. Measures of a thing depend on each other, so only a part of their evidence
+counts. The confidence is the probability of the best label among all labels; below DOUBT a thing remains a thing.
 
-Labels that rough shapes speak for: all labels against all unions of a fused scan at once.
+Labels suggested by rough shapes: all labels against all unions of a fused scan at once.
 
-In: measures of many things, some unknown. Out: for each the label that fits best and by how much better than a thing of
-which nothing is known. The rule and the table are those of `shapes`.
+In: measures of many things, some of them unknown. Out: for each thing the label that fits best, and how much better it
+fits than a thing of which nothing is known. The rule and the table are those of `shapes`.
 """
 
 import math
@@ -30,19 +30,19 @@ SHAPES = "lexicon/shapes.csv"
 EVIDENCE = 0.5
 """Share of the evidence of one measure that is counted [-]: size, level and outline are not independent."""
 DOUBT = 0.35
-"""Least probability of a label that is given [-]; a doubtful one mostly competes with a kind of the same thing."""
+"""Least probability of an assigned label [-]; a doubtful one mostly competes with a kind of the same thing."""
 LEAST_GUESS = 0.01
-"""Labels less probable than this are not told [-]."""
+"""Labels less probable than this are not reported [-]."""
 FARTHEST = 6.0
-"""No measure speaks against a label by more than this many standard deviations: scans have holes [-]."""
+"""Maximum number of standard deviations by which a measure counts against a label: scans have holes [-]."""
 HELD, NOT_HELD = 0.9, 0.03
-"""Probability that a thing is held by what is usual for it, and by one other kind of thing [-]."""
+"""Probability that a thing is held by its usual holder, and by one other kind of thing [-]."""
 NOTHING_KNOWN = 0.2
-"""How common things are that no row describes, in the unit of the column `common` [-]."""
+"""Frequency of things that no row describes, in the unit of the column `common` [-]."""
 ROOM = frozenset({"floor", "wall", "ceiling", "nothing"})
-"""Holders of things that are no things themselves."""
+"""Holders that are not things themselves."""
 BLUR = 0.05
-"""Least standard deviation [-]: of a logarithm for lengths, of a share otherwise."""
+"""Least standard deviation [-]: of a logarithm for lengths, of a share for other measures."""
 
 EVEN = {
     "length": 6.0, "width": 6.0, "height": 6.0, "bottom": 3.0, "level": 3.0, "rise": 3.0, "levels": 6.0, "closed": 1.0,
@@ -51,12 +51,12 @@ EVEN = {
 }  # fmt: skip
 """Range over which a measure is spread if nothing is known [its unit; natural logarithm for the three sizes]."""
 LOGARITHMIC = frozenset({"length", "width", "height"})
-"""Measures of which a ratio counts, not a difference."""
+"""Measures whose ratio counts, not their difference."""
 LEAST_BLUR = {"levels": 0.5, "varied": 3.0, "bottom": 0.02, "gap": 0.02, "rise": 0.02, "rough": 0.02, "green": 0.01}
-"""Least standard deviation of the measures that are no shares [their unit]."""
+"""Least standard deviation of the measures that are not shares [their unit]."""
 
 OUT_OF_PLACE = 0.02
-"""How much rarer a thing of wet rooms is in a dry one, and the other way round [-]."""
+"""Factor on the frequency of things of wet rooms in a dry room, and the other way round [-]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +71,7 @@ class UsualRange:
 
     @classmethod
     def of(cls, name: str, numbers: list[float]) -> "UsualRange":
-        """From limit, low, high, limit."""
+        """The range from limit, low, high, limit."""
         least, low, high, most = (math.log(n) for n in numbers) if name in LOGARITHMIC else numbers
         blur = LEAST_BLUR.get(name, BLUR)
         return cls(low, high, max(0.5 * (low - least), blur), max(0.5 * (most - high), blur))
@@ -88,17 +88,17 @@ class ShapePrior:
     """Usual shape of one label."""
 
     label: str
-    """Several rows may have the same one."""
+    """Label; several rows may have the same label."""
     room: str
-    """wet or dry: such things stand in bathrooms, or not there; empty: anywhere."""
+    """wet or dry: such things stand in bathrooms, or outside; empty: anywhere."""
     held_by: tuple[str, ...]
     """floor, wall, ceiling, nothing, or labels."""
     common: float
-    """How often such things are in a home, compared with others."""
+    """Relative frequency of such things in a home."""
     traits: Mapping[str, UsualRange]
 
     def log_probability(self, held_by: str, measures: Mapping[str, float]) -> float:
-        """Logarithm of how well measures fit, up to a constant that is the same for all labels."""
+        """Logarithm of the fit of the measures, up to a constant that is the same for all labels."""
         held = HELD / len(self.held_by) ** EVIDENCE if held_by in self.held_by else NOT_HELD
         fit = sum(
             usual.log_density(measures[name]) + math.log(EVEN[name])
@@ -132,7 +132,7 @@ def labels() -> tuple[str, ...]:
 
 
 def measures_of(request: LabelRequest) -> dict[str, float]:
-    """The request's numbers under the names of the table; what could not be measured is left out."""
+    """The request's numbers under the names of the table; unmeasured values are left out."""
     length, width, height = (max(size, 1e-3) for size in request.size)
     found = {
         "length": math.log(length), "width": math.log(width), "height": math.log(height), "bottom": request.bottom,
@@ -145,18 +145,18 @@ def measures_of(request: LabelRequest) -> dict[str, float]:
 
 
 def colour_measures(color: tuple[float, float, float]) -> dict[str, float]:
-    """How light and how green an sRGB colour, 0..1, is."""
+    """Lightness and greenness of an sRGB colour, 0..1."""
     red, green, blue = color
     return {"light": 0.2126 * red + 0.7152 * green + 0.0722 * blue, "green": green - 0.5 * (red + blue)}
 
 
 def share_of(area: float | None, plan: float) -> float | None:
-    """Share of the plan, both in m^2, that a level covers; None where that is not known."""
+    """Share of the plan, both in m^2, covered by a level; None if unknown."""
     return None if area is None else min(area / plan, 1.0)
 
 
 def probabilities(request: LabelRequest) -> dict[str, float]:
-    """Probability of every label that may be chosen, and of `other`; they add up to 1."""
+    """Probability of every label that may be chosen, and of `other`; they sum to 1."""
     measures = measures_of(request)
     score = [
         (one.label, one.log_probability(request.holder, measures)) for one in shapes() if one.label in request.labels
@@ -171,7 +171,7 @@ def probabilities(request: LabelRequest) -> dict[str, float]:
 
 
 def label_of(request: LabelRequest) -> LabelReply:
-    """The most probable label, `other` where none is probable."""
+    """The most probable label, or `other` if none is probable."""
     ranked = sorted(probabilities(request).items(), key=lambda one: (-one[1], one[0]))
     (first, sure), (second, less) = ranked[0], ranked[1] if len(ranked) > 1 else (OTHER, 0.0)
     length, width, height = request.size
@@ -192,7 +192,7 @@ class Evidence:
 
     label: tuple[str, ...]
     nats: Array
-    """Logarithm of how much better it fits than a thing of which nothing is known, shape (n,)."""
+    """Logarithm of how much better the label fits than a thing of which nothing is known, shape (n,)."""
 
 
 def evidence(
@@ -225,13 +225,13 @@ def _context(row: ShapePrior, room: str) -> float:
 
 
 def _holds(row: ShapePrior, holder: str) -> float:
-    """Logarithm of the probability that what carries it is what it is; any thing will do where a thing is usual."""
+    """Logarithm of the probability of the actual holder; any thing will do if the usual holder is a thing."""
     usual = holder in row.held_by if holder else any(one not in ROOM for one in row.held_by)
     return math.log(HELD / len(row.held_by) ** EVIDENCE if usual else NOT_HELD)
 
 
 def _fit(row: ShapePrior, names: Sequence[str], value: Array) -> Array:
-    """Sum of the logarithms of density over even density, shape (n,)."""
+    """Sum of the logarithms of density over uniform density, shape (n,)."""
     total = np.zeros(len(value))
     for name, usual in row.traits.items():
         x = value[:, names.index(name)]

@@ -1,9 +1,10 @@
-"""The support, the part and the region that a sentence asks for, in a given scene.
+"""The support, the part and the region that a sentence requests, in a given scene.
 
-In: a `Reading` and the instances. Out: a `Target`: the base or what is missing, and part, regions and references in
-the words of the reply. The first place that names a thing is the base; later ones narrow it down or say where on it.
+In: a `Reading` and the instances. Out: a `Target`: the base or the missing thing, and part, regions and references in
+the words of the reply. The first place that names a thing is the base; later places narrow it down or give the place on
+it.
 
-The target of a sentence whose support a person has pointed at: the sentence says where on it, no longer on what.
+The target of a sentence whose support a person has pointed at: the sentence only gives the place on it.
 """
 
 from collections.abc import Sequence
@@ -51,15 +52,15 @@ from dcap.scene.errors import LanguageError
 from dcap.scene.types.outcome import Cause, Caution
 
 AT_IT = 0.05
-"""A thing no farther off is on it or stands at it [m]."""
+"""Largest distance of a thing that is on the base or stands at it [m]."""
 ON_ITS_SIDE = frozenset({"on the side of", "at the side of", "to the side of", "by the side of"})
-"""Words that mean "next to a thing" or, of a thing that it is not next to, the side that looks at it."""
+"""Words that mean "next to a thing", or, for a thing that is not adjacent, the side that faces it."""
 AROUND = 1.5
-"""A thing farther off is not where a sentence says that it is, "the desk near the window" [m]."""
+"""Largest distance of a thing from the place where a sentence says that it is, "the desk near the window" [m]."""
 
 
 def target_of(reading: Reading, request: IntentRequest) -> Target:
-    """Ground the places of a sentence; LanguageError if none names a support or a neighbour."""
+    """Ground the places of a sentence; raises LanguageError if none names a support or a neighbour."""
     target = Target()
     main = placing_of(reading).place
     if names_support(main):
@@ -96,8 +97,8 @@ def target_of(reading: Reading, request: IntentRequest) -> Target:
 
 
 def side_at(place: Place, target: Target, request: IntentRequest) -> Place | None:
-    """ "On the window side", "towards the window", and next to something "on the side nearer the window", say on which
-    side: as near it as can be."""
+    """ "On the window side", "towards the window", and next to something "on the side nearer the window" name a side:
+    as near to it as possible."""
     noun = place.nouns[0]
     if place.excluded:
         return None
@@ -110,18 +111,19 @@ def side_at(place: Place, target: Target, request: IntentRequest) -> Place | Non
 
 
 def is_off(noun: Noun, base: InstanceView | None, request: IntentRequest) -> bool:
-    """Whether the things that a noun names are neither on a piece of furniture nor next to it."""
+    """Return whether the things named by a noun are neither on a piece of furniture nor next to it."""
     found = [one for one in named(noun, request.instances) if one is not base]
     return base is not None and not base.structure and bool(found) and all(gap(one, base) > AT_IT for one in found)
 
 
 def leans(reading: Reading, place: Place) -> bool:
-    """Whether the place is what the object shall lean on."""
+    """Return whether the place is the thing that the object should lean on."""
     return reading.pose == "leaning" and place.relation == "against" and not place.excluded
 
 
 def still_unknown(phrases: Sequence[str], target: Target, request: IntentRequest) -> list[str]:
-    """Phrases whose words are not those of a label that was found: a scene may name what the lexicon does not know."""
+    """Phrases whose words do not occur in a label that was found: a scene may name things that the lexicon does not
+    know."""
     ids = {*target.references, target.base.id if target.base is not None else ""}
     told = " ".join(target.not_understood)
     said = {word for i in request.instances if i.id in ids for word in label_words(i.label)}
@@ -132,7 +134,7 @@ def still_unknown(phrases: Sequence[str], target: Target, request: IntentRequest
 
 
 def ground_support(target: Target, support: Place, reading: Reading, request: IntentRequest) -> None:
-    """The base from the place that names it."""
+    """Determine the base from the place that names it."""
     noun = whole(support)
     found = candidates(noun, request.instances) or nameless(noun, request.instances)
     if noun.thing == "room":
@@ -150,7 +152,7 @@ def ground_support(target: Target, support: Place, reading: Reading, request: In
         target.missing = f"{noun.text} {unmet.text}"
         return
     a_board = bool(boarded(noun, request.instances))
-    told = replace(noun, sides=()) if a_board else noun  # its number is that of the board
+    told = replace(noun, sides=()) if a_board else noun  # the number belongs to the board
     chosen = choose(able, told, target.used, request.instances, request.room_center)
     target.base = chosen.best
     if noun.whichever and chosen.open:
@@ -182,7 +184,7 @@ def ground_support(target: Target, support: Place, reading: Reading, request: In
 
 
 def by_shape_alone(text: str, found: Found) -> str:
-    """How sure the choice among things that nobody named is, and what came second."""
+    """Note on the certainty of a choice among unnamed things, and on the second best."""
     second = f", second {found.instances[1].id} ({found.scores[1]:.2f})" if len(found.scores) > 1 else ""
     return Caution(Cause.WHICH, f"{text}: {found.best.id} by its shape, likelihood {found.scores[0]:.2f}{second}")
 
@@ -190,7 +192,7 @@ def by_shape_alone(text: str, found: Found) -> str:
 def unmet_load(
     found: Sequence[InstanceView], places: Sequence[Place], request: IntentRequest
 ) -> Place | None:  # fmt: skip
-    """Place of the load that all of them are said to carry or lack, and none does; None if there is none."""
+    """Place of the load that all of them are said to carry or lack, but none does; None if there is none."""
     for place in places:
         fit = (
             fits(found, place, request.instances, request.room_center)
@@ -203,7 +205,7 @@ def unmet_load(
 
 
 def set_topmost(target: Target) -> None:
-    """ "On top of the bookcase" is its highest board, where those that carry lie above each other."""
+    """ "On top of the bookcase" is its highest board, if its carrying parts lie above each other."""
     assert target.base is not None
     names = {part.name for part in target.base.parts}
     usual = (name for one in lineage(label_thing(target.base)) for name in default_parts().get(one, ()))
@@ -214,7 +216,7 @@ def set_topmost(target: Target) -> None:
 
 
 def is_so(base: InstanceView, place: Place, request: IntentRequest) -> bool:
-    """Whether the base, which is meant anyway, is as the words of a place describe it."""
+    """Return whether the base, which is meant anyway, matches the words of a place."""
     noun = place.nouns[0]
     if place.relation not in ("carrying", "lacking"):
         others = [one for one in candidates(noun, request.instances) if one is not base]
@@ -225,7 +227,7 @@ def is_so(base: InstanceView, place: Place, request: IntentRequest) -> bool:
 
 
 def is_shut(support: Place, base: InstanceView) -> bool:
-    """Whether something shall go into a drawer or a cupboard of which the scene shows but the outside."""
+    """Return whether something should go into a drawer or a cupboard of which the scene only shows the outside."""
     noun = support.nouns[0]
     if support.relation != "in" or noun.is_region or inside(base) or part_of(noun, base):
         return False
@@ -234,14 +236,14 @@ def is_shut(support: Place, base: InstanceView) -> bool:
 
 
 def inside(base: InstanceView) -> str:
-    """The part that "in" means for this base, if it has it."""
+    """The part meant by "in" for this base, if it has it."""
     names = {part.name for part in base.parts}
     wanted = (inside_parts().get(one, "") for one in lineage(label_thing(base)))
     return next((part for part in wanted if part in names), "")
 
 
 def narrowing(reading: Reading, support: Place, found: Sequence[InstanceView], request: IntentRequest) -> list[Place]:
-    """Places that say which of several is meant."""
+    """Places that select among several things."""
     if len(found) < 2:
         return []
     index = reading.places.index(support)
@@ -254,7 +256,8 @@ def narrowing(reading: Reading, support: Place, found: Sequence[InstanceView], r
 def carrying(
     reading: Reading, support: Place, found: Sequence[InstanceView], request: IntentRequest
 ) -> Sequence[InstanceView]:
-    """Of several, those that carry what a place is next to, "the table next to the lamp"; the place says where too."""
+    """Among several, those that carry the thing next to which the place is, "the table next to the lamp"; the place
+    also says where."""
     if whole(support).sides or whole(support).colour:
         return found
     for place in reading.places:
@@ -265,13 +268,14 @@ def carrying(
 
 
 def says_side(place: Place) -> bool:
-    """ "the bed on the left", without a pause: one of two beds, not the left of a bed."""
+    """Return whether a place is like "the bed on the left", without a pause: one of two beds, not the left of a bed."""
     noun = place.nouns[0]
     return place.attached and place.relation in PLACEABLE and noun.is_region and not noun.region
 
 
 def says_which(place: Place, found: Sequence[InstanceView], request: IntentRequest) -> bool:
-    """A place that names something apart from the candidates: "the bed near the window", "the tray on the desk"."""
+    """Return whether a place names something other than the candidates: "the bed near the window", "the tray on the
+    desk"."""
     noun = whole(place)
     if noun.is_region or bare_region(noun) or place.relation == "between":
         return False
@@ -283,7 +287,7 @@ def says_which(place: Place, found: Sequence[InstanceView], request: IntentReque
 
 
 def ground_by_neighbour(target: Target, place: Place, reading: Reading, request: IntentRequest) -> None:
-    """No support is named: what has the part or carries the thing of which the place speaks, or the floor."""
+    """Without a named support: the thing that has the part or carries the thing named in the place, or the floor."""
     noun = whole(place)
     if found := named(noun, request.instances):
         which = [p for p in reading.places if p is not place and p.restrict]
@@ -306,7 +310,7 @@ def ground_by_neighbour(target: Target, place: Place, reading: Reading, request:
 
 
 def given_target(reading: Reading, request: IntentRequest) -> Target:
-    """Part, regions and references on the given base; a sentence that names no support will do."""
+    """Part, regions and references on the given base; the sentence need not name a support."""
     base = next(one for one in request.instances if one.id == request.given_base)
     try:
         main = placing_of(reading).place
@@ -330,13 +334,13 @@ def given_target(reading: Reading, request: IntentRequest) -> Target:
 
 
 def part_of_it(reference: str, own: set[str]) -> bool:
-    """Whether a reference is an instance's or a part that the base has."""
+    """Return whether a reference is an instance's, or a part that the base has."""
     kind, _, name = reference.partition(":")
     return kind != "part" or name.partition("/")[0] in own
 
 
 def with_one_support(base: InstanceView, main: Place, instances: Sequence[InstanceView]) -> tuple[InstanceView, ...]:
-    """The instances of which the sentence's support can only be the given one, whatever that is called."""
+    """The instances, changed so that the sentence's support can only be the given one, whatever its name."""
     if not names_support(main):
         return tuple(instances)
     noun = whole(main)

@@ -1,7 +1,8 @@
-"""Phrases that tell several alike things apart, each tried by reading it: what a question back offers can be answered.
+"""Phrases that distinguish several similar things, each verified by reading it, so that a question back can be
+answered.
 
-In: the instances that a sentence may mean, and the scene. Out: for each a noun phrase that names it alone: by what
-stands on it, by what it stands next to, by its colour, its size, its side; else by its id.
+In: the instances that a sentence may mean, and the scene. Out: for each a noun phrase that names only it: by things
+that stand on it or next to it, by its colour, its size, its side; otherwise by its id.
 """
 
 from collections.abc import Iterator, Sequence
@@ -18,23 +19,23 @@ from dcap.language.protocol.requests import InstanceView
 from dcap.scene.errors import LanguageError
 
 BESIDE = 0.6
-"""Distance within which one thing tells where another stands [m]."""
+"""Largest distance of a thing that identifies another by its position [m]."""
 ORDINALS = ("first", "second", "third", "fourth", "fifth")
 NEAREST = 6
-"""So many of the things around are tried [-]."""
+"""Number of surrounding things that are tried [-]."""
 
 
 def told_apart(
     found: Sequence[InstanceView], instances: Sequence[InstanceView], room_center: Sequence[float]
 ) -> list[str]:
-    """A phrase for each that means it alone, with its id."""
+    """A phrase for each instance that means only it, with its id."""
     return [f"{phrase_for(one, found, instances, room_center)} (id {one.id})" for one in found]
 
 
 def phrase_for(
     one: InstanceView, found: Sequence[InstanceView], instances: Sequence[InstanceView], room_center: Sequence[float]
 ) -> str:
-    """The first phrase that, read in the scene, leaves no other."""
+    """The first phrase that leaves no other candidate when read in the scene."""
     for phrase in phrases(one, found, instances):
         if means(phrase, one, found, instances, room_center):
             return phrase
@@ -42,7 +43,7 @@ def phrase_for(
 
 
 def phrases(one: InstanceView, found: Sequence[InstanceView], instances: Sequence[InstanceView]) -> Iterator[str]:
-    """Phrases for an instance, those that a person would use first."""
+    """Phrases for an instance, in the order in which a person would use them."""
     label = name_of(one)
     others = [i for i in instances if i not in found and not is_any(i) and label_words(i.label)]
     for other in others:
@@ -84,7 +85,7 @@ def means(
     instances: Sequence[InstanceView],
     room_center: Sequence[float],
 ) -> bool:
-    """Whether the phrase, put into a sentence, leaves this one alone of all in the scene."""
+    """Return whether the phrase, used in a sentence, leaves only this instance of all in the scene."""
     scene = SceneWords.of((i.id, i.label) for i in instances)
     try:
         reading = read(f"put it on {phrase}", scene)

@@ -1,14 +1,14 @@
-"""Where on the base: parts, regions, and places next to other things.
+"""Places on the base: parts, regions, and places next to other things.
 
-In: a target whose base is found, and a place of the sentence. Out: the target with regions and references in the words
-of the reply, and with what was not understood.
+In: a target whose base is known, and a place of the sentence. Out: the target with regions and references in the words
+of the reply, and with phrases that were not understood.
 
-Target of a sentence in a given scene, while it is worked out: filled by `target`, `where` and `limits`.
+Target of a sentence in a given scene, as an intermediate result: filled by `target` and this module.
 
-Constraints on a place in addition to its region: excluded places, distances, and what the object leans on.
+Constraints on a place in addition to its region: excluded places, distances, and the thing that the object leans on.
 
-In: a target whose base is found, and a place of the sentence. Out: the target with constraints in the words of the
-reply, or with the place among what was not understood.
+In: a target whose base is known, and a place of the sentence. Out: the target with constraints in the words of the
+reply, or with the place among the phrases that were not understood.
 """
 
 from collections.abc import Sequence
@@ -38,16 +38,16 @@ from dcap.language.protocol.requests import PART_SIDES, InstanceView, IntentRequ
 
 SIDE_REGIONS = {"left": "left", "right": "right", "front": "front", "back": "back", "head": "head", "foot": "foot",
                 "top": "back", "bottom": "front", "nearest": "front", "middle": "middle"}  # fmt: skip
-"""Sides as regions of a horizontal surface, seen like a page: the top is far away."""
+"""Sides as regions of a horizontal surface, viewed like a page: the top is far away."""
 REACH = 0.5
-"""Next to a second thing farther from the support than this nothing can be put [m]."""
+"""Largest distance of a second thing from the support for a place next to it [m]."""
 PART_REGIONS = {"headboard": "head", "footboard": "foot", "back": "back"}
-"""Where a part would be that the segmentation did not find."""
+"""Region of a part that the segmentation did not find."""
 PART_SIDES_OF = {**{side: side for side in PART_SIDES}, "1": "bottom", "last": "top", "1 from bottom": "bottom",
                  "1 from top": "top", "shortest": "bottom", "tallest": "top"}  # fmt: skip
-"""Which of several parts of one name a side means."""
+"""Meaning of a side for several parts with the same name."""
 LEANED_PARTS = ("back", "headboard", "side")
-"""Parts that a thing leans on when it stands on something that has them: the sofa's back."""
+"""Parts on which a thing leans when it stands on something that has them: the sofa's back."""
 
 
 @dataclass(slots=True)
@@ -57,7 +57,7 @@ class Target:
     base: InstanceView | None = None
     missing: str = ""
     meant: str = ""
-    """The label that comes nearest to what is missing."""
+    """The label nearest to the missing thing."""
     part: str = ""
     which: str = ""
     regions: list[str] = field(default_factory=list)
@@ -66,36 +66,36 @@ class Target:
     not_understood: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     used: list[Place] = field(default_factory=list)
-    """Places that chose the base and say nothing more."""
+    """Places that selected the base and have no further meaning."""
     candidates: tuple[Candidate, ...] = ()
     """Candidates for the base's noun, the base first."""
     reference_candidates: tuple[Candidate, ...] = ()
-    """Candidates for a reference, if that is open."""
+    """Candidates for a reference, if it is ambiguous."""
     constraints: list[Constraint] = field(default_factory=list)
     lean_on: str = ""
 
     def add_regions(self, names: Sequence[str]) -> None:
-        """Regions that are not there yet."""
+        """Add regions that are not there yet."""
         self.regions.extend(name for name in names if name not in self.regions)
 
     def add_references(self, names: Sequence[str]) -> None:
-        """References that are not there yet."""
+        """Add references that are not there yet."""
         self.references.extend(name for name in names if name not in self.references)
 
 
 def as_candidates(found: Found) -> tuple[Candidate, ...]:
-    """Candidates for a noun, as the reply lists them; instances that are not likely at all are left out."""
+    """Candidates for a noun in the form of the reply; instances that are too unlikely are left out."""
     pairs = zip(found.instances, found.scores, strict=True)
     return tuple(Candidate(id=one.id, likelihood=score) for one, score in pairs if score > 0.0)
 
 
 def is_any(instance: InstanceView) -> bool:
-    """Whether one of it is as good as another: walls, next to or against any of which a thing may be."""
+    """Return whether any instance of the kind will do: walls, next to or against any of which a thing may be."""
     return instance.structure and label_thing(instance) in ("wall", "floor", "ceiling")
 
 
 def ground_own_region(target: Target, support: Place, request: IntentRequest) -> None:
-    """The region or part in front of "of the bed"."""
+    """Set the region or part in front of "of the bed"."""
     noun = support.nouns[0]
     assert target.base is not None
     if noun.owner is None:
@@ -113,7 +113,7 @@ def ground_own_region(target: Target, support: Place, request: IntentRequest) ->
 
 
 def region_words(target: Target, noun: Noun, request: IntentRequest, text: str) -> None:
-    """Sides and region of a noun as region names; of an edge, what it looks at as reference."""
+    """Sides and region of a noun as region names; for an edge, the thing that it faces as reference."""
     names = regions_of(noun, target.base)
     target.add_regions(names)
     (target.words if names else target.not_understood).append(text)
@@ -134,7 +134,7 @@ def regions_of(noun: Noun, base: InstanceView | None) -> list[str]:
 
 
 def ground_further(target: Target, place: Place, request: IntentRequest) -> None:
-    """A place next to the one that named the base."""
+    """Ground a place other than the one that named the base."""
     noun = place.nouns[0]
     assert target.base is not None
     unclear = place.relation == "between" and any(noun.region for noun in place.nouns)
@@ -151,7 +151,7 @@ def ground_further(target: Target, place: Place, request: IntentRequest) -> None
 
 
 def ground_on_again(target: Target, place: Place, request: IntentRequest) -> None:
-    """ "... on the mattress", "... on the left", "... in the corner"."""
+    """Ground "... on the mattress", "... on the left", "... in the corner"."""
     noun = place.nouns[0]
     assert target.base is not None
     names = {part.name for part in target.base.parts}
@@ -166,14 +166,14 @@ def ground_on_again(target: Target, place: Place, request: IntentRequest) -> Non
             )
         else:
             region_words(target, noun, request, place.text)
-    elif noun.pronoun == "it" or target.base in named(noun, request.instances):  # the same once more
+    elif noun.pronoun == "it" or target.base in named(noun, request.instances):  # the same thing again
         target.used = [*target.used, place]
     else:
         target.not_understood.append(place.text)  # a second support
 
 
 def add_neighbour_regions(target: Target, place: Place, request: IntentRequest) -> None:
-    """Near, next to, between, under: regions with references."""
+    """Ground near, next to, between, under: regions with references."""
     assert target.base is not None
     references: list[str] = []
     for noun in place.nouns:
@@ -205,12 +205,12 @@ def add_neighbour_regions(target: Target, place: Place, request: IntentRequest) 
 
 
 def within_reach(noun: Noun, base: InstanceView, request: IntentRequest) -> bool:
-    """Whether a thing of that name is so near the base that one can be next to it there."""
+    """Return whether a thing with that name is near enough to the base for a place next to it on the base."""
     return any(gap(i, base) < REACH for i in named(noun, request.instances)) or part_of(noun, base) != ""
 
 
 def references_of(noun: Noun, target: Target, request: IntentRequest, *, several: bool) -> list[str]:
-    """Ids of the things, or `part:NAME`, that a relation speaks of; those nearest to the base."""
+    """Ids of the things, or `part:NAME`, to which a relation refers; those nearest to the base."""
     assert target.base is not None
     base = target.base
     found = [i for i in named(noun, request.instances) if i.id != base.id]
@@ -232,14 +232,14 @@ def references_of(noun: Noun, target: Target, request: IntentRequest, *, several
     target.notes += chosen.cautions
     told = target.reference_candidates[0].id if target.reference_candidates else ""
     if any(i.id == told for i in chosen.instances) and not noun.sides and not noun.colour:
-        return [told]  # the thing by which the base was found
+        return [told]  # the thing that identified the base
     if (chosen.open or chosen.best.guesses) and not noun.plural and not is_any(chosen.best):
         target.reference_candidates = as_candidates(chosen)
     return [chosen.best.id]
 
 
 def facing_of(reading: Reading, target: Target, request: IntentRequest) -> tuple[str, tuple[str, ...]]:
-    """Target that the front shall look at, and the phrases about it that were not understood."""
+    """Target that the front should face, and the phrases about it that were not understood."""
     facing = reading.facing
     if facing is None or target.base is None:
         return "", ()
@@ -264,7 +264,7 @@ def facing_of(reading: Reading, target: Target, request: IntentRequest) -> tuple
 
 
 def set_part(target: Target, noun: Noun) -> None:
-    """Ask for the part that the noun names."""
+    """Request the part named by the noun."""
     assert target.base is not None
     part = part_of(noun, target.base)
     if part:
@@ -274,7 +274,7 @@ def set_part(target: Target, noun: Noun) -> None:
 
 
 def limit(target: Target, place: Place, request: IntentRequest) -> None:
-    """Distances, "as far as possible from" and "away from": a constraint to the edge or to things."""
+    """Ground distances, "as far as possible from" and "away from": a constraint to the edge or to things."""
     assert target.base is not None
     noun, measure = place.nouns[0], place.measure
     whose = noun.owner if noun.region == "side" and noun.sides else None
@@ -311,10 +311,10 @@ def limit(target: Target, place: Place, request: IntentRequest) -> None:
 
 
 def exclude(target: Target, place: Place, request: IntentRequest) -> None:
-    """ "Not on the pillow", "not near the lamp", "not at the edge"."""
+    """Ground "not on the pillow", "not near the lamp", "not at the edge"."""
     assert target.base is not None
     noun = place.nouns[0]
-    if place.measure is not None:  # not closer than so many metres is said by "at least"
+    if place.measure is not None:  # a least distance is stated by "at least"
         target.not_understood.append(place.text)
         return
     if noun.region or noun.is_region:
@@ -337,7 +337,7 @@ def exclude(target: Target, place: Place, request: IntentRequest) -> None:
     if not found:
         if place.relation in SUPPORT and target.base in named(noun, request.instances):
             target.not_understood.append(place.text)  # on the bed, and not on it
-        target.words.append(place.text)  # what is not there is kept off by itself
+        target.words.append(place.text)  # a thing that is not there needs no exclusion
         return
     if place.relation in (*SUPPORT, "at", "under", "against"):
         keep(target, place, "not_on", [], found, 0.0)
@@ -348,7 +348,7 @@ def exclude(target: Target, place: Place, request: IntentRequest) -> None:
 
 
 def nearest_to_references(found: str, target: Target, request: IntentRequest) -> str:
-    """Of walls the one at which the other things stand that the sentence names: "against the wall by the door"."""
+    """Among walls, the one at which the other named things stand: "against the wall by the door"."""
     by_id = {one.id: one for one in request.instances}
     one, beside = by_id.get(found), [by_id[name] for name in target.references if name in by_id]
     if one is None or not is_any(one) or not beside:
@@ -358,7 +358,7 @@ def nearest_to_references(found: str, target: Target, request: IntentRequest) ->
 
 
 def off_wall(wall: InstanceView, other: InstanceView) -> float:
-    """How far the middle of a thing is from a wall [m]."""
+    """Distance of the middle of a thing from a wall [m]."""
     apart = np.maximum(np.subtract(wall.low, other.center), np.subtract(other.center, wall.high))
     return float(np.linalg.norm(np.maximum(apart, 0.0)))
 

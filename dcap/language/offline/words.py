@@ -1,19 +1,19 @@
-"""A prompt cut into tokens: known phrases with everything they may mean, and unknown words.
+"""A prompt as tokens: known phrases with all their possible meanings, and unknown words.
 
-In: text, and what the scene calls its things. Out: tokens in order; the longest known phrase at each place wins, a
-number with its unit is one token, and so is the id of a thing. A mistyped word is read as the known one that it must
-be, and that is told. Nothing is lost: every word is in some token.
+In: text, and the names of things in the scene. Out: tokens in order; the longest known phrase at each place wins, a
+number with its unit is one token, and so is the id of a thing. A misspelt word is read as the only known word that it
+can be, with a note. Nothing is lost: every word is in some token.
 
-Which words of a sentence a rule has used, so that the others can be reported.
+Records the words of a sentence that rules have used, so that the others can be reported.
 
-In: tokens, and from a reader what it used of them. Out: the phrases that no rule used.
+In: tokens, and the tokens used by a reader. Out: the phrases that no rule used.
 
-Mistyped words: the known word that a person meant.
+Correction of misspelt words.
 
-In: a word and the known ones. Out: the one known word within a small edit distance, or none. The distance counts
-insertions, deletions, substitutions and swaps of neighbouring letters (Damerau 1964; each letter edited once). A
-longer word may have more slips; the first letter is seldom wrong, and a short word is soon another one: there only
-swaps and, from four letters on, a missing, a doubled or a wrong vowel count.
+In: a word and the known words. Out: the single known word within a small edit distance, or none. The distance counts
+insertions, deletions, substitutions and swaps of adjacent letters (Damerau 1964; each letter edited once). A longer
+word may have more errors; the first letter is seldom wrong, and a short word soon becomes another one: for short words
+only swaps and, from four letters on, a missing, a doubled or a wrong vowel count.
 """
 
 import re
@@ -26,23 +26,23 @@ from dcap.language.offline.lexicon import Meaning, label_words, longest_phrase, 
 from dcap.language.offline.measures import plain_measures
 
 LONG, VERY_LONG = 5, 8
-"""Letters from which any one slip is allowed, and from which two are [-]."""
+"""Lengths from which one error of any kind, and two errors, are allowed [-]."""
 SHORTEST = 3
-"""Shorter words are read as they stand [-]."""
+"""Shorter words are not corrected [-]."""
 VOWELS = frozenset("aeiouy")
 UNKNOWN = frozenset({Meaning("unknown", "")})
 PAUSE = frozenset({Meaning("pause", "")})
 GRAMMAR = frozenset({"relation", "verb", "det", "side", "region", "restrict", "count", "face", "pose", "of"})
-"""Kinds of words that a mistyped word is before it is the name of a thing."""
+"""Kinds of words that take precedence over names of things in a correction."""
 OTHER_WORDS = ("lexicon/families.csv", "lexicon/opposites.csv")
-"""Words that are known although the grammar has no use for them."""
+"""Words that are known although the grammar does not use them."""
 NOT_BY_MISTAKE = frozenset({"negation", "exclude", "choice", "numeral"})
-"""Kinds of words that are not read into a slip: they turn a sentence round."""
+"""Kinds of words to which a misspelling is not corrected, because they reverse the meaning of a sentence."""
 
 
 @lru_cache(maxsize=100_000)
 def edit_distance(a: str, b: str) -> int:
-    """Insertions, deletions, substitutions and swaps of neighbours that make one word of the other [-]."""
+    """Insertions, deletions, substitutions and swaps of neighbours that turn one word into the other [-]."""
     before: list[int] = []
     row = list(range(len(b) + 1))
     for i, one in enumerate(a, 1):
@@ -57,14 +57,14 @@ def edit_distance(a: str, b: str) -> int:
 
 
 def slips_allowed(word: str) -> int:
-    """How many slips a word of this length may have [-]."""
+    """Maximum number of errors in a word of this length [-]."""
     if len(word) < SHORTEST or not word.isalpha():
         return 0
     return 2 if len(word) >= VERY_LONG else 1
 
 
 def may_be(word: str, known: str) -> bool:
-    """Whether a word can be a mistyped known one."""
+    """Return whether a word can be a misspelling of a known one."""
     if abs(len(word) - len(known)) > slips_allowed(word) or not known.isalpha() or len(known) < SHORTEST:
         return False
     if word[0] != known[0] and sorted(word[:2]) != sorted(known[:2]):
@@ -76,12 +76,12 @@ def may_be(word: str, known: str) -> bool:
 
 
 def swapped(word: str, known: str) -> bool:
-    """Whether the two have the same letters."""
+    """Return whether two words have the same letters."""
     return sorted(word) == sorted(known)
 
 
 def only_a_vowel(word: str, known: str) -> bool:
-    """Whether one vowel is wrong, or one letter is missing or doubled."""
+    """Return whether one vowel is wrong, or one letter is missing or doubled."""
     if len(word) != len(known):
         return True
     pairs = [(a, b) for a, b in zip(word, known, strict=True) if a != b]
@@ -89,7 +89,7 @@ def only_a_vowel(word: str, known: str) -> bool:
 
 
 def meant_by(word: str, known: Collection[str]) -> str:
-    """The one known word that it can be, the nearest; empty if there is none or several are as near."""
+    """The nearest known word that it can be; empty if there is none or several are equally near."""
     if slips_allowed(word) == 0:
         return ""
     near = sorted((edit_distance(word, one), not usual(word, one), one) for one in known if may_be(word, one))
@@ -98,18 +98,18 @@ def meant_by(word: str, known: Collection[str]) -> str:
 
 
 def usual(word: str, known: str) -> bool:
-    """Whether the slip is one that fingers make: two letters swapped, or one struck twice."""
+    """Return whether the error is a typical slip: two letters swapped, or one struck twice."""
     return swapped(word, known) or single(word) == single(known)
 
 
 def single(word: str) -> str:
-    """The word with each run of a letter as one."""
+    """The word with each run of a letter reduced to one."""
     return "".join(letter for index, letter in enumerate(word) if index == 0 or word[index - 1] != letter)
 
 
 @dataclass(frozen=True, slots=True)
 class SceneWords:
-    """Words that a scene has for its things."""
+    """Words of a scene for its things."""
 
     labels: frozenset[str] = frozenset()
     """Words of its labels."""
@@ -117,7 +117,7 @@ class SceneWords:
 
     @classmethod
     def of(cls, named: Iterable[tuple[str, str]]) -> "SceneWords":
-        """From ids with labels."""
+        """The words from ids with labels."""
         pairs = list(named)
         return cls(frozenset(word for _, label in pairs for word in label_words(label)), frozenset(i for i, _ in pairs))
 
@@ -133,7 +133,7 @@ class Token:
     meanings: frozenset[Meaning]
 
     def has(self, *kinds: str) -> bool:
-        """Whether it may be one of these kinds."""
+        """Return whether it may be one of these kinds."""
         return any(meaning.kind in kinds for meaning in self.meanings)
 
     def value(self, kind: str) -> str:
@@ -141,7 +141,7 @@ class Token:
         return next((m.value for m in sorted(self.meanings) if m.kind == kind), "")
 
     def values(self, kind: str) -> tuple[str, ...]:
-        """All that it may mean as that kind."""
+        """All possible meanings as that kind."""
         return tuple(m.value for m in sorted(self.meanings) if m.kind == kind)
 
     def plural(self) -> bool:
@@ -152,7 +152,7 @@ class Token:
 
 @dataclass(slots=True)
 class TokenCursor:
-    """A place among the tokens, from which phrases are read."""
+    """A position among the tokens, from which phrases are read."""
 
     tokens: list[Token]
     index: int = 0
@@ -163,7 +163,7 @@ class TokenCursor:
         return self.index >= len(self.tokens)
 
     def here(self, *kinds: str, ahead: int = 0) -> bool:
-        """Whether the next token, or the one `ahead` further, may be one of these kinds."""
+        """Return whether the next token, or the one `ahead` further, may be one of these kinds."""
         index = self.index + ahead
         return 0 <= index < len(self.tokens) and self.tokens[index].has(*kinds)
 
@@ -178,19 +178,19 @@ class TokenCursor:
         return token
 
     def text(self, begin: int) -> str:
-        """The words from there up to here."""
+        """The words from `begin` to here."""
         return " ".join(token.text for token in self.tokens[begin : self.index])
 
 
 @dataclass(slots=True)
 class Words:
-    """The words of a prompt, mistyped ones mended."""
+    """The words of a prompt, with misspelt ones corrected."""
 
     words: list[str]
     notes: tuple[str, ...] = ()
-    """How measures were read that leave something open."""
+    """Notes on measures with an ambiguous reading."""
     mended: dict[str, str] = field(default_factory=dict)
-    """Words as typed, and the words that they are read as."""
+    """Words as typed, and their corrections."""
 
 
 def tokens_of(text: str, scene: SceneWords = NO_SCENE) -> list[Token]:
@@ -199,7 +199,7 @@ def tokens_of(text: str, scene: SceneWords = NO_SCENE) -> list[Token]:
 
 
 def words_of(text: str, scene: SceneWords = NO_SCENE) -> Words:
-    """The prompt's words; each that is unknown is compared with the known ones and with the scene's labels."""
+    """The prompt's words; each unknown word is compared with the known ones and with the scene's labels."""
     plain, notes = plain_measures(text)
     words = split_words(plain)
     said = {word for one in ids_in(text, scene) for word in one}
@@ -214,13 +214,14 @@ def words_of(text: str, scene: SceneWords = NO_SCENE) -> Words:
 
 
 def mended(word: str, scene: SceneWords) -> str:
-    """The word that a mistyped one must be: of the scene's labels, else of the grammar, else any; empty if none."""
+    """The correction of a misspelt word: from the scene's labels, else from the grammar, else from all words; empty if
+    there is none."""
     return next((meant for known in (scene.labels, *tiers()) if (meant := meant_by(word, known))), "")
 
 
 @cache
 def known_words() -> frozenset[str]:
-    """Every word of every known phrase, those for materials and their opposites too."""
+    """Every word of every known phrase, including those for materials and their opposites."""
     lists = [row["words"].replace("|", " ") for name in OTHER_WORDS for row in rows(name)]
     said = {word for text in (*lists, *material_words()) for word in split_words(text)}
     return frozenset(word for phrase in vocabulary() for word in phrase) | said
@@ -228,7 +229,7 @@ def known_words() -> frozenset[str]:
 
 @cache
 def tiers() -> tuple[frozenset[str], frozenset[str]]:
-    """Single words that a slip may be mended to: those of the grammar, and all."""
+    """Words to which an error may be corrected: those of the grammar, and all."""
     alone = {phrase[0]: meanings for phrase, meanings in vocabulary().items() if len(phrase) == 1}
     fit = {word: m for word, m in alone.items() if not any(one.kind in NOT_BY_MISTAKE for one in m)}
     grammar = frozenset(word for word, m in fit.items() if any(one.kind in GRAMMAR for one in m))
@@ -237,9 +238,9 @@ def tiers() -> tuple[frozenset[str], frozenset[str]]:
 
 
 def ids_in(text: str, scene: SceneWords) -> dict[tuple[str, ...], str]:
-    """The ids of the scene's things that stand in a text, by their words.
+    """The ids of the scene's things that occur in a text, by their words.
 
-    An id that is a plain word, as nodes of glTF files have them, counts after the word "id" only.
+    An id that is a plain word, as for nodes of glTF files, only counts after the word "id".
     """
     found = {}
     for one in scene.ids:
@@ -251,7 +252,7 @@ def ids_in(text: str, scene: SceneWords) -> dict[tuple[str, ...], str]:
 
 
 def tokens_of_words(words: list[str], ids: dict[tuple[str, ...], str]) -> list[Token]:
-    """The words as tokens; an id comes after the word "id", the name of a thing, or is no plain number."""
+    """The words as tokens; an id comes after the word "id" or the name of a thing, or is not a plain number."""
     found: list[Token] = []
     begin = 0
     while begin < len(words):
@@ -269,7 +270,8 @@ def tokens_of_words(words: list[str], ids: dict[tuple[str, ...], str]) -> list[T
 
 
 def is_id(said: tuple[str, ...], before: list[Token], after: list[str]) -> bool:
-    """Whether words that are an id are meant as one: "2" alone may be a number, "chair 2" is the chair with that id."""
+    """Return whether words that equal an id are meant as one: "2" alone may be a number, "chair 2" is the chair with
+    that id."""
     if not all(is_digits(word) for word in said):
         return True
     told = bool(before) and before[-1].has("id word", "thing", "det", "relation", "unknown")
@@ -290,7 +292,7 @@ def longest_at(words: list[str], begin: int) -> tuple[Token, int]:
 
 
 def measure_at(words: list[str], begin: int) -> Token | None:
-    """The angle or length of a number in digits and a unit, as `plain_measures` writes them; None if there is none."""
+    """The angle or length of a number in digits and a unit, as written by `plain_measures`; None if there is none."""
     value, *rest = words[begin : begin + 2]
     for kind, unit in (("angle", "unit"), ("distance", "length")):
         if rest and is_digits(value) and (size := of_kind(rest[0], unit)):
@@ -309,7 +311,7 @@ def of_kind(word: str, kind: str) -> str:
 
 
 def given_last(tokens: list[Token]) -> list[Token]:
-    """The tokens with what receives something after it: "the table gets the cup" is "the cup on the table"."""
+    """The tokens with a receiving thing moved to the end: "the table gets the cup" is "the cup on the table"."""
     at = next((i for i, token in enumerate(tokens) if token.has("receives")), 0)
     end = next((i for i in range(at, len(tokens)) if tokens[i].has("pause")), len(tokens))
     begin = next((i + 1 for i in range(at - 1, -1, -1) if tokens[i].has("pause")), 0)
@@ -329,12 +331,12 @@ def given_last(tokens: list[Token]) -> list[Token]:
 
 
 def is_named(tokens: list[Token]) -> bool:
-    """Whether the tokens name a thing."""
+    """Return whether the tokens name a thing."""
     return any(one.has("thing") for one in tokens)
 
 
 def is_aside(tokens: list[Token], at: int) -> bool:
-    """Whether a negation speaks of no place: "don't ask", "I don't want anyone to trip over it"."""
+    """Return whether a negation does not refer to a place: "don't ask", "I don't want anyone to trip over it"."""
     end = next((i for i in range(at, len(tokens)) if tokens[i].has("pause")), len(tokens))
     said = tokens[at + 1 : end]
     return bool(said) and not any(token.has("thing", "part", "region", "side", "pose") for token in said)
@@ -349,25 +351,26 @@ class KeptWords:
         """Indices of the tokens that a rule used."""
 
     def alone(self, begin: int) -> bool:
-        """Whether what was read from that token on stands between pauses."""
+        """Return whether the tokens read from `begin` on are between pauses."""
         paused = begin > 0 and self.cursor.tokens[begin - 1].has("pause")
         return paused and (self.cursor.at_end or self.cursor.here("pause"))
 
     def says_no_place(self) -> bool:
-        """Whether no relation or verb stands anywhere, and no thing comes any more: "mug, white table, left side"."""
+        """Return whether there is no relation or verb anywhere, and no further thing follows: "mug, white table, left
+        side"."""
         rest = self.cursor.tokens[self.cursor.index :]
         return not any(one.has("relation", "verb") for one in self.cursor.tokens) and not any(
             one.has("thing") for one in rest
         )
 
     def use(self) -> Token:
-        """The next token, kept."""
+        """The next token, marked as used."""
         token = self.cursor.take()
         self.keep(self.cursor.index - 1)
         return token
 
     def keep(self, begin: int) -> None:
-        """The tokens from there up to here are used, apart from unknown words."""
+        """Mark the tokens from `begin` to here as used, apart from unknown words."""
         indices = range(begin, self.cursor.index)
         self.kept.update(i for i in indices if not self.cursor.tokens[i].has("unknown"))
 

@@ -1,7 +1,7 @@
-"""The client that answers a stage's questions, as its configuration says.
+"""The client that answers a stage's questions, selected by its configuration.
 
-`offline` needs nothing, `anthropic` and `openai` ask a model, `replay` gives recorded answers again. What does not
-decide a result (where replies are kept, what may be spent) is no part of a stage's configuration: see
+`offline` needs nothing, `anthropic` and `openai` ask a model, `replay` repeats recorded answers. Settings that do not
+affect a result (the place of stored replies, the budget) are not part of a stage's configuration: see
 dcap/language/protocol/session.py.
 """
 
@@ -27,9 +27,9 @@ class ClientName(StrEnum):
 
 
 DEFAULT_MODEL = "claude-sonnet-5-5"
-"""Model that is asked unless told otherwise; of `openai` none is usual."""
+"""Default model; `openai` has no default."""
 Effort = Literal["", "none", "minimal", "low", "medium", "high", "xhigh", "max"]
-"""How much a model thinks before it answers; empty: as much as it usually does. Each model knows some of the words."""
+"""Amount of thinking before an answer; empty: the model's default. Each model knows some of the words."""
 
 
 class LanguageConfig(BaseModel, frozen=True, extra="forbid"):
@@ -47,7 +47,7 @@ class LanguageConfig(BaseModel, frozen=True, extra="forbid"):
 
     @property
     def source(self) -> str:
-        """Under which name replies are kept, fit for a file name: `MODEL[+EFFORT][@ENDPOINT]`."""
+        """Name under which replies are stored, usable in a file name: `MODEL[+EFFORT][@ENDPOINT]`."""
         name = quote(self.model, safe="")  # behind gateways models are called "maker/model"
         name = f"{name}+{self.effort}" if self.effort else name
         return f"{name}@{self.endpoint}" if self.endpoint else name

@@ -1,8 +1,8 @@
-"""Questions of the FirePlace* baseline: constraint outlines, choices among few options, and which placements to prune.
+"""Questions of the FirePlace* baseline: constraint outlines, choices among a few options, and pruning of placements.
 
-The three questions of a placement by constraints between surfaces: what the sentence asks for as outlines of binary
-constraints, which of several things, surfaces or placements is meant (asked in small batches), and which placements
-common sense rules out. As everywhere the program computes geometry and the client chooses among what is listed.
+The three questions of a placement by constraints between surfaces: the sentence as outlines of binary constraints, the
+choice among several things, surfaces or placements (asked in small batches), and the placements that common sense rules
+out. As everywhere, the program computes geometry and the client chooses among listed options.
 """
 
 from dataclasses import dataclass, field
@@ -19,37 +19,38 @@ ChoiceKind = Literal["thing", "object_surface", "anchor_surface", "placement"]
 DISTANCED = frozenset({"close_to", "far_from"})
 """Functions that need a distance."""
 MOST_OUTLINES = 24
-"""More constraints than that are no reading of one sentence [-]."""
+"""Maximum number of constraints of one sentence [-]."""
 SIDES = ("front", "back", "left", "right", "top", "bottom")
 
 
 @dataclass(frozen=True, slots=True)
 class OutlinesRequest:
-    """Which constraints between surfaces of the object and of things in the scene the sentence asks for."""
+    """Question about the constraints between surfaces of the object and of things in the scene that the sentence
+    states."""
 
     prompt: str
     object_name: str
     item: ObjectView
     instances: tuple[InstanceView, ...]
-    """The same that are shown where the support of a placement is asked."""
+    """The instances, as in the question about the support of a placement."""
     fronts: tuple[Vector, ...]
-    """For each instance the horizontal unit vector towards who looks at its front: left and right are this viewer's."""
+    """For each instance the horizontal unit vector towards the viewer of its front, who defines left and right."""
     room_center: Vector
     """Middle of the scene [m]."""
     object_surfaces: tuple[PoseView, ...]
-    """Surfaces on which the object may rest, each as the pose in which it looks down."""
+    """Surfaces on which the object may rest, each as the pose in which it faces down."""
     symmetry: int
     """Order of the object's rotational symmetry about its upright axis; 0: any angle, 1: none."""
     has_front: bool
-    """Whether shape or category tell its front from its back."""
+    """Whether shape or category distinguish front and back."""
     stands: bool
-    """Whether it would stand on a plane as it is in its file."""
+    """Whether it would stand on a plane in its file's pose."""
     righting: float
-    """How much more the shape speaks for `righted` than for `upright`; 0 where it is not listed."""
+    """Lead of `righted` over `upright` in the shape's score; 0 if it is not listed."""
     on_legs: bool
     """Whether it has more air than body under its middle."""
     pictures: tuple[Picture, ...] = field(default=(), compare=False)
-    """The scene with numbered things, where its labels are unsure."""
+    """The scene with numbered things, if its labels are uncertain."""
 
 
 class ConstraintOutline(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
@@ -75,7 +76,7 @@ class ConstraintOutline(BaseModel, frozen=True, extra="forbid", allow_inf_nan=Fa
     words: str = Field(default="", max_length=200, description="the words of the prompt that ask for it")
 
     def check(self, request: OutlinesRequest) -> None:
-        """ValueError if it refers to what is not listed."""
+        """Raise ValueError if it refers to something that is not listed."""
         by_id = {one.id: one for one in request.instances}
         if not self.anchors or not self.object_surfaces:
             raise ValueError(f"constraint {self.function} names no anchor or no surface of the object")
@@ -107,7 +108,7 @@ class OutlinesReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False)
     did_you_mean: str = Field(default="", description="label of a listed instance that may be meant by what is missing")
 
     def check(self, request: OutlinesRequest) -> None:
-        """ValueError if it chooses what is not listed, or no support."""
+        """Raise ValueError if it chooses something that is not listed, or no support."""
         if self.missing:
             return
         contacts = [one for one in self.constraints if one.function == "contact"]
@@ -121,30 +122,30 @@ class OutlinesReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False)
 
 @dataclass(frozen=True, slots=True)
 class ChoiceOption:
-    """One of few things to choose from; its picture is the one at the same position."""
+    """An option to choose; its picture is the one at the same position."""
 
     id: str
-    """A letter that says nothing."""
+    """A letter without meaning."""
     label: str
     facts: tuple[tuple[str, float], ...]
     """Measures by name; lengths in metres."""
 
     def fact(self, name: str) -> float:
-        """A measure; 0 where it has none of that name."""
+        """A measure; 0 if there is none of that name."""
         return dict(self.facts).get(name, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
 class ChoiceRequest:
-    """Which of a small batch of options fits the sentence best."""
+    """Question about the best option of a small batch for the sentence."""
 
     prompt: str
     kind: ChoiceKind
     sought: str
-    """Thing that is looked for, in words."""
+    """Requested thing, in words."""
     options: tuple[ChoiceOption, ...]
     pictures: tuple[Picture, ...] = field(default=(), compare=False)
-    """One for each option, in their order."""
+    """A picture for each option, in their order."""
 
 
 class ChoiceReply(BaseModel, frozen=True, extra="forbid"):
@@ -154,7 +155,7 @@ class ChoiceReply(BaseModel, frozen=True, extra="forbid"):
     chosen: str = Field(description="id of the option that fits best")
 
     def check(self, request: ChoiceRequest) -> None:
-        """ValueError if it is not among them."""
+        """Raise ValueError if it is not among them."""
         known = [one.id for one in request.options]
         if self.chosen not in known:
             raise ValueError(f"chosen {self.chosen!r} is not one of {', '.join(known)}")
@@ -162,13 +163,13 @@ class ChoiceReply(BaseModel, frozen=True, extra="forbid"):
 
 @dataclass(frozen=True, slots=True)
 class PruningRequest:
-    """Which of the placements are against common sense."""
+    """Question about the placements that contradict common sense."""
 
     prompt: str
     object_name: str
     options: tuple[ChoiceOption, ...]
     pictures: tuple[Picture, ...] = field(default=(), compare=False)
-    """One for each placement, in their order."""
+    """A picture for each placement, in their order."""
 
 
 class PruningReply(BaseModel, frozen=True, extra="forbid"):
@@ -178,7 +179,7 @@ class PruningReply(BaseModel, frozen=True, extra="forbid"):
     implausible: tuple[str, ...] = Field(default=(), description="ids of placements that common sense rules out")
 
     def check(self, request: PruningRequest) -> None:
-        """ValueError if one is not among them."""
+        """Raise ValueError if one is not among them."""
         known = [one.id for one in request.options]
         unlisted = [one for one in self.implausible if one not in known]
         if unlisted:

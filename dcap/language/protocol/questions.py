@@ -1,18 +1,18 @@
 """The questions that stages ask, six of our own method and those of the baselines.
 
-Each says which request and which reply it takes, and how one is checked against the other. A stage says
-`client.ask(INTENT, request)` and gets an `IntentReply`; it never learns who answered.
+Each question states its types of request and reply, and checks one against the other. A stage calls `client.ask(INTENT,
+request)` and gets an `IntentReply`; it never learns who answered.
 
 Questions of the baselines: one line of a layout (LayoutGPT), the support and relations of a thing (Holodeck).
 
-Both see the instances that our own method's intent sees, with the same ids, labels and boxes, and the whole sentence.
+Both see the instances of our own method's intent, with the same ids, labels and boxes, and the whole sentence.
 
-A line of a layout as LayoutGPT writes them: `bed {length: 120px; width: 110px; height: 60px; ... depth: 30px;}`.
+A line of a layout in LayoutGPT's form: `bed {length: 120px; width: 110px; height: 60px; ... depth: 30px;}`.
 
-The source is the published program of LayoutGPT (Feng et al., 2023; `parse_3D_layout`): what stands before the bracket
-is the category without its digits, between the brackets are exactly seven fields `name: number`, letters of units are
-cut off, and whatever is not of this form is no line. A line whose seven fields have other names is none either; the
-source keeps it as a box of zeros.
+The source is the published program of LayoutGPT (Feng et al., 2023; `parse_3D_layout`): the text before the bracket is
+the category without its digits, between the brackets are exactly seven fields `name: number`, letters of units are cut
+off, and text of any other form is not a line. A line whose seven fields have other names is not one either; the source
+keeps it as a box of zeros.
 """
 
 import math
@@ -44,14 +44,16 @@ from dcap.language.protocol.requests import (
 )
 
 LONGEST_LAYOUT = 20_000
-"""Characters of a written layout [-]."""
+"""Maximum length of a written layout [characters]."""
 RequestT = TypeVar("RequestT")
 ReplyT = TypeVar("ReplyT", bound=BaseModel)
 FIELDS = ("length", "width", "height", "left", "top", "depth", "orientation")
-"""Seven numbers: extents, then the middle of the box from the plan's least corner, then the turn about the vertical."""
+"""Seven numbers: extents, then the middle of the box relative to the plan's lowest corner, then the turn about the
+vertical."""
 ANGLE = "orientation"
 NUMBER = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(?:\s*[px]+)?(?:\s*[degrs]+)?\s*$")
-"""The source cuts any letters of `degrees` off the end, then any of `px`: `90`, `90deg` and `90 degree` are valid."""
+"""Pattern of a number with a unit; the source cuts any letters of `degrees` off the end, then any of `px`: `90`,
+`90deg` and `90 degree` are valid."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,14 +63,14 @@ class LayoutLine:
     thing: str
     """Id of the listed instance."""
     part: int
-    """Index of its part, -1 for the whole instance."""
+    """Index of the part, -1 for the whole instance."""
     text: str
-    """`bed {length: 120px; ...}`."""
+    """Text of the line: `bed {length: 120px; ...}`."""
 
 
 @dataclass(frozen=True, slots=True)
 class LayoutRequest:
-    """One new line for a layout."""
+    """Question about one new line for a layout."""
 
     prompt: str
     item: ObjectView
@@ -76,7 +78,7 @@ class LayoutRequest:
     room_center: Vector
     """Middle of the scene [m]."""
     categories: str
-    """Things that such rooms hold, with how often."""
+    """Things that occur in such rooms, with their frequencies."""
     exemplars: tuple[str, ...]
     """Conditions and layouts of other rooms, the most similar first."""
     condition: str
@@ -84,13 +86,13 @@ class LayoutRequest:
     lines: tuple[LayoutLine, ...]
     """The room's layout so far."""
     category: str
-    """Category that the new line begins with."""
+    """Category with which the new line begins."""
     asset: tuple[int, int, int]
-    """Length, width and height of what is placed [pixels]."""
+    """Length, width and height of the placed thing [pixels]."""
     asset_size: Vector
-    """The same [m]."""
+    """The same extents [m]."""
     has_front: bool
-    """Whether it has a front."""
+    """Whether the thing has a front."""
     origin: Vector
     """World point of left 0, top 0, depth 0 [m]."""
     pixels_per_metre: float
@@ -102,15 +104,15 @@ class LayoutReply(BaseModel, frozen=True, extra="forbid"):
     layout: str = Field(max_length=LONGEST_LAYOUT, description="the new line of the layout, in CSS style")
 
     def check(self, request: LayoutRequest) -> None:
-        """Any text is an answer: what is no line is dropped by who reads it, as in the source."""
+        """Any text is an answer: a text that is not a line is dropped by the reader, as in the source."""
 
 
 @dataclass(frozen=True, slots=True)
 class NamedThing:
-    """An instance under the name by which relations speak of it."""
+    """An instance with its name in relations."""
 
     name: str
-    """`bed-0`."""
+    """Name, such as `bed-0`."""
     id: str
     """Id of the listed instance."""
 
@@ -127,7 +129,7 @@ class RelationsRequest:
     room_type: str
     room_size_cm: tuple[int, int]
     object_name: str
-    """The name of what is placed: `ball-0`."""
+    """Name of the placed thing: `ball-0`."""
     object_size_cm: tuple[int, int, int]
     things: tuple[NamedThing, ...] = field(default=())
     """Things that can be named."""
@@ -144,14 +146,14 @@ class RelationsReply(BaseModel, frozen=True, extra="forbid"):
     )
 
     def check(self, request: RelationsRequest) -> None:
-        """ValueError if the receptacle is not listed."""
+        """Raise ValueError if the receptacle is not listed."""
         names = [one.name for one in request.things]
         if self.on_top_of and self.on_top_of not in names:
             raise ValueError(f"on_top_of {self.on_top_of!r} is not one of {', '.join(names)}")
 
 
 def names_of(instances: Sequence[InstanceView]) -> tuple[NamedThing, ...]:
-    """A name for every instance: its label and a count."""
+    """A name for every instance: its label and a counter."""
     counts: dict[str, int] = {}
     named = []
     for one in instances:
@@ -167,20 +169,20 @@ class Question(Generic[RequestT, ReplyT]):
     """A kind of question."""
 
     name: str
-    """Also the name of its template: `prompts/NAME.system.j2`."""
+    """Name of the question and of its template: `prompts/NAME.system.j2`."""
     request: type[RequestT]
     reply: type[ReplyT]
     check: Callable[[ReplyT, RequestT], None]
-    """Raises ValueError, with a sentence that a model can be shown, if the reply chooses what is not listed."""
+    """Raises ValueError with a sentence for the model if the reply chooses something that is not listed."""
     shared: tuple[str, ...] = ()
-    """Fields of the request that many questions of a run have in common: sent first, so that they can be cached."""
+    """Fields of the request shared by many questions of a run: sent first, so that they can be cached."""
     unseen: tuple[str, ...] = ()
-    """Fields of the request that no model is shown: what only the stand-in answers from."""
+    """Fields of the request that are not shown to a model and are only used by the stand-in."""
     stand_in: Callable[[RequestT], ReplyT] | None = None
-    """The function that answers offline, where that is not the reader of sentences."""
+    """The function that answers offline, if that is not the reader of sentences."""
 
     def parsed(self, answer: object, request: RequestT) -> ReplyT:
-        """An answer as a reply that fits the request; ValueError otherwise."""
+        """An answer as a reply that fits the request; raises ValueError otherwise."""
         reply = self.reply.model_validate(answer)
         self.check(reply, request)
         return reply
@@ -202,14 +204,14 @@ class CssBox:
 
     category: str
     length: float
-    """To its right at orientation 0, along x."""
+    """Extent to the right at orientation 0, along x."""
     width: float
-    """To its front at orientation 0, along y."""
+    """Extent to the front at orientation 0, along y."""
     height: float
     left: float
-    """Middle along x from the plan's least x."""
+    """Middle along x, from the plan's minimum x."""
     top: float
-    """Middle along y from the plan's least y."""
+    """Middle along y, from the plan's minimum y."""
     depth: float
     """Middle above the floor."""
     orientation: float
@@ -217,7 +219,7 @@ class CssBox:
 
     @property
     def text(self) -> str:
-        """The line."""
+        """The line as text."""
         fields = (
             f"{name}: {getattr(self, name):g} degrees" if name == ANGLE else f"{name}: {getattr(self, name):g}px"
             for name in FIELDS
@@ -226,7 +228,7 @@ class CssBox:
 
 
 def parsed_line(text: str) -> CssBox | None:
-    """The box of a line; None of what is no line."""
+    """The box of a line; None for any other text."""
     before, bracket, rest = text.partition("{")
     if not bracket or "{" in rest:
         return None

@@ -1,7 +1,7 @@
-"""Replies of a client: validated types that choose only among what the request lists.
+"""Replies of a client: validated types that choose only among the options listed in the request.
 
-Shape and ranges are checked by pydantic; `check` compares with the request and raises ValueError with one sentence
-that can be shown to a model as it is. A reply that fails is no reply.
+Shape and ranges are checked by pydantic; `check` compares with the request and raises ValueError with one sentence that
+can be shown to a model. A reply that fails is not a reply.
 """
 
 import math
@@ -24,7 +24,7 @@ from dcap.scene.types.outcome import Caution
 
 
 def kept(value: object, check: ValidatorFunctionWrapHandler) -> str:
-    """A caution as it is; pydantic would make a plain text of it."""
+    """A caution, unchanged; pydantic would turn it into a plain text."""
     return value if isinstance(value, Caution) else str(check(value))
 
 
@@ -39,17 +39,17 @@ Region = Literal[
 ]  # fmt: skip
 ConstraintKind = Literal["not_on", "not_in", "exactly", "at_least", "at_most", "farthest", "nearest", "away"]
 MEASURED = frozenset({"exactly", "at_least", "at_most"})
-"""Kinds of constraints that say how far."""
+"""Kinds of constraints with a distance."""
 SPECIAL_FACINGS = ("wall", "door", "viewer", "room", "left", "right", "front", "back")
 Metres = PositiveFloat
 LONGEST_NAME = 80
-"""Characters of what a thing is called [-]."""
+"""Maximum length of a thing's name [characters]."""
 ROUNDED = 0.05
-"""So far from 1 may the length of a quaternion be that a model wrote with few digits [-]."""
+"""Tolerance of the length of a quaternion written by a model with few digits [-]."""
 MOST_STATES = 3
-"""Sizes of one thing in addition to the usual one."""
+"""Maximum number of sizes of one thing in addition to the usual one."""
 OTHER = "other"
-"""The label of what none of the listed ones fits."""
+"""The label for a thing that fits none of the listed labels."""
 
 
 class Candidate(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
@@ -74,7 +74,7 @@ class Constraint(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     words: str = Field(default="", max_length=200)
 
     def check(self, targets: Collection[str]) -> None:
-        """ValueError if it refers to what is not listed, or says too little."""
+        """Raise ValueError if it refers to something that is not listed, or is incomplete."""
         if self.reference and not listed(self.reference, targets):
             raise ValueError(f"reference {self.reference!r} of constraint {self.kind} is not listed")
         if not (self.reference or self.regions) or (self.kind == "not_on" and not self.reference):
@@ -86,12 +86,12 @@ class Constraint(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
 
 
 def region_constraints(said: Iterable[Constraint]) -> tuple[RegionConstraint, ...]:
-    """Constraints of a reply as the stages take them."""
+    """Constraints of a reply in the form that the stages use."""
     return tuple(RegionConstraint(one.kind, one.regions, one.reference, one.metres or None, one.words) for one in said)
 
 
 def listed(reference: str, targets: Collection[str]) -> bool:
-    """Whether a reference, `part:NAME/SIDE` included, is one of the targets."""
+    """Return whether a reference, including `part:NAME/SIDE`, is one of the targets."""
     name, _, side = reference.partition("/") if reference.startswith("part:") else (reference, "", "")
     return name in targets and side in ("", *PART_SIDES)
 
@@ -163,7 +163,7 @@ class IntentReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     notes: tuple[Message, ...] = ()
 
     def check(self, request: IntentRequest) -> None:
-        """ValueError if it chooses what is not listed."""
+        """Raise ValueError if it chooses something that is not listed."""
         by_id = {instance.id: instance for instance in request.instances}
         if request.given_base and self.base_id != request.given_base:
             raise ValueError(f"base_id {self.base_id!r} is not {request.given_base!r}, which the person has pointed at")
@@ -216,7 +216,7 @@ class RotationReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False)
     )
 
     def check(self, request: RotationRequest) -> None:
-        """ValueError if it chooses what is not listed."""
+        """Raise ValueError if it chooses something that is not listed."""
         poses = [pose.id for pose in request.poses]
         if self.pose_id not in poses:
             raise ValueError(f"pose_id {self.pose_id!r} is not one of {', '.join(poses)}")
@@ -242,7 +242,7 @@ class AnchorReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     )
 
     def check(self, request: AnchorRequest) -> None:
-        """ValueError if it chooses what is not listed."""
+        """Raise ValueError if it chooses something that is not listed."""
         indices = [part.index for part in request.parts]
         if self.part_index not in indices:
             raise ValueError(f"part_index {self.part_index} is not one of {indices}")
@@ -271,7 +271,7 @@ class MaterialsReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False
     choices: tuple[MaterialChoice, ...]
 
     def check(self, request: MaterialsRequest) -> None:
-        """ValueError if a question is not answered exactly once or a material is not listed."""
+        """Raise ValueError if a question is not answered exactly once or a material is not listed."""
         asked = [(q.body, q.part.index) for q in request.questions]
         given = [(c.body, c.part_index) for c in self.choices]
         if sorted(asked) != sorted(given):
@@ -302,14 +302,14 @@ class LabelReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     )
 
     def check(self, request: LabelRequest) -> None:
-        """ValueError if it chooses what is not listed."""
+        """Raise ValueError if it chooses something that is not listed."""
         for label in (self.label, *(one.label for one in self.others)):
             if label not in (*request.labels, OTHER):
                 raise ValueError(f"label {label!r} is not one of {', '.join(request.labels)}, {OTHER}")
 
     @property
     def guesses(self) -> tuple[tuple[str, float], ...]:
-        """Every label that is given some probability, the likeliest first."""
+        """All labels with a probability, the likeliest first."""
         known = [(self.label, self.confidence), *((one.label, one.probability) for one in self.others)]
         return tuple(sorted(((label, p) for label, p in known if label != OTHER), key=lambda one: -one[1]))
 
@@ -329,7 +329,7 @@ class PartsReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     names: tuple[PartName, ...]
 
     def check(self, request: PartsRequest) -> None:
-        """ValueError if a part is not named exactly once or a name is not listed."""
+        """Raise ValueError if a part is not named exactly once or a name is not listed."""
         asked = sorted(one.part.index for one in request.parts)
         given = sorted(one.index for one in self.names)
         if asked != given:
