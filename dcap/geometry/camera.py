@@ -10,13 +10,13 @@ from dcap.arrays import Array
 from dcap.scene.errors import GeometryError
 
 FIELD_OF_VIEW_DEG = 55.0
-"""Across the picture, unless another is asked for [degrees]."""
+"""Default field of view across the picture [degrees]."""
 UP = (0.0, 0.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Camera:
-    """Where a picture is taken from, and how."""
+    """A pinhole camera: its pose and its intrinsic parameters."""
 
     position: Array
     """Centre of projection [m], shape (3,)."""
@@ -25,7 +25,7 @@ class Camera:
     world_from_camera: Array
     """Rotation; its columns are the camera's right, down and forward axes, shape (3, 3)."""
     width: int
-    """[pixel]."""
+    """Width of the picture [pixel]."""
     height: int
     focal: float
     """Focal length along the rows [pixel]."""
@@ -53,7 +53,7 @@ class Camera:
         return center.reshape(-1, 2)
 
     def scaled(self, factor: int) -> Self:
-        """The same view with so many times the pixels along each side."""
+        """The same view with `factor` times as many pixels along each side."""
         column, row = self.principal
         return replace(
             self, width=factor * self.width, height=factor * self.height, focal=factor * self.focal,
@@ -64,11 +64,12 @@ class Camera:
         """Unit world directions of rays through image points (n, 2) = (column, row) [pixel], shape (n, 3)."""
         x, y = ((points - self.principal) / self.focals).T
         length = np.sqrt(1.0 + x * x + y * y)
-        # one component after the other: three times as fast as vectors of three
+        # one component at a time: three times as fast as vectors of three
         return np.stack([(x * a + y * b + c) / length for a, b, c in self.world_from_camera]).T
 
     def project(self, points: Array) -> Array:
-        """Image points (column, row) [pixel] and depth [m] of world points (n, 3) before the camera, shape (n, 3)."""
+        """Image points (column, row) [pixel] and depth [m] of world points (n, 3) in front of the camera, shape (n,
+        3)."""
         local = (points - self.position) @ self.world_from_camera
         image = local[:, :2] / local[:, 2:] * self.focals + self.principal
         return np.concatenate([image, local[:, 2:]], axis=1)
@@ -83,9 +84,10 @@ def looking_at(
     fov_deg: float = FIELD_OF_VIEW_DEG,
     up: tuple[float, float, float] = UP,
 ) -> Camera:
-    """A camera at a place that looks at another, with `up` upwards in the picture; horizontal field of view [degrees].
+    """A camera at a position that looks at a target, with `up` upwards in the picture; horizontal field of view
+    [degrees].
 
-    Raises GeometryError where both are the same point.
+    Raises GeometryError if both are the same point.
     """
     forward = np.asarray(target, dtype=np.float64) - position
     distance = np.linalg.norm(forward)

@@ -16,17 +16,18 @@ from dcap.geometry.camera import Camera
 from dcap.scene.errors import InputError
 
 PIXEL_MIDDLE = 0.5
-"""Our place of the middle of OpenCV's pixel (0, 0) [pixel]."""
+"""Our coordinate of the middle of OpenCV's pixel (0, 0) [pixel]."""
 LARGEST = 16_384
-"""Most pixels along a side [pixel]."""
+"""Maximum number of pixels along a side [pixel]."""
 MOST = 4096 * 4096
-"""Most pixels: a ray takes about a hundred bytes, so this many take 2 GiB [pixel]."""
+"""Maximum number of pixels: a ray takes about a hundred bytes, so this many take 2 GiB [pixel]."""
 FARTHEST = 100.0
-"""Focal lengths and principal points within this many picture widths are meant [-]: 0.6 degrees of view."""
+"""Largest plausible focal length and distance of the principal point, over the picture's width [-]: 0.6 degrees of
+view."""
 DISTORTION = ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2", "distortion", "dist_coeffs", "distortion_coefficients")
 """Keys of lens distortion, which pinhole pictures do not have."""
 TURNED = 1e-3
-"""A rotation may be off by so much [-]: files are rounded."""
+"""Tolerance of a rotation matrix [-]: files are rounded."""
 Row = tuple[float, float, float, float]
 Side = Annotated[int, Field(ge=1, le=LARGEST)]
 Focal = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
@@ -58,7 +59,8 @@ def write_camera(path: Path, camera: Camera) -> None:
 
 
 def read_camera(path: Path, target: NDArray[np.float64]) -> Camera:
-    """Read a camera; `target` is what it is taken to look at [m], shape (3,). InputError with what is wrong."""
+    """Read a camera; `target` is assumed to be the point that it looks at [m], shape (3,). Raises InputError with the
+    problem."""
     try:
         found = CameraFile.model_validate_json(path.read_bytes())
     except OSError as error:
@@ -83,7 +85,7 @@ def read_camera(path: Path, target: NDArray[np.float64]) -> Camera:
 
 
 def check_pixels(path: Path, found: CameraFile) -> None:
-    """InputError for pictures that are too large, cameras that see nothing, and lenses that are no pinhole."""
+    """Raise InputError for oversized pictures, cameras that see nothing, and lenses that are not pinholes."""
     if found.width * found.height > MOST:
         raise InputError(
             f"--camera {path}: {found.width} x {found.height} pixels are more than {MOST}; give a smaller view"

@@ -1,8 +1,8 @@
-"""Carry the displacement of a simulated surface over to the mesh that it was cut from.
+"""Transfers the displacement of a simulated surface to the mesh from which it was made.
 
-In: the whole mesh, which of its faces may follow, and the simulated surface with its displacement. Out: the mesh,
-finer where that bends, with the displacement of the nearest surface point added. Colours and far faces stay as they
-are.
+In: the whole mesh, the mask of its faces that may follow, and the simulated surface with its displacement. Out: the
+mesh, finer where the surface bends, with the displacement of the nearest surface point added. Colours and far faces are
+unchanged.
 """
 
 from dataclasses import dataclass
@@ -16,12 +16,12 @@ from dcap.geometry.solid.repair import split_edges
 from dcap.scene.types.mesh import Mesh
 
 NEGLIGIBLE = 2e-5  # displacement [m] that no picture shows
-FLAT = 5e-6  # a bend [m] over an edge of a few centimetres that shading does not show either
+FLAT = 5e-6  # a bend [m] over an edge of a few centimetres that shading does not show
 CLOSE, FAR = (
     2e-3,
     5e-3,
 )  # a vertex this near [m] to the simulated surface follows it; farther ones less, then not at all
-MOST_ROUNDS = 10  # halvings of an edge: from a 2 m mattress to 2 mm
+MOST_ROUNDS = 10  # maximum number of halvings of an edge: from a 2 m mattress to 2 mm
 COARSE = 6.0  # an edge longer than this, over the simulated edges, is split unseen: a dent may lie between its ends
 
 
@@ -30,11 +30,11 @@ class Displaced:
     """A mesh that has followed a surface."""
 
     mesh: Mesh
-    """Finer where it bends."""
+    """The mesh, finer where it bends."""
     origin: NDArray[np.int64]
     """The face of the given mesh that each face came from, shape (m,)."""
     shift: NDArray[np.float64]
-    """How far each vertex has moved [m], shape (n, 3)."""
+    """Displacement of each vertex [m], shape (n, 3)."""
 
 
 def displaced(mesh: Mesh, movable: NDArray[np.bool_], surface: Mesh, displacement: NDArray[np.float64]) -> Displaced:
@@ -55,14 +55,14 @@ def displaced(mesh: Mesh, movable: NDArray[np.bool_], surface: Mesh, displacemen
 
 
 def following(mesh: Mesh, surface: Mesh, displacement: NDArray[np.float64]) -> Mesh:
-    """A mesh that moves with the nearest points of a simulated surface: the picture's surface of a simplified body."""
+    """A mesh moved with the nearest points of a simulated surface: the surface for pictures of a simplified body."""
     start = Mesh(surface.vertices - displacement, surface.faces, surface.colors)
     moved = mesh.vertices + DisplacementField(start, displacement, close=np.inf).at(mesh.vertices)
     return Mesh(moved, mesh.faces, mesh.colors)
 
 
 def with_own_vertices(mesh: Mesh, some: NDArray[np.bool_]) -> Mesh:
-    """The same faces, of which some (m,) share no vertex with the others: they can move by themselves."""
+    """The same faces, with some of them (m,) sharing no vertex with the others, so that they can move separately."""
     theirs = np.zeros(len(mesh.vertices), dtype=bool)
     theirs[mesh.faces[~some]] = True
     shared = np.unique(mesh.faces[some][theirs[mesh.faces[some]]])
@@ -112,7 +112,8 @@ class DisplacementField:
         return corner, weight, np.asarray(np.clip(1.0 - (distance - self._close) / (FAR - CLOSE), 0.0, 1.0))
 
     def bends(self, a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Whether the displacement half way between points (n, 3) is visibly not the mean of theirs, shape (n,)."""
+        """Mask of the pairs of points (n, 3) between which the displacement differs visibly from the mean of both,
+        shape (n,)."""
         off = self.at(0.5 * (a + b)) - 0.5 * (self.at(a) + self.at(b))
         return np.asarray(np.linalg.norm(off, axis=1) > FLAT)
 
@@ -125,7 +126,8 @@ def refined(
     edge: float,
     field: DisplacementField,
 ) -> tuple[Mesh, NDArray[np.int64]]:
-    """Movable faces in the box split to edges of at most `edge` [m] where the field bends; with each face's origin."""
+    """Movable faces in the box, split to edges of at most `edge` [m] where the field bends, with the origin of each
+    face."""
     fresh = in_box(mesh.triangles, low, high) & movable
     region = touching(mesh, fresh)
     part, source, fresh = Mesh(mesh.vertices, mesh.faces[region], mesh.colors), np.flatnonzero(region), fresh[region]
@@ -139,7 +141,7 @@ def refined(
             break
         part, came_from = split_edges(part, marked)
         source = source[came_from]
-        fresh = np.bincount(came_from)[came_from] > 1  # what was not split now never will be
+        fresh = np.bincount(came_from)[came_from] > 1  # faces not split now never will be
     # the vertices of the whole mesh come first in those of the part
     origin = np.concatenate([np.flatnonzero(~region), source])
     order = np.argsort(origin, kind="stable")
@@ -148,12 +150,12 @@ def refined(
 
 
 def in_box(corner: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Triangles (n, 3, 3) whose own boxes meet a box, shape (n,)."""
+    """Mask of the triangles (n, 3, 3) whose bounding boxes meet a box, shape (n,)."""
     return np.asarray(((corner.max(axis=1) >= low) & (corner.min(axis=1) <= high)).all(axis=1))
 
 
 def touching(mesh: Mesh, some: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Faces that have a corner in common with some of them (m,), these included, shape (m,)."""
+    """Mask of the faces that share a corner with some faces (m,), including those, shape (m,)."""
     corner = welded(mesh.vertices)[mesh.faces]
     theirs = np.zeros(len(mesh.vertices), dtype=bool)
     theirs[corner[some]] = True
@@ -161,7 +163,8 @@ def touching(mesh: Mesh, some: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def edges_to_split(corner: NDArray[np.float64], edge: float, field: DisplacementField) -> NDArray[np.bool_]:
-    """Edges of triangles (n, 3, 3) that are long, or longer than `edge` [m] where the field bends, shape (n, 3)."""
+    """Mask of the edges of triangles (n, 3, 3) that are long, or longer than `edge` [m] where the field bends, shape
+    (n, 3)."""
     after = np.roll(corner, -1, axis=1)
     length = np.linalg.norm(corner - after, axis=2)
     split = np.asarray(length > COARSE * edge)

@@ -1,9 +1,8 @@
 """Signed distance to meshes, negative inside, whether they are closed or not.
 
 In: a mesh and points, or a box to sample. Out: the exact distance to the nearest triangle with the sign of the
-generalised winding number [J13], evaluated fast [B18]: a mesh with holes is closed in the way that its surface
-suggests, a hollow mug stays hollow. Grids are exact in a band around the surface and interpolated from a coarser grid
-beyond it.
+generalised winding number [J13], evaluated fast [B18]: a mesh with holes is closed as its surface suggests, a hollow
+mug stays hollow. Grids are exact in a band around the surface and interpolated from a coarser grid beyond it.
 
 [J13] Jacobson, Kavan, Sorkine-Hornung: Robust inside-outside segmentation using generalized winding numbers. ACM TOG
 32(4), 2013. [B18] Barill, Dickson, Schmidt, Levin, Jacobson: Fast winding numbers for soups and clouds. ACM TOG
@@ -29,21 +28,21 @@ Distance: TypeAlias = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 ScalarT = TypeVar("ScalarT", bound=np.generic)
 
-# samples on each side of the surface that are exact: trilinear interpolation and its gradient look one sample far
+# samples on each side of the surface that are exact: trilinear interpolation and its gradient reach one sample far
 BAND = 3
 CORNERS = tuple(np.ndindex(2, 2, 2))
 COARSE = 4  # spacing of the coarse grid over that of the fine one
-DISAGREEMENT = 0.002  # share of a region's samples on the other side that is put down to rounding at the surface
-CLEAR = 0.6  # over one half: distances in single precision are off by up to about 0.01 mm at sliver triangles
+DISAGREEMENT = 0.002  # share of a region's samples on the other side that is attributed to rounding at the surface
+CLEAR = 0.6  # above one half: in single precision, distances at sliver triangles are wrong by up to about 0.01 mm
 MOST_SAMPLES = 40_000_000  # 160 MB; far more than any body here needs
 
 
 class MeshDistance:
     """Signed distance to a mesh, prepared for many points.
 
-    Each closed piece is taken as wound outwards, except for hollows (`outward`). `sides` decides inside and outside
-    where it differs from the surface that distances are measured to (a surface without its closing faces, for example);
-    its pieces are taken as they are, all turned together if they enclose a negative volume.
+    Each closed piece is taken as wound outwards, except for hollows (`outward`). `sides` decides inside and outside if
+    it differs from the surface to which distances are measured (a surface without its closing faces, for example); its
+    pieces are used as they are, and all reversed together if they enclose a negative volume.
     """
 
     def __init__(self, mesh: Mesh, sides: Mesh | None = None) -> None:
@@ -92,7 +91,7 @@ class MeshDistance:
         return -number if self._turned else number
 
     def inside(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Whether points (n, 3) are inside, shape (n,)."""
+        """Mask of the points (n, 3) that are inside, shape (n,)."""
         return np.asarray(self.winding(points) > INSIDE)
 
 
@@ -110,8 +109,8 @@ def sampled(distance: Distance, low: NDArray[np.float64], high: NDArray[np.float
         )
     coarse = distance(lattice(low, COARSE * spacing, blocks + 1)).reshape(blocks + 1)
     values = upsampled(coarse)
-    # everything that interpolation within the band reads is computed; farther away the side is right all the same,
-    # because interpolated values are off by at most half a coarse diagonal, less than twice the band
+    # all values that interpolation within the band reads are computed; farther away the side is still right, because
+    # interpolated values are wrong by at most half a coarse diagonal, less than twice the band
     reach = (BAND + np.sqrt(3.0)) * spacing
     near = np.argwhere(np.minimum(np.abs(values), least_distances(coarse, spacing)) < reach)
     points = low + spacing * near
@@ -132,11 +131,11 @@ def regional_sides(
     points: NDArray[np.float64],
     spacing: float,
 ) -> NDArray[np.bool_]:
-    """Whether the near samples are inside, shape (n,), from one decision per region instead of one per sample.
+    """Mask of the near samples that are inside, shape (n,), from one decision per region instead of one per sample.
 
     Two neighbouring samples that are both farther than half a spacing from the surface lie on the same side of it:
-    connected regions of such samples are decided by the coarse samples in them. Where a region's coarse samples
-    disagree, the surface has a hole there, and every sample is decided on its own.
+    connected regions of such samples are decided by their coarse samples. If a region's coarse samples disagree, the
+    surface has a hole there, and every sample is decided individually.
     """
     clear = np.abs(values) > CLEAR * spacing
     region, count = label(clear)
@@ -171,9 +170,9 @@ def upsampled(coarse: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def least_distances(coarse: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
-    """How far from the surface the samples between coarse ones are at least [m]: a distance changes by no more than the
-    way between two points, so each corner of a coarse cell gives a bound. Zero in cells whose corners are not all on
-    one side. Shape as from `upsampled`."""
+    """Lower bound of the distance of the samples between coarse ones from the surface [m]: a distance changes by no
+    more than the distance between two points, so each corner of a coarse cell gives a bound. Zero in cells whose
+    corners are not all on one side. Shape as from `upsampled`."""
     cells = np.array(coarse.shape)
     corner = np.pad(np.abs(coarse), (0, 1), constant_values=-np.inf)  # samples on the last planes have fewer corners
     crossed = np.logical_not(one_sided(coarse))
@@ -189,27 +188,27 @@ def least_distances(coarse: NDArray[np.float64], spacing: float) -> NDArray[np.f
 
 
 def one_sided(coarse: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Whether all corners of a cell are on the same side of the surface, for the cell above each sample."""
+    """Mask of the cells, one above each sample, whose corners are all on the same side of the surface."""
     inside = np.pad(coarse < 0.0, (0, 1), mode="edge")
     corners = [at_corner(inside, far) for far in CORNERS]
     return np.asarray(np.logical_and.reduce(corners) | ~np.logical_or.reduce(corners))
 
 
 def at_corner(values: NDArray[ScalarT], corner: tuple[int, ...]) -> NDArray[ScalarT]:
-    """Of samples (one more than cells along each axis) those at one corner of every cell."""
+    """Values at one corner of every cell, from samples (one more than cells along each axis)."""
     i, j, k = (slice(far, far + count - 1) for far, count in zip(corner, values.shape, strict=True))
     return values[i, j, k]
 
 
 def sampler(grid: DistanceGrid) -> Distance:
-    """The signed distance that a grid describes: trilinear inside, nearest sample plus the way to it outside."""
+    """The signed distance given by a grid: trilinear inside, outside the nearest sample plus the distance to it."""
 
     def distance(points: NDArray[np.float64]) -> NDArray[np.float64]:
         last = np.array(grid.values.shape) - 1.0
         local = (points - grid.origin) / grid.spacing
         within = np.clip(local, 0.0, last)
         value = map_coordinates(grid.values, within.T, order=1, output=np.float64)
-        outside = np.flatnonzero((local != within).any(axis=1))  # of most bodies none is
+        outside = np.flatnonzero((local != within).any(axis=1))  # usually none
         value[outside] += grid.spacing * np.linalg.norm(local[outside] - within[outside], axis=1)
         return np.asarray(value)
 

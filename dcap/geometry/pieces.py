@@ -1,9 +1,9 @@
-"""The connected pieces of a mesh, and which way round the faces of closed ones are wound.
+"""The connected pieces of a mesh, and the orientation of the faces of closed pieces.
 
-Where a mesh ends: edges without an opposite, the holes they surround, and whether there are any.
+Boundaries of a mesh: edges without an opposite, and the holes that they surround.
 
-In: any set of triangles, welded or not. The boundary is taken as the directed edges whose opposite is missing: exact
-also where more than two faces meet at an edge.
+In: any set of triangles, welded or not. The boundary consists of the directed edges whose opposite is missing, which is
+exact even if more than two faces meet at an edge.
 """
 
 import igl
@@ -18,11 +18,11 @@ from dcap.scene.types.mesh import Mesh
 WELD = 1e-6  # vertices nearer than this [m] are one: duplicates at texture seams are exact, real detail is far larger
 
 INSIDE = 0.5  # winding number above which a point is inside: halfway between the 0 and 1 of a closed surface
-BITS, BIT = 50, 0.2  # more pieces than that, none with more than this share of the area, are a soup [-]
+BITS, BIT = 50, 0.2  # more pieces than this, none with more than this share of the area, are a soup [-]
 
 
 def welded(vertices: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Number of the distinct position of each vertex, shape (n,): equal after rounding to WELD."""
+    """Index of the distinct position of each vertex, shape (n,): equal after rounding to WELD."""
     steps = np.round(vertices / WELD).astype(np.int64).astype(np.uint64)
     with np.errstate(over="ignore"):
         key = steps[:, 0] * np.uint64(0x9E3779B97F4A7C15)
@@ -33,9 +33,9 @@ def welded(vertices: NDArray[np.float64]) -> NDArray[np.int64]:
 
 
 def boundary_edges(mesh: Mesh) -> tuple[IntArray, IntArray]:
-    """Directed edges without their opposite, as vertex indices (n, 2), and the face each belongs to, shape (n,).
+    """Directed edges without their opposite, as vertex indices (n, 2), and the face of each edge, shape (n,).
 
-    An edge that n more faces pass in one direction than in the other appears n times.
+    An edge that is used by n more faces in one direction than in the other appears n times.
     """
     weld = welded(mesh.vertices)
     edge = mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64)
@@ -46,7 +46,7 @@ def boundary_edges(mesh: Mesh) -> tuple[IntArray, IntArray]:
     order = np.lexsort((np.arange(len(key)), forward, key))
     group = np.concatenate([[0], np.cumsum(np.diff(key[order]) != 0)]) if len(key) else np.zeros(0, dtype=np.int64)
     surplus = np.bincount(group, weights=forward[order]).astype(int)[group] if len(key) else group
-    # within a group the first -1s, then the +1s: keep as many of the majority as there are in excess
+    # within a group first the -1s, then the +1s: keep the excess of the majority
     size = np.bincount(group)[group] if len(key) else group
     first = np.cumsum(np.bincount(group))[group] - size if len(key) else group
     rank = np.arange(len(key)) - first
@@ -56,7 +56,7 @@ def boundary_edges(mesh: Mesh) -> tuple[IntArray, IntArray]:
 
 
 def is_closed(mesh: Mesh) -> bool:
-    """Whether every edge is passed as often in one direction as in the other."""
+    """Return whether every edge is used equally often in both directions."""
     return len(boundary_edges(mesh)[0]) == 0
 
 
@@ -94,18 +94,18 @@ def hole_loops(mesh: Mesh) -> list[IntArray]:
 
 
 def components(mesh: Mesh) -> NDArray[np.int64]:
-    """Number of the connected piece of each face, shape (m,); faces that share a vertex position are connected."""
+    """Index of the connected piece of each face, shape (m,); faces that share a vertex position are connected."""
     return _connected(welded(mesh.vertices)[mesh.faces])
 
 
 def index_components(mesh: Mesh) -> NDArray[np.int64]:
-    """The same, connected by vertex index alone, numbered 0, 1, 2 ..."""
+    """The same, connected only by vertex index, numbered 0, 1, 2 ..."""
     own = _connected(mesh.faces)
     return np.asarray(np.unique(own, return_inverse=True)[1], dtype=np.int64).reshape(-1)
 
 
 def _connected(corner: NDArray[np.integer]) -> NDArray[np.int64]:
-    """Number of the piece of each triangle (m, 3) of numbered corners, shape (m,)."""
+    """Index of the piece of each triangle (m, 3) of numbered corners, shape (m,)."""
     count = int(corner.max(initial=0)) + 1
     start, end = corner[:, [0, 1]].ravel(), corner[:, [1, 2]].ravel()
     graph = coo_matrix((np.ones(len(start), dtype=np.int8), (start, end)), shape=(count, count))
@@ -124,9 +124,9 @@ def pieces_of(mesh: Mesh) -> list[Mesh]:
 
 
 def own_shells(mesh: Mesh) -> list[Mesh]:
-    """Pieces that share no vertex with others, have no border and no face in common with another one, and the rest.
+    """Pieces that share no vertex with others, have no border and no face in common with another piece, and the rest.
 
-    Sewn together by position, two such shells that touch along edges could not be told apart again.
+    If sewn together by position, two such shells that touch along edges could not be separated again.
     """
     piece = index_components(mesh)
     place = welded(mesh.vertices)[mesh.faces]
@@ -138,7 +138,7 @@ def own_shells(mesh: Mesh) -> list[Mesh]:
 
 
 def uneven(faces: NDArray[np.int32]) -> NDArray[np.bool_]:
-    """Faces with an edge that is not passed once in each direction, shape (m,)."""
+    """Mask of the faces with an edge that is not used exactly once in each direction, shape (m,)."""
     start, end = faces.astype(np.int64), np.roll(faces, -1, axis=1).astype(np.int64)
     key = np.minimum(start, end) * (1 << 31) + np.maximum(start, end)
     _, number, count = np.unique(key, return_inverse=True, return_counts=True)
@@ -148,7 +148,7 @@ def uneven(faces: NDArray[np.int32]) -> NDArray[np.bool_]:
 
 
 def is_soup(mesh: Mesh) -> bool:
-    """Whether a surface is in so many bits that none of them shows its shape."""
+    """Return whether a surface consists of so many fragments that none of them shows its shape."""
     area = np.bincount(components(mesh), weights=mesh.face_areas)
     return int((area > 0.0).sum()) > BITS and float(area.max()) < BIT * float(area.sum())
 
@@ -156,8 +156,8 @@ def is_soup(mesh: Mesh) -> bool:
 def outward(mesh: Mesh) -> Mesh:
     """The mesh with each closed piece wound outwards.
 
-    A piece inside another one that is wound the other way round is a hollow of it, and stays the other way round. The
-    open pieces are turned together if they enclose a negative volume.
+    A piece inside another one with the opposite orientation is a hollow of it, and keeps its orientation. The open
+    pieces are reversed together if they enclose a negative volume.
     """
     piece, is_open = numbered_pieces(mesh)
     volume = np.bincount(piece, weights=cone_volumes(mesh.vertices, mesh.faces), minlength=len(is_open))
@@ -172,8 +172,8 @@ def outward(mesh: Mesh) -> Mesh:
 
 
 def inside_out_shells(shells: list[Mesh]) -> NDArray[np.bool_]:
-    """Which closed pieces have to be turned, shape (n,): those that lie in no other one and are wound inwards, and with
-    each of them all that lies in it."""
+    """Mask of the closed pieces that have to be reversed, shape (n,): those that lie in no other piece and are wound
+    inwards, together with all pieces inside them."""
     volume = np.array([signed_volume(shell.vertices, shell.faces) for shell in shells])
     turned = np.zeros(len(shells), dtype=bool)
     larger: list[int] = []
@@ -185,7 +185,7 @@ def inside_out_shells(shells: list[Mesh]) -> NDArray[np.bool_]:
 
 
 def _contains(outer: Mesh, inner: Mesh) -> bool:
-    """Whether all vertices of one closed piece lie inside another one."""
+    """Return whether all vertices of one closed piece lie inside another one."""
     low, high = outer.bounds
     if not ((inner.bounds[0] >= low).all() and (inner.bounds[1] <= high).all()):
         return False
@@ -195,9 +195,9 @@ def _contains(outer: Mesh, inner: Mesh) -> bool:
 
 
 def numbered_pieces(mesh: Mesh) -> tuple[IntArray, NDArray[np.bool_]]:
-    """Number of the connected piece of each face, 0, 1, 2 ..., shape (m,), and which pieces are open, shape (pieces,).
+    """Index of the connected piece of each face, 0, 1, 2 ..., shape (m,), and the mask of open pieces, shape (pieces,).
 
-    Connected by vertex index where all pieces are closed that way, as this tells touching shells apart; else by place.
+    Connected by vertex index if all pieces are closed that way, which separates touching shells; otherwise by position.
     """
     own = components(mesh) if uneven(mesh.faces).any() else index_components(mesh)
     piece = np.unique(own, return_inverse=True)[1].reshape(-1).astype(np.int64)

@@ -1,7 +1,7 @@
 """Boxes, spheres, cylinders and capsules: exact signed distance and a surface mesh with vertices at the extremes.
 
-All are centred on the origin, axes along local z, metres. Signed distances are exact outside and inside, negative
-inside.
+All are centred on the origin, with axes along local z, in metres. Signed distances are exact outside and inside,
+negative inside.
 """
 
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ class Primitive(Protocol):
 
     @property
     def volume(self) -> float:
-        """[m^3]."""
+        """Volume [m^3]."""
 
     @property
     def inertia_per_mass(self) -> Array:
@@ -53,12 +53,12 @@ class Box:
 
     @property
     def volume(self) -> float:
-        """[m^3]."""
+        """Volume [m^3]."""
         return float(np.prod(self.size))
 
     @property
     def inertia_per_mass(self) -> Array:
-        """(b^2 + c^2) / 12 and cyclic [m^2]."""
+        """Inertia per mass, (b^2 + c^2) / 12 and cyclic [m^2]."""
         squares = self.size**2
         return np.asarray((squares.sum() - squares) / 12.0)
 
@@ -69,7 +69,7 @@ class Box:
         return np.asarray(outside + np.minimum(excess.max(axis=-1), 0.0))
 
     def surface(self, edge: float) -> Mesh:
-        """Six regular grids of triangles."""
+        """Surface of six regular grids of triangles."""
         counts = np.clip(np.ceil(self.size / edge).astype(int), 1, 160)
         return self.surface_on([h * np.linspace(-1, 1, n + 1) for h, n in zip(self.half_extents, counts, strict=True)])
 
@@ -88,7 +88,7 @@ class Box:
                 vertices.append(points)
                 faces.append((quads if sign > 0 else quads[:, ::-1]) + offset)
                 offset += len(points)
-        import trimesh  # a quarter of a second, for which nobody waits whose results are cached
+        import trimesh  # takes a quarter of a second, which cached results need not wait for
 
         merged = trimesh.Trimesh(np.concatenate(vertices), np.concatenate(faces), process=True)
         return Mesh.of(merged.vertices, merged.faces)
@@ -108,12 +108,12 @@ class Capsule:
 
     @property
     def volume(self) -> float:
-        """[m^3]."""
+        """Volume [m^3]."""
         return float(np.pi * self.radius**2 * (self.length + 4.0 / 3.0 * self.radius))
 
     @property
     def inertia_per_mass(self) -> Array:
-        """Cylinder and two half spheres moved by Steiner's theorem [m^2]."""
+        """Inertia per mass of a cylinder and two half spheres moved by Steiner's theorem [m^2]."""
         r, h = self.radius, self.length
         cylinder, caps = np.pi * r**2 * h, 4.0 / 3.0 * np.pi * r**3
         axial = cylinder * r**2 / 2.0 + caps * 0.4 * r**2
@@ -126,7 +126,7 @@ class Capsule:
         return np.asarray(np.hypot(np.hypot(points[..., 0], points[..., 1]), points[..., 2] - on_axis) - self.radius)
 
     def surface(self, edge: float) -> Mesh:
-        """A subdivided octahedron, its halves pulled apart by the straight part."""
+        """Surface of a subdivided octahedron, with its halves separated by the straight part."""
         rounds = int(np.clip(np.ceil(np.log2(np.sqrt(2.0) * self.radius / edge)), 2, 6))
         ball = octahedral_sphere(rounds)
         points = ball.vertices * self.radius
@@ -149,12 +149,12 @@ class Cylinder:
 
     @property
     def volume(self) -> float:
-        """[m^3]."""
+        """Volume [m^3]."""
         return float(np.pi * self.radius**2 * self.height)
 
     @property
     def inertia_per_mass(self) -> Array:
-        """[m^2]."""
+        """Inertia per mass [m^2]."""
         across = self.radius**2 / 4.0 + self.height**2 / 12.0
         return np.array([across, across, self.radius**2 / 2.0])
 
@@ -166,7 +166,7 @@ class Cylinder:
         return np.asarray(outside + np.minimum(np.maximum(radial, axial), 0.0))
 
     def surface(self, edge: float) -> Mesh:
-        """Side rings and concentric rings on the ends."""
+        """Surface of side rings, and concentric rings on the ends."""
         count = 4 * int(np.clip(np.ceil(0.5 * np.pi * self.radius / edge), 4, 60))
         rings = int(np.clip(np.ceil(self.radius / edge), 1, 60))
         levels = int(np.clip(np.ceil(self.height / edge), 1, 160))
@@ -181,8 +181,8 @@ class Cylinder:
 
 
 def octahedral_sphere(rounds: int) -> "trimesh.Trimesh":
-    """Unit sphere from an octahedron: always has the six axis points as vertices."""
-    import trimesh  # a quarter of a second, for which nobody waits whose results are cached
+    """Unit sphere from an octahedron, which always has the six axis points as vertices."""
+    import trimesh  # takes a quarter of a second, which cached results need not wait for
 
     ball = trimesh.Trimesh(
         [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]],
@@ -196,7 +196,7 @@ def octahedral_sphere(rounds: int) -> "trimesh.Trimesh":
 
 
 def _stretched(ball: "trimesh.Trimesh", points: Array, length: float, edge: float) -> Mesh:
-    """Cut a ball at its equator and insert the straight part."""
+    """A ball cut at its equator, with the straight part inserted."""
     levels = max(1, int(np.ceil(length / edge)))
     upper = points[:, 2] >= -1e-9
     faces = np.asarray(ball.faces)
@@ -214,7 +214,7 @@ def _stretched(ball: "trimesh.Trimesh", points: Array, length: float, edge: floa
         side += [np.stack([a, b, b + count], 1), np.stack([a, b + count, a + count], 1)]
     pieces = [(points + lift, top), (points - lift, bottom), (np.concatenate(rings), np.concatenate(side))]
     joined = Mesh.concatenate([Mesh.of(v, f) for v, f in pieces])
-    import trimesh  # a quarter of a second, for which nobody waits whose results are cached
+    import trimesh  # takes a quarter of a second, which cached results need not wait for
 
     merged = trimesh.Trimesh(joined.vertices, joined.faces, process=True)  # welds the rings, drops unused vertices
     return Mesh.of(merged.vertices, merged.faces)

@@ -1,1 +1,1 @@
-"""Where an object can be set down, and how it can stand there."""
+"""Places where an object can be set down, and poses in which it can stand there."""

@@ -1,8 +1,8 @@
 """Words such as "left edge" or "next to the pillow" as areas of a horizontal surface.
 
 In: the frame of a part (its box, and the side from which a viewer looks at the furniture's front) and region names.
-Out: areas with a point to aim at, best first. Left and right are the viewer's, front is the viewer's side, back and
-head are the far side.
+Out: areas with an aim, best first. Left and right are the viewer's, front is the viewer's side, back and head are the
+far side.
 """
 
 from collections.abc import Sequence
@@ -27,15 +27,15 @@ CENTER = 0.35
 EDGE = 0.35
 """Depth of an edge area over the part's half extent [-]."""
 BRINK = 0.02
-"""Free rim left between the object and the edge that it is put near [m]."""
+"""Free rim left between the object and the edge near which it is put [m]."""
 END = 0.3
-"""Head and foot begin this far from the middle, over the half extent [-]."""
+"""Distance of the beginning of head and foot from the middle, over the half extent [-]."""
 BESIDE = {"near": 0.5, "next_to": 0.15, "between": 0.0, "under": 0.0}
-"""How far from the reference's box a place next to it ends, plus the object's radius [m]."""
+"""Distance from the reference's box at which a place next to it ends, in addition to the object's radius [m]."""
 OFF = frozenset({"near", "next_to"})
 """Relations in which a thing is next to another and not over or under it."""
 VIEWER = 0.03
-"""Of places all around a thing that on the viewer's side is taken: the aim lies this far towards him [m]."""
+"""Shift of the aim towards the viewer [m], which selects the viewer's side among places all around a thing."""
 SIDES = {"left": (-1, 0), "right": (1, 0), "front": (0, 1), "back": (0, -1), "head": (0, -1), "foot": (0, 1)}
 """Directions (right, front)."""
 
@@ -67,16 +67,16 @@ class ViewerFrame:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Region:
-    """An area and where in it to aim."""
+    """An area and its aim."""
 
     polygon: Array
     """World xy [m], convex, counter-clockwise, shape (k, 2)."""
     target: Array
     """World xy [m], shape (2,)."""
     name: str = ""
-    """Its words, where it is only one of what was asked for; else empty."""
+    """The words of the area, if it is one of several requested areas; else empty."""
     excluded: tuple[Array, ...] = ()
-    """Convex areas of it in which the object's origin may not be: world xy [m], shape (k, 2) each."""
+    """Convex parts of the area that exclude the object's origin: world xy [m], shape (k, 2) each."""
 
 
 def viewer_frame(box: OrientedBox, front: Array | None, room_center: Array) -> ViewerFrame:
@@ -95,12 +95,12 @@ def regions(
     footprint: Array | None = None,
     farther: float = 0.0,
 ) -> list[Region]:
-    """Areas for the names, best first; the whole part where nothing is asked.
+    """Areas for the names, best first; the whole part if there are no names.
 
-    `reach`: half extents of the object along the frame's right and front [m], shape (2,).
-    `view`: whose left and front are meant next to references; the part's unless given.
-    `footprint`: corners of the object's outline from its origin [m], shape (k, 2): near and next to things it stays off
-    them then, neither over nor under them. `farther`: at least so far a place next to things reaches [m].
+    `reach`: half extents of the object along the frame's right and front [m], shape (2,). `view`: the frame that
+    defines left and front next to references; by default the part's. `footprint`: corners of the object's outline
+    relative to its origin [m], shape (k, 2); with it, places near and next to things are neither over nor under them.
+    `farther`: least extent of a place next to things [m].
     """
     radius = float(reach.max())
     beside = [n for n in names if n in BESIDE]
@@ -139,7 +139,7 @@ def rectangle(frame: ViewerFrame, low: Sequence[float], high: Sequence[float], t
 
 
 def half_region(frame: ViewerFrame, names: Sequence[str]) -> Region:
-    """Left half, back half, head, the front left quarter ..."""
+    """The area of the left half, back half, head, front left quarter ..."""
     low, high = np.array([-1.0, -1.0]), np.array([1.0, 1.0])
     target = np.zeros(2)
     for name in names:
@@ -153,20 +153,20 @@ def half_region(frame: ViewerFrame, names: Sequence[str]) -> Region:
         else:
             high[axis] = min(high[axis], -bound)
         target[axis] = sign * (1.0 + bound) / 2.0
-    if (low >= high).any():  # "left" and "right" at once: what is common to both is the middle
+    if (low >= high).any():  # "left" and "right" at once: both share the middle
         return rectangle(frame, (-CENTER, -1.0), (CENTER, 1.0), (0.0, 0.0))
     return rectangle(frame, low.tolist(), high.tolist(), target.tolist())
 
 
 def end_directions(frame: ViewerFrame, directions: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
-    """The asked end, or both ends of the longer axis; a side that is no end of it is meant as that side."""
+    """The requested end, or both ends of the longer axis; a side that is not an end of it counts as that side."""
     if directions:
         return [directions[0]]
     return [(1, 0), (-1, 0)] if frame.half[0] >= frame.half[1] else [(0, 1), (0, -1)]
 
 
 def end_region(frame: ViewerFrame, direction: tuple[int, int]) -> Region:
-    """The outer part of the surface in a direction, beyond what is still its middle."""
+    """The outer part of the surface in a direction, beyond its middle."""
     low, high, target = [-1.0, -1.0], [1.0, 1.0], [0.0, 0.0]
     axis = 0 if direction[0] else 1
     target[axis] = direction[axis] * 0.5 * (1.0 + CENTER)
@@ -175,13 +175,13 @@ def end_region(frame: ViewerFrame, direction: tuple[int, int]) -> Region:
 
 
 def opposite(sides: Sequence[str]) -> bool:
-    """Whether two of the sides lie across from each other: no place is on both, so either is meant."""
+    """Return whether two of the sides are opposite: no place is on both, so either is meant."""
     directions = {SIDES[n] for n in sides}
     return any((-right, -front) in directions for right, front in directions)
 
 
 def corner_directions(directions: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
-    """The asked corner, or all that fit, those at the viewer's side first."""
+    """The requested corner, or all that fit, those at the viewer's side first."""
     right = {d[0] for d in directions if d[0]} or {1, -1}
     front = {d[1] for d in directions if d[1]} or {1, -1}
     corners = [(1, 1), (-1, 1), (1, -1), (-1, -1)]
@@ -191,7 +191,7 @@ def corner_directions(directions: Sequence[tuple[int, int]]) -> list[tuple[int, 
 def corner_at(
     frame: ViewerFrame, view: ViewerFrame, names: Sequence[str], references: Sequence[OrientedBox]
 ) -> tuple[int, int]:
-    """The corner nearest to one of these, of those on the side of it that is named."""
+    """The corner nearest to one of the references, among those on its named side."""
     middle = np.mean([box.center[:2] for box in references], axis=0)
     ways = [SIDES[n][0] * view.right + SIDES[n][1] * view.front for n in names if n in SIDES]
 
@@ -203,7 +203,7 @@ def corner_at(
 
 
 def gap_to(point: Array, references: Sequence[OrientedBox]) -> float:
-    """Horizontal distance of a point (2,) from the nearest of these [m]."""
+    """Horizontal distance of a point (2,) from the nearest reference [m]."""
     return min(float(horizontal_gaps(point[None], box)[0]) for box in references)
 
 
@@ -216,7 +216,7 @@ def horizontal_gaps(points: Array, box: OrientedBox) -> Array:
 def edge_directions(
     frame: ViewerFrame, directions: Sequence[tuple[int, int]], references: Sequence[OrientedBox] = ()
 ) -> list[tuple[int, int]]:
-    """The asked edge, the one that looks at the references, or all four, the viewer's first, then the longer ones."""
+    """The requested edge, the edge that faces the references, or all four, the viewer's first, then the longer ones."""
     if directions:
         return [(sum(d[0] for d in directions), sum(d[1] for d in directions))]
     if references:
@@ -227,7 +227,7 @@ def edge_directions(
 
 
 def edge_at(frame: ViewerFrame, references: Sequence[OrientedBox]) -> tuple[int, int]:
-    """The edge that comes nearest to one of these, seen from above; of two that meet in a corner the one that looks at
+    """The edge nearest to one of the references, seen from above; of two that meet in a corner the one that faces
     it."""
     sides, along = ((1, 0), (-1, 0), (0, 1), (0, -1)), np.linspace(-1.0, 1.0, 33)[:, None]
 
@@ -240,7 +240,7 @@ def edge_at(frame: ViewerFrame, references: Sequence[OrientedBox]) -> tuple[int,
 
 
 def strip(frame: ViewerFrame, direction: tuple[int, int], reach: Array) -> Region:
-    """The outer strip on one side, or the outer corner on two."""
+    """The outer strip on one side, or the outer corner of two sides."""
     low, high, target = [-1.0, -1.0], [1.0, 1.0], [0.0, 0.0]
     for axis in (0, 1):
         half = max(float(frame.half[axis]), 1e-9)
@@ -262,7 +262,7 @@ def beside_region(
     radius: float,
     farther: float = 0.0,
 ) -> Region | None:
-    """Near, next to, between or under other things, cut to the part; None if that leaves nothing."""
+    """The area near, next to, between or under other things, cut to the part; None if nothing remains."""
     polygon, target = beside_area(view, relation, names, references, radius, farther)
     polygon = clipped(polygon, outline(frame))
     return Region(polygon, closest_inside(frame, target)) if len(polygon) >= 3 else None
@@ -275,10 +275,10 @@ def distance_beside(
     reach: Array,
     view: ViewerFrame | None = None,
 ) -> float:
-    """How far a place next to other things lies from the part, where `regions` finds none on it [m]."""
+    """Distance from the part of a place next to other things, if `regions` finds none on the part [m]."""
     relation = next(n for n in names if n in BESIDE)
     polygon, _ = beside_area(view or frame, relation, names, references, float(reach.max()))
-    # both left and right of a thing is nowhere: then the thing itself
+    # no place is both left and right of a thing: use the thing itself
     ring = polygon if len(polygon) else np.concatenate([box.corners[:4, :2] for box in references])
     return gap_between(ring, outline(frame))
 
@@ -313,8 +313,8 @@ def beside_area(
 def off_them(
     area: Region, view: ViewerFrame, names: Sequence[str], references: Sequence[OrientedBox], footprint: Array
 ) -> Region:
-    """The area without the places where the object would be over or under the references; of "in front of" and the like
-    what lies beyond the face on that side."""
+    """The area without the places where the object would be over or under the references; for "in front of" and the
+    like, the part beyond the face on that side."""
     rings = [box.corners[:4, :2] for box in references]
     polygon = area.polygon
     middle = np.mean([box.center[:2] for box in references], axis=0)
@@ -333,7 +333,7 @@ def outline(frame: ViewerFrame) -> Array:
 
 
 def both(areas: Sequence[Region]) -> list[Region]:
-    """Intersection of all areas, aimed at in its middle; nothing where they do not overlap."""
+    """Intersection of all areas, aimed at its middle; empty if they do not overlap."""
     polygon = areas[0].polygon if areas else np.zeros((0, 2))
     for area in areas[1:]:
         polygon = clipped(polygon, area.polygon)
@@ -341,5 +341,5 @@ def both(areas: Sequence[Region]) -> list[Region]:
 
 
 def closest_inside(frame: ViewerFrame, point: Array) -> Array:
-    """The point moved on to the part's rectangle [m], shape (2,)."""
+    """The point moved onto the part's rectangle [m], shape (2,)."""
     return frame.world(np.clip(frame.local(point), -1.0, 1.0))

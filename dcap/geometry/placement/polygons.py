@@ -1,7 +1,7 @@
-"""Convex polygons in the plane, as arrays of their corners; the geometry is shapely's.
+"""Convex polygons in the plane, as arrays of their corners; the geometry is computed by shapely.
 
-In and out: rings of corners (k, 2) [m], counter-clockwise, the first corner not repeated. Rings that are built here
-begin at their leftmost corner (of several the lowest), so that equal polygons have equal arrays.
+In and out: rings of corners (k, 2) [m], counter-clockwise, the first corner not repeated. Rings built here begin at
+their leftmost corner (the lowest of several), so that equal polygons have equal arrays.
 """
 
 from collections.abc import Sequence
@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from dcap.arrays import Array
 
 DIGITS = 9
-"""Corners nearer than a nanometre are one: rounding must not make corners of its own [decimals of a metre]."""
+"""Corners nearer than a nanometre are the same, so that rounding creates no corners [decimals of a metre]."""
 LEAST_RADIUS = 1e-3
-"""Discs are at least this large [m], so that their hull has an area."""
+"""Least radius of discs [m], so that their hull has an area."""
 QUARTER = 4
 """Corners of a disc per quarter of a turn [-]."""
 SAME_AREA = 1e-6
@@ -28,7 +28,7 @@ def counter_clockwise(polygon: Array) -> Array:
 
 
 def ring_of(shape: shapely.Geometry) -> Array:
-    """The corners of a polygon without holes, shape (k, 2); none of what has no area."""
+    """The corners of a polygon without holes, shape (k, 2); empty for a shape without area."""
     if shape.geom_type != "Polygon" or shape.is_empty:
         return np.zeros((0, 2))
     # a normalised ring is closed, clockwise and begins at its leftmost corner
@@ -47,12 +47,13 @@ def grown(points: Array, distance: float) -> Array:
 
 
 def swept(ring: Array, footprint: Array) -> Array:
-    """Where the origin of a footprint (k, 2) may not be if it shall stay off a convex ring (n, 2), shape (m, 2)."""
+    """Region (m, 2) that the origin of a footprint (k, 2) must avoid for the footprint to stay off a convex ring (n,
+    2)."""
     return convex_hull((ring[:, None] - footprint[None]).reshape(-1, 2))
 
 
 def area_without(polygon: Array, holes: Sequence[Array]) -> float:
-    """Area of a polygon less what other polygons cover of it [m^2]."""
+    """Area of a polygon minus the parts covered by other polygons [m^2]."""
     rings = [shapely.Polygon(one) for one in holes if len(one) >= 3]
     return float(shapely.area(shapely.difference(shapely.Polygon(polygon), shapely.union_all(rings))))
 
@@ -74,12 +75,12 @@ def clipped_half_plane(polygon: Array, point: Array, outward: Array) -> Array:
 
 
 def gap_between(a: Array, b: Array) -> float:
-    """Smallest distance between the rims of two polygons [m]."""
+    """Smallest distance between the boundaries of two polygons [m]."""
     return float(shapely.distance(shapely.linearrings(a), shapely.linearrings(b)))
 
 
 def inside(polygon: Array, points: Array, *, margin: float = 1e-9) -> NDArray[np.bool_]:
-    """Which points (n, 2) lie in a convex polygon or within `margin` [m] of its rim, shape (n,)."""
+    """Mask of the points (n, 2) in a convex polygon or within `margin` [m] of its boundary, shape (n,)."""
     area = shapely.buffer(shapely.Polygon(polygon), margin, join_style="mitre")
     shapely.prepare(area)
     return np.asarray(shapely.contains_xy(area, points))
@@ -88,8 +89,8 @@ def inside(polygon: Array, points: Array, *, margin: float = 1e-9) -> NDArray[np
 def smallest_rectangle(points: Array) -> tuple[Array, Array]:
     """Long axis as a unit vector and extents, longer first [m], of the rectangle of least area about points (n, 2).
 
-    It shares a direction with an edge of the hull (Freeman and Shapira 1975); of equally small ones, as round things
-    have them, the one along the hull's first such edge is taken, whatever the last digits say.
+    It shares a direction with an edge of the hull (Freeman and Shapira 1975); among equally small rectangles, as for
+    round things, the one along the hull's first such edge is taken, independently of the last digits.
     """
     ring = convex_hull(points)
     if len(ring) < 3:
@@ -100,14 +101,14 @@ def smallest_rectangle(points: Array) -> tuple[Array, Array]:
     extents = np.stack([np.ptp(along @ ring.T, axis=1), np.ptp(across @ ring.T, axis=1)], axis=1)
     area = extents.prod(axis=1)
     first = int(np.argmax(area <= (1.0 + SAME_AREA) * area.min()))
-    # of a square the two are equal but for rounding
+    # for a square the two are equal up to rounding
     is_longer = extents[first, 0] >= (1.0 - SAME_AREA) * extents[first, 1]
     longer = along[first] if is_longer else across[first]
     return longer, np.sort(extents[first])[::-1]
 
 
 def _axis_of_line(points: Array) -> tuple[Array, Array]:
-    """The same of points on a line, or on one spot."""
+    """The same for points on a line, or at a single spot."""
     ends = shapely.get_coordinates(shapely.convex_hull(shapely.multipoints(np.round(points, DIGITS))))
     way = ends[-1] - ends[0]
     length = float(np.linalg.norm(way))

@@ -1,11 +1,11 @@
-"""How a thing comes to rest on a plane, how it is symmetric, and where its front is.
+"""Stable poses of a thing on a plane, its symmetry, and the direction of its front.
 
 In: a mesh. Out: stable poses of its convex hull with the share of directions that lead to each, the order of its
 rotational symmetry about z, and the horizontal direction of its front. Everything is deterministic.
 
 A face of the hull is stable if the centre of mass lies above it. From an unstable face the body tips over the edge
-that the centre's projection lies beyond the farthest, on to the neighbour behind it; the solid angles of such faces
-count for the face where the tipping ends [G94].
+beyond which the centre's projection lies farthest, onto the neighbour behind it; the solid angles of such faces count
+for the face where the tipping ends [G94].
 
 [G94] Goldberg, Mirtich, Zhuang, Craig, Carlisle, Canny: Part pose statistics, 1999 (quasi-static estimate).
 """
@@ -22,38 +22,39 @@ from dcap.scene.errors import GeometryError
 from dcap.scene.types.mesh import Mesh
 
 MERGE_ANGLE = np.radians(8.0)
-"""Stable faces closer than this are one pose [rad]: the foot of a scanned mug is many faces."""
+"""Stable faces closer than this are the same pose [rad]: the foot of a scanned mug has many faces."""
 MOST_POSES = 24
-"""More poses than that are those of a ball or a pebble, where one is as good as another [-]."""
+"""Maximum number of poses; a mesh with more is a ball or a pebble, for which any pose is as good as another [-]."""
 LEAST_SHARE = 0.004
 """Poses with less than this share of all directions are left out [-]."""
 LEAST_FILLED = 1e-3
-"""A closed mesh that encloses less of its box than this is a sheet with two sides [-]."""
+"""Share of its box below which the volume of a closed mesh makes it a sheet with two sides [-]."""
 SHEET = 1e-4
 """Half thickness given to a flat mesh over its largest extent [-]."""
 SYMMETRY_SAMPLES = 4000
 SYMMETRY_TOLERANCE = 0.025
-"""Mean distance between surface and turned surface over the radius that counts as equal [-]; scans have 0.01."""
+"""Largest mean distance between surface and turned surface, over the radius, that counts as equal [-]; scans have
+0.01."""
 DEFAULT_FRONT = np.array([0.0, -1.0, 0.0])
 USUAL_FRONTS = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
-"""Where files that are long in x or y have their front."""
+"""Usual directions of the front in files that are long in x or y."""
 OBLONG = 1.15
-"""A thing longer than this times its width has a long side [-]."""
+"""Least ratio of length to width of a thing with a long side [-]."""
 FRONTS = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 BEYOND = 0.1
-"""One half must reach beyond the other by this share of the larger horizontal extent to mean a front [-]."""
+"""Least share of the larger horizontal extent by which one half must reach beyond the other to indicate a front [-]."""
 FRONT_REACH = 0.06
-"""Least distance between the halves' middles that means a front, over the larger horizontal extent [-]."""
+"""Least distance between the halves' middles that indicates a front, over the larger horizontal extent [-]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class StablePose:
-    """One way to rest on a horizontal plane."""
+    """A pose of rest on a horizontal plane."""
 
     rotation: Array
     """From the mesh frame to the world: turns the resting face down by the smallest angle, shape (3, 3)."""
     probability: float
-    """Share of all directions from which it comes to rest like that [-]."""
+    """Share of all directions from which it comes to rest in this pose [-]."""
     down: Array
     """Outward normal of the resting face in the mesh frame, shape (3,)."""
     height: float
@@ -68,7 +69,7 @@ def center_of_mass(mesh: Mesh) -> Array:
     corner = mesh.triangles - origin
     box = float(np.prod(np.ptp(mesh.bounds, axis=0)))
     if is_closed(mesh) and signed_volume(mesh.vertices, mesh.faces) > LEAST_FILLED * box:
-        import trimesh  # a quarter of a second, for which nobody waits whose results are cached
+        import trimesh  # takes a quarter of a second, which cached results need not wait for
 
         return np.asarray(origin + trimesh.triangles.mass_properties(corner, skip_inertia=True).center_mass)
     area = mesh.face_areas
@@ -93,7 +94,7 @@ def stable_poses(mesh: Mesh, *, most: int = MOST_POSES, least: float = LEAST_SHA
 
 
 def with_thickness(points: Array) -> Array:
-    """The points, or, if they lie in a plane, the points moved to both sides of it by a little [m], shape (n, 3)."""
+    """The points, or, if they lie in a plane, the points shifted slightly to both sides of it [m], shape (n, 3)."""
     _, extents, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
     if extents[2] > 1e-6 * extents[0]:
         return points
@@ -102,10 +103,10 @@ def with_thickness(points: Array) -> Array:
 
 
 def ends_of_tipping(normal: Array, offset: Array, corners: Array, neighbors: NDArray[np.int32]) -> NDArray[np.int64]:
-    """For each face the one where the body comes to rest, shape (m,)."""
+    """The face on which the body comes to rest, for each face, shape (m,)."""
     count = len(normal)
     following = np.arange(count)
-    foot = offset[:, None] * normal  # projection of the centre of mass (the origin) on to each face's plane
+    foot = offset[:, None] * normal  # projection of the centre of mass (the origin) onto each face's plane
     beyond = np.full((count, 3), -np.inf)
     for k in range(3):  # neighbour k lies across the edge opposite to corner k
         a, b, c = corners[:, (k + 1) % 3], corners[:, (k + 2) % 3], corners[:, k]
@@ -117,7 +118,7 @@ def ends_of_tipping(normal: Array, offset: Array, corners: Array, neighbors: NDA
     worst = np.argmax(beyond, axis=1)
     unstable = beyond[np.arange(count), worst] > 1e-9 * max(float(offset.max()), 1e-30)
     across = neighbors[np.arange(count), worst].astype(np.int64)
-    # tipping lowers the centre, or stays level on the way to another triangle of the same side
+    # tipping lowers the centre, or keeps its height between triangles of the same side
     lower = offset[across] < offset + 1e-9 * max(float(offset.max()), 1e-30)
     following[unstable & lower] = across[unstable & lower]
     for _ in range(count.bit_length() + 1):
@@ -135,9 +136,9 @@ def solid_angles(corners: Array) -> Array:
 
 
 def merged(normal: Array, offset: Array, share: Array, area: Array) -> list[StablePose]:
-    """Neighbouring stable faces as one pose, most probable first."""
+    """Neighbouring stable faces merged into poses, the most probable first."""
     left = np.flatnonzero(share > 0)
-    # equal shares (a box's two triangles per side) are ordered by direction, so that rounding does not choose
+    # equal shares (a box's two triangles per side) are ordered by direction, so that rounding does not decide
     order = left[np.lexsort((*np.round(normal[left], 6).T, -np.round(share[left], 9)))]
     poses: list[StablePose] = []
     taken = np.zeros(len(normal), dtype=bool)
@@ -201,7 +202,7 @@ def symmetry_about_z(mesh: Mesh) -> int:
         distance = tree.query(turned)[0]
         return bool(distance.mean() < limit and np.quantile(distance, 0.99) < 4.0 * limit)
 
-    # 37 and 53 degrees are no multiple of a fraction of a full turn that could be met by chance
+    # 37 and 53 degrees are not multiples of a fraction of a full turn, so a match is not a coincidence
     if same(37.0) and same(53.0):
         return 0
     return next((n for n in (8, 6, 5, 4, 3, 2) if same(360.0 / n)), 1)
@@ -220,13 +221,14 @@ def surface_points(mesh: Mesh, count: int) -> Array:
 
 
 def front_of(mesh: Mesh, side: str = "") -> tuple[Array, bool]:
-    """Horizontal unit vector out of the front in the mesh frame, and whether shape or category say so.
+    """Horizontal unit vector out of the front in the mesh frame, and whether shape or category determine it.
 
-    The front is where the lower half reaches out beyond the upper (a keyboard before its screen, the legs of a sitting
-    bear, the seat before a backrest); else where the upper half overhangs (the head of an animal on four legs); else
-    where the lower half's middle lies before the upper's (the toe of a shoe). Where nothing differs it is -y, which is
-    the front of a glTF file (its +z) after the change to z up. `side` is what the category says: `long`, the front is
-    at an end of the longer side (a car), `short`, in the middle of it (a screen); it decides the axis, not the end.
+    The front is where the lower half reaches out beyond the upper (a keyboard in front of its screen, the legs of a
+    sitting bear, the seat in front of a backrest); else where the upper half overhangs (the head of an animal on four
+    legs); else where the middle of the lower half is in front of that of the upper half (the toe of a shoe). Without
+    any difference it is -y, which is the front of a glTF file (its +z) after the change to z up. `side` is given by the
+    category: `long`, the front is at an end of the longer side (a car), `short`, in the middle of it (a screen); it
+    decides the axis, not the end.
     """
     front, told = shaped_front(mesh)
     size = np.ptp(mesh.bounds, axis=0)[:2]
@@ -237,7 +239,7 @@ def front_of(mesh: Mesh, side: str = "") -> tuple[Array, bool]:
 
 
 def shaped_front(mesh: Mesh) -> tuple[Array, bool]:
-    """The front and whether the shape says so."""
+    """The front, and whether the shape determines it."""
     points = surface_points(mesh, SYMMETRY_SAMPLES)
     low, high = points.min(axis=0), points.max(axis=0)
     upper = points[:, 2] > 0.5 * (low[2] + high[2])
@@ -258,7 +260,8 @@ def shaped_front(mesh: Mesh) -> tuple[Array, bool]:
 
 
 def reaches(lower: Array, upper: Array) -> Array:
-    """How far lower points reach beyond upper ones towards +x, +y, -x, -y [m]; negative: an overhang, shape (4,)."""
+    """Distance by which lower points reach beyond upper ones towards +x, +y, -x, -y [m]; negative: an overhang, shape
+    (4,)."""
     ways = FRONTS[:, :2]
     # the outermost two per cent may be an ear, a lace or scan noise
     return np.asarray(np.quantile(lower @ ways.T, 0.98, axis=0) - np.quantile(upper @ ways.T, 0.98, axis=0))

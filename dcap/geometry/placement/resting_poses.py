@@ -1,19 +1,19 @@
-"""The poses in which a thing can be put down: what may be chosen from, before any turn about the vertical.
+"""The poses in which a thing can be put down, as choices before any turn about the vertical.
 
-In: a mesh, how it stands by its shape, and which frame is believed. Out: the pose of the file, its half turns and
-quarter turns, the same of the pose in which the shape stands where that is another (a file that is lying or
-overturned), and the stable poses of the convex hull. Each has up and front of the frame that it is turned from.
+In: a mesh, its standing pose by shape, and the frame to be trusted. Out: the pose of the file, its half turns and
+quarter turns; the same for the pose in which the shape stands, if that differs (a lying or overturned file); and the
+stable poses of the convex hull. Each has up and front of the frame from which it is turned.
 
-Axes by which a shape lies or stands on end, told by its extents alone.
+Axes by which a shape lies or stands on end, determined by its extents alone.
 
-In: a mesh. Out: the axes of the box about it, its thinnest side first looked for, and the axis by which one tells
-whether it stands on end, lies, or has no end to stand on.
+In: a mesh. Out: the axes of its box, found from its thinnest side, and the axis that decides whether it stands on end,
+lies, or has no end to stand on.
 
-Whether a figure sits by its shape: on its body, or stands on legs.
+Decides from its shape whether a figure sits on its body or stands on legs.
 
-In: a mesh and its own up. Out: whether it has legs, that is, more air than body right under its centre of mass; and
-whether it sits: has none under it, and that centre nearer to its bottom than to its top, since legs are lighter than
-what they carry.
+In: a mesh and its upward axis. Out: whether it has legs, that is, more air than body right under its centre of mass;
+and whether it sits: it has none under it, and the centre is nearer to its bottom than to its top, since legs are
+lighter than the body that they carry.
 """
 
 from dataclasses import dataclass
@@ -32,38 +32,39 @@ from dcap.scene.types.mesh import Mesh
 FLIPS = {"x": (1.0, -1.0, -1.0), "y": (-1.0, 1.0, -1.0), "z": (-1.0, -1.0, 1.0)}
 """Diagonals of the half turns."""
 LOW = 0.75
-"""An extent shorter than this times the next longer one is clearly the shorter [-]."""
+"""Ratio of an extent to the next longer one below which it is clearly shorter [-]."""
 BLOCK = 256
-"""Directions that are measured at once: a scan's hull has thousands [-]."""
+"""Number of directions measured at once: a scan's hull has thousands [-]."""
 LOOKS = 9
-"""Looks from below along each side of a square about the centre of mass [-]."""
+"""Number of rays from below along each side of a square about the centre of mass [-]."""
 ABOUT = 0.1
-"""Half of that square's side over the larger horizontal extent [-]: a crease or a tail between them is passed by."""
+"""Half the side of that square over the larger horizontal extent [-]: rays pass a crease or a tail between the legs."""
 MOST = 0.5
-"""Share of the height of the centre of mass, and of that of the thing: of air below the centre, and of the centre [-].
-Half is where there is as much air as body, and as much above as below."""
+"""Share of air below the centre of mass over its height, and height of the centre over that of the thing [-]. At one
+half there is as much air as body, and as much above as below."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RestingPose:
-    """One way to put a thing down."""
+    """A pose in which a thing can be put down."""
 
     id: str
-    """upright (as in the file), flip_x, on_left_side ..., righted (as its shape says), righted_flip_x ..., stable_0"""
+    """upright (as in the file), flip_x, on_left_side ..., righted (according to its shape), righted_flip_x ...,
+    stable_0"""
     rotation: Array
     """From the mesh frame to the world, shape (3, 3)."""
     probability: float
-    """Share of directions from which it comes to rest like that [-]; 0 where it is no stable pose."""
+    """Share of directions from which it comes to rest in this pose [-]; 0 if it is not stable."""
     up: Array
-    """Where its own up points in the world, shape (3,)."""
+    """World direction of its upward axis, shape (3,)."""
     front: Array
-    """Where its front points in the world, shape (3,)."""
+    """World direction of its front, shape (3,)."""
     size: Array
     """Extents along world x, y, z [m], shape (3,)."""
 
 
 def resting_poses(mesh: Mesh, own: Array, believed: Array, side: str) -> tuple[RestingPose, ...]:
-    """All poses, that of the file first.
+    """All poses, with that of the file first.
 
     Args:
         mesh: the thing at its scale.
@@ -107,8 +108,8 @@ def turns_of(frame: str, front: Array) -> dict[str, Array]:
 def own_box(mesh: Mesh) -> tuple[Array, Array]:
     """Axes as rows (3, 3), unit, and extents (3,) [m] of the box about a mesh, the longest first.
 
-    Its thinnest side lies on a face of the hull, the others are those of the smallest rectangle about what is seen
-    along it. Flat and straight meshes have boxes too.
+    Its thinnest side lies on a face of the hull, the others are those of the smallest rectangle about the view along
+    that side. Flat and straight meshes have boxes too.
     """
     points = np.unique(mesh.vertices[np.unique(mesh.faces)], axis=0)
     thin = thinnest(points)
@@ -137,11 +138,11 @@ def thinnest(points: Array) -> Array:
 
 
 def end_axis(mesh: Mesh, *, on_edge: bool) -> tuple[Array, float] | None:
-    """The axis by which one tells whether it stands on end, and its angle from the vertical when it does [rad]; None
-    where the shape has no end.
+    """The axis that decides whether the thing stands on end, and its angle from the vertical in that case [rad]; None
+    if the shape has no end.
 
-    Of something long that is the long axis, which is vertical; of something flat the thin one, which is level. Of what
-    is both, `on_edge` says whether standing on any edge is enough.
+    For a long thing it is the long axis, which is then vertical; for a flat thing the thin one, which is then
+    horizontal. For a thing that is both, `on_edge` says whether standing on any edge is enough.
     """
     axes, size = own_box(mesh)
     flat = (axes[2], 0.5 * np.pi) if size[2] < LOW * size[1] else None
@@ -150,14 +151,15 @@ def end_axis(mesh: Mesh, *, on_edge: bool) -> tuple[Array, float] | None:
 
 
 def sits(mesh: Mesh, up: Array) -> bool:
-    """Whether a mesh with its own up, a unit vector of shape (3,), sits."""
+    """Return whether a mesh with the given upward axis, a unit vector of shape (3,), sits."""
     height = used_vertices(mesh) @ up
     low, middle = float(height.min()), float(center_of_mass(mesh) @ up)
     return middle - low <= MOST * (float(height.max()) - low) and not on_legs(mesh, up)
 
 
 def on_legs(mesh: Mesh, up: Array) -> bool:
-    """Whether a mesh with its own up, a unit vector of shape (3,), has more air than body under its centre of mass."""
+    """Return whether a mesh with the given upward axis, a unit vector of shape (3,), has more air than body under its
+    centre of mass."""
     turn = turn_between(up, np.array([0.0, 0.0, 1.0]))
     points, center = used_vertices(mesh) @ turn.T, turn @ center_of_mass(mesh)
     low, high = points.min(axis=0), points.max(axis=0)

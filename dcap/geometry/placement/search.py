@@ -1,12 +1,12 @@
-"""Where on a surface an object fits, and how high above the surface it must start.
+"""Search for places where an object fits on a surface, and the height above the surface at which it must start.
 
-In: the scene, which of its faces are the support, and the object in its orientation. Out: the spot nearest to a
-wished point where the object's underside is over the support and nothing else is in the way, and how high the object
-is there when it touches.
+In: the scene, the mask of its faces that are the support, and the object in its orientation. Out: the spot nearest to a
+requested point where the object's underside is over the support and nothing else is in the way, and the height of the
+object there at contact.
 
-The object's underside and the scene below it are sampled by vertical rays on one grid, so that overhangs of the
-object (the handle of a mug) may reach over lower neighbours. What is thinner than the grid, or upright, rays may miss:
-a caller who finds it by measuring the meshes adds it (`add`) and asks again.
+The object's underside and the scene below it are sampled by vertical rays on the same grid, so that overhangs of the
+object (the handle of a mug) may reach over lower neighbours. Rays may miss surfaces that are thinner than the grid or
+upright: a caller that finds such a surface by measuring the meshes adds it (`add`) and searches again.
 """
 
 from collections.abc import Iterator
@@ -23,39 +23,40 @@ from dcap.geometry.raycast import Raycaster
 from dcap.scene.types.mesh import Mesh
 
 HEADROOM = 0.012
-"""Free height over the object while a place for it is searched [m]: the clearance and a little slack."""
+"""Free height over the object during the search [m]: the clearance and some slack."""
 STEPPED = 0.015
-"""Neighbours that lift the object by less than this do not count as being in the way [m]: scan noise, seams."""
+"""Largest lift of the object by its neighbours that does not count as an obstruction [m]: scan noise, seams."""
 LOWEST = 0.08
-"""The underside that must be supported: what lies within this share of the height over the lowest point [-]."""
+"""Share of the height over the lowest point within which the underside must be supported [-]."""
 SHARES = (0.97, 0.85, 0.7, 0.5)
-"""Shares of the underside that shall be over the support, best first; with less than half the object tips."""
+"""Shares of the underside that should be over the support, best first; with less than half the object tips."""
 DROP = 0.05
-"""Where the support lies this far below the contact it does not carry [m]: a seat next to its arm, a lid before its
-cistern; scans of soft things are uneven by less."""
+"""Depth of the support below the contact from which it does not carry [m]: a seat next to its arm, a lid in front of
+its cistern; scans of soft things are less uneven."""
 STEADY = float(np.tan(np.radians(4.0)))
-"""A place is steady where the object does not come down more steeply than this, however it is moved a little [-]: no
-crest that it rolls off, no slope that it slides down."""
+"""Largest slope by which the object comes down at a steady place when it is moved slightly in any direction [-]: no
+crest from which it rolls off, no slope down which it slides."""
 MOVED = (0.25, 0.5, 1.0)
-"""How far it is moved to see that, in its larger horizontal extents [-]; much less would measure a scan's noise."""
+"""Distances by which it is moved to test that, in its larger horizontal extents [-]; much less would measure a scan's
+noise."""
 CIRCLE = np.c_[np.cos(np.radians(45.0 * np.arange(8))), np.sin(np.radians(45.0 * np.arange(8)))]
 """Directions all around, shape (8, 2)."""
 CLOSE = 1e-3
-"""Points this near to each other are in contact [m]."""
+"""Largest distance of points in contact [m]."""
 NEARBY = 2.0
-"""How far from the aim a steady place is searched, in the same extents [-]."""
+"""Distance from the aim within which a steady place is searched, in the same extents [-]."""
 SAMPLES = 24
 """Samples along the object's shorter horizontal side [-]."""
 FINEST, COARSEST = 0.003, 0.025
 """Limits of the sampling distance [m]."""
 ROOM_HEIGHT = 3.0
-"""How far up a ray that began inside a door or a wardrobe searches for its top [m]."""
+"""Distance up to which a ray that began inside a door or a wardrobe searches for its top [m]."""
 CRACK = 2
-"""Of the eight samples around one in a crack so many are in one too at most [-]."""
+"""Maximum number of the eight samples around a sample in a crack that are in a crack too [-]."""
 MOST_SAMPLES = 600_000
-"""Rays for one surface; larger ones are sampled more coarsely."""
+"""Maximum number of rays for one surface; larger surfaces are sampled more coarsely."""
 BATCH = 256
-"""Grid points fitted at once."""
+"""Number of grid points fitted at once."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -63,35 +64,35 @@ class HeightField:
     """The scene seen from above the support, on the grid."""
 
     height: Array
-    """Of the first surface [m]; inf inside of something, -inf where nothing is, shape (rows, columns)."""
+    """Height of the first surface [m]; inf inside a thing, -inf where nothing is, shape (rows, columns)."""
     support: NDArray[np.bool_]
-    """Whether that is the support, shape (rows, columns)."""
+    """Whether the first surface is the support, shape (rows, columns)."""
     face: NDArray[np.int64]
-    """Face of the scene that is there, -1 for none, shape (rows, columns)."""
+    """Face of the scene at the first surface, -1 for none, shape (rows, columns)."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class CandidateFits:
-    """How the object would lie at some grid points."""
+    """Fits of the object at some grid points."""
 
     index: NDArray[np.int64]
-    """Row and column, shape (n, 2)."""
+    """Row and column of each grid point, shape (n, 2)."""
     lift: Array
-    """How much what is not the support lifts the object [m], shape (n,)."""
+    """Lift of the object by surfaces other than the support [m], shape (n,)."""
     share: Array
     """Share of the underside over the support [-], shape (n,)."""
     level: Array
-    """Share over the support where that is no further than DROP below the contact [-], shape (n,)."""
+    """Share over the support where it is no further than DROP below the contact [-], shape (n,)."""
     height: Array
-    """Height of the object's origin when it touches [m], shape (n,)."""
+    """Height of the object's origin at contact [m], shape (n,)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Spot:
-    """A place for the object."""
+    """A position for the object."""
 
     x: float
-    """Where the object's origin goes [m]."""
+    """Position of the object's origin [m]."""
     y: float
     share: float
     """Share of the underside over the support [-]."""
@@ -99,23 +100,24 @@ class Spot:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SearchFailure:
-    """Why no spot was found."""
+    """Reason why no spot was found."""
 
     hit: bool
-    """Whether the support has a surface in the region, be it covered or not."""
+    """Whether the support has a surface in the region, covered or not."""
     best_share: float
-    """Largest supported share of the underside without anything in the way [-]."""
+    """Largest supported share of the underside at an unobstructed spot [-]."""
     blocked: float
-    """Share of the aimed-at spots where something is in the way [-]."""
+    """Share of the aimed-at spots that are obstructed [-]."""
     blockers: NDArray[np.int64]
-    """Face of the scene that is most in the way at each such spot, shape (k,)."""
+    """Face of the scene that obstructs most at each such spot, shape (k,)."""
 
 
 class PlacementSearch:
-    """One object over one support: both sampled once, then asked for places."""
+    """An object over a support, both sampled once and searched for places."""
 
     def __init__(self, scene: Mesh, caster: Raycaster, is_support: NDArray[np.bool_], item: Mesh) -> None:
-        """`is_support`: which faces of the scene. `item`: oriented, its origin at what goes over the spot."""
+        """`is_support`: mask of the scene's faces. `item`: oriented, with its origin at the point that goes over the
+        spot."""
         self.caster, self.is_support = caster, is_support
         self.support = scene.submesh(np.flatnonzero(is_support))
         low, high = self.support.bounds
@@ -133,7 +135,7 @@ class PlacementSearch:
         self._known: dict[bytes, tuple[list[CandidateFits], Iterator[NDArray[np.int64]]]] = {}
 
     def _sample_item(self, item: Mesh) -> None:
-        """Height of the underside over the object's origin on the grid."""
+        """Compute the height of the underside over the object's origin on the grid."""
         low = np.floor(item.bounds[0, :2] / self.cell).astype(int)
         high = np.ceil(item.bounds[1, :2] / self.cell).astype(int)
         i, j = (
@@ -162,7 +164,7 @@ class PlacementSearch:
         support = np.zeros(i.size, dtype=bool)
         support[hit] = self.is_support[hits.face[hit]]
         upward = hits.normal[:, 2] >= 0
-        # where the support itself is wound the wrong way round, normals say nothing
+        # if the support itself is wound the wrong way round, normals have no meaning
         if support.any() and upward[support].mean() > 0.8:
             height[hit & (hits.normal[:, 2] < -0.1) | self._inside(start)] = np.inf
             support &= np.isfinite(height)
@@ -171,42 +173,42 @@ class PlacementSearch:
         )
 
     def add(self, points: Array, faces: NDArray[np.int64]) -> None:
-        """Points (n, 3) on faces (n,) of the scene that no ray met: their columns are that high at least.
+        """Add points (n, 3) on faces (n,) of the scene that no ray met: their columns are at least that high.
 
-        Of all that is in one column the highest is kept as its face, and one thing that does not carry blocks it.
+        The highest surface in a column determines its face, and a single surface that does not carry blocks the column.
         """
         index = np.rint((points[:, :2] - self.origin) / self.cell).astype(np.int64)
         known = ((index >= 0) & (index < self.count)).all(axis=1)
         rising = np.flatnonzero(known)[np.argsort(points[known, 2], kind="stable")]
         column, height, face = tuple(index[rising].T), points[rising, 2], faces[rising]
         own = self.is_support[face]
-        # what lies in the support, under its surface, is what is in the way there all the same
+        # a surface inside the support, below its top, is still an obstruction there
         named = (height >= self.surface.height[column]) | (self.surface.support[column] & ~own)
-        # the highest comes last; of repeated indices numpy keeps the last
+        # the highest comes last; for repeated indices numpy keeps the last
         self.surface.face[tuple(index[rising[named]].T)] = face[named]
         np.maximum.at(self.surface.height, column, height)
         np.logical_and.at(self.surface.support, column, own)
         self._known.clear()
 
     def exclude(self, spot: Spot, reach: int) -> None:
-        """Leave out a spot and all others within `reach` samples of it."""
+        """Exclude a spot and all others within `reach` samples of it."""
         low = np.maximum(self._index(spot) - reach, 0)
         high = self._index(spot) + reach + 1
         self.excluded[low[0] : high[0], low[1] : high[1]] = True
 
     def _inside(self, start: Array) -> NDArray[np.bool_]:
-        """Return which points (n, 3) lie within something, which a ray up leaves again below a room's height."""
+        """Mask of the points (n, 3) that lie inside a thing, which an upward ray leaves again below a room's height."""
         return np.asarray(self.caster.left_at(start, np.tile([0.0, 0.0, 1.0], (len(start), 1))) < ROOM_HEIGHT)
 
     def find(
         self, region: Region, share: float, *, level: bool, steady: bool = False, anywhere: bool = False
     ) -> Spot | None:
-        """The spot nearest to the region's target that has this much support and nothing in the way.
+        """The spot nearest to the region's target that has this much support and is unobstructed.
 
-        `level`: the support must be no further than DROP below the contact to count; `steady`: the object must not come
-        down when it is moved a little, and the spot must be nearby. On a narrow support, where the nearest spot has
-        the edge next to it, no steady one is searched: a request for a ridge means the ridge. `anywhere`: nobody asked
-        for a place, and a steady one may be far off, on a narrow support too, if it is held on all sides there.
+        `level`: only support no further than DROP below the contact counts; `steady`: the object must not come down
+        when it is moved slightly, and the spot must be nearby. On a narrow support, where the edge is next to the
+        nearest spot, no steady spot is searched: a request for a ridge means the ridge. `anywhere`: no place was
+        requested, so a steady spot may be far away, and also on a narrow support if it is held on all sides there.
         """
         nearest = True
         for seen in self._fits(region):
@@ -218,7 +220,7 @@ class PlacementSearch:
                 if away.min() > farthest:
                     return None
                 good = good[away[good] <= farthest]
-                if anywhere:  # where the support ends next to it, it may tip without coming down
+                if anywhere:  # where the support ends nearby, the object may tip without coming down
                     good = good[self._held(seen.index[good])]
                 descent, broad = self._surroundings(seen.index[good], seen.height[good])
                 if nearest and len(good) and not (broad[0] or anywhere):
@@ -231,7 +233,7 @@ class PlacementSearch:
         return None
 
     def failure(self, region: Region) -> SearchFailure:
-        """Why the region has no spot."""
+        """Reason why the region has no spot."""
         best, blocked, total = 0.0, 0, 0
         blockers: list[NDArray[np.int64]] = []
         for seen in self._fits(region):
@@ -245,7 +247,7 @@ class PlacementSearch:
         return SearchFailure(True, best, blocked / total, np.concatenate(blockers))
 
     def _covered(self, region: Region) -> tuple[bool, NDArray[np.int64]]:
-        """Whether the support lies under other things everywhere in the region, and the faces of these."""
+        """Whether the support is covered by other things everywhere in the region, and the faces of these things."""
         index = np.argwhere(np.ones(self.count, dtype=bool))
         index = index[inside(region.polygon, self.origin + self.cell * index, margin=1e-6)]
         above = np.c_[self.origin + self.cell * index, np.full(len(index), self.support.bounds[1, 2] + 1.0)]
@@ -263,7 +265,7 @@ class PlacementSearch:
         return np.asarray(faces[faces >= 0])
 
     def _fits(self, region: Region) -> Iterator[CandidateFits]:
-        """Grid points of the region that are over the support, nearest to the target first, each fitted once."""
+        """Fits of the region's grid points over the support, nearest to the target first, each computed once."""
         key = b"|".join(ring.tobytes() for ring in (region.polygon, region.target, *region.excluded))
         if key not in self._known:
             self._known[key] = ([], self._batches(region))
@@ -291,7 +293,7 @@ class PlacementSearch:
             yield index[order[begin : begin + BATCH]]
 
     def _fit(self, index: NDArray[np.int64]) -> CandidateFits:
-        """How the object would lie over each grid point (n, 2)."""
+        """Fits of the object over each grid point (n, 2)."""
         below, on = self._below(index, self.offset)
         needed = below - self.under
         alone = np.where(on, needed, -np.inf).max(axis=1)
@@ -303,8 +305,8 @@ class PlacementSearch:
         return CandidateFits(index, lift, on[:, self.lowest].mean(axis=1), near.mean(axis=1), needed.max(axis=1))
 
     def _surroundings(self, index: NDArray[np.int64], height: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """How steeply the object comes down at most when it is moved about the support from each grid point, where it
-        touches at such a height [-], and whether the support goes on all around; both of shape (n,)."""
+        """Largest slope by which the object comes down when it is moved about the support from each grid point, at
+        which it touches at such a height [-], and whether the support continues all around; both of shape (n,)."""
         low, high = -self.around.min(axis=0), self.count - 1 - self.around.max(axis=0)
         steepest, broad = np.zeros(len(index)), np.ones(len(index), dtype=bool)
         for part in MOVED if len(index) else ():
@@ -318,8 +320,8 @@ class PlacementSearch:
         return steepest, broad
 
     def _held(self, index: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Whether the object touches the support on all sides of its origin at each grid point, shape (n,), or would
-        once it has tilted as far as steady places may: what lies on a crest with one of its edges tips over."""
+        """Mask of the grid points at which the object touches the support on all sides of its origin, shape (n,), or
+        would after tilting as far as steady places allow: an object with one of its edges on a crest tips over."""
         across = np.array([-self.long_axis[1], self.long_axis[0]])
         along = self.offset @ (CIRCLE @ np.stack([self.long_axis, across])).T
         below, on = self._below(index, self.offset)
@@ -330,7 +332,7 @@ class PlacementSearch:
         return np.asarray(np.stack(sides, axis=1).min(axis=1, initial=np.inf) >= 0.0)
 
     def _below(self, index: NDArray[np.int64], offset: NDArray[np.int64]) -> tuple[Array, NDArray[np.bool_]]:
-        """Height of the surface and whether it is the support, under each offset from each grid point."""
+        """Height of the surface, and whether it is the support, under each offset from each grid point."""
         rows, columns = index[:, :1] + offset[:, 0], index[:, 1:] + offset[:, 1]
         return self.surface.height[rows, columns], self.surface.support[rows, columns]
 
@@ -345,8 +347,8 @@ class PlacementSearch:
 
 
 def over_cracks(field: HeightField) -> HeightField:
-    """The heights with single samples that seem to be inside of something like those around them: through a crack in a
-    scan, narrower than the samples, backs of faces are seen."""
+    """The heights, where single samples that seem to be inside a thing get the value of those around them: through a
+    crack in a scan, narrower than the samples, back faces are seen."""
     rows, columns = field.height.shape
     steps = [(a, b) for a in (0, 1, 2) for b in (0, 1, 2) if (a, b) != (1, 1)]
 
@@ -368,7 +370,7 @@ def over_cracks(field: HeightField) -> HeightField:
 
 
 def widened(offset: NDArray[np.int64], under: Array) -> tuple[NDArray[np.int64], Array]:
-    """The underside one sample wider all around, each sample as low as its lowest neighbour."""
+    """The underside extended by one sample all around, with each sample as low as its lowest neighbour."""
     low = offset.min(axis=0) - 1
     grid = np.full(np.ptp(offset, axis=0) + 3, np.inf)
     grid[tuple((offset - low).T)] = under

@@ -1,10 +1,10 @@
-"""Which side of a mesh is down when it stands, told by its shape alone: for files that are lying, tilted or overturned.
+"""Finds the side on which a mesh stands, from its shape alone: for files that are lying, tilted or overturned.
 
-In: a mesh and one direction of it that may be down. Out: how good a stand that is: whether the centre of mass lies
-over the footprint, how broad that is, how low the centre, whether a hollow opens upwards, whether the shape is round
-about the vertical. `upright_pose` weighs them. Features of this kind: Fu, Cohen-Or, Dror, Sheffer: Upright orientation
-of man-made objects, 2008; the hollow and the weights are ours, from household things. Furniture on legs looks
-overturned to them: its hollow is below.
+In: a mesh and a direction of it that may be down. Out: the quality of that stand: whether the centre of mass lies over
+the footprint, the breadth of the footprint, the height of the centre, whether a hollow opens upwards, whether the shape
+is round about the vertical. `upright_pose` weighs them. Features of this kind: Fu, Cohen-Or, Dror, Sheffer: Upright
+orientation of man-made objects, 2008; the hollow and the weights are ours, from household things. Furniture on legs
+looks overturned to them, because its hollow is below.
 """
 
 from dataclasses import dataclass
@@ -26,52 +26,54 @@ from dcap.geometry.raycast import Raycaster
 from dcap.scene.types.mesh import Mesh
 
 CONTACT_BAND = 0.01
-"""Points this near to the lowest one touch the ground, over the largest extent [-]: scans are not flat."""
+"""Height above the lowest point within which points touch the ground, over the largest extent [-]: scans are not
+flat."""
 LEAST_CONTACT = 0.02
-"""Share of the plan below which a contact is an edge or a tip, nothing to stand on [-]."""
+"""Share of the plan below which a contact is an edge or a tip that nothing can stand on [-]."""
 BESIDE = 0.05
-"""How far the centre of mass may lie outside the footprint, over the largest extent [-]: plush toys are hollow."""
+"""Largest distance of the centre of mass outside the footprint, over the largest extent [-]: plush toys are hollow."""
 RAYS = 24
-"""Rays along each side of the plan that look for a hollow [-]."""
+"""Number of rays along each side of the plan that search for a hollow [-]."""
 INNER = 0.4
-"""The middle of the plan, in which a hollow is looked for, over its half extents [-]."""
+"""Half width of the middle of the plan in which a hollow is searched, over the plan's half extents [-]."""
 WEIGHTS = {"contact": 1.0, "low": 1.0, "probability": 0.3, "opening": 0.5, "round": 1.0, "aligned": 0.3}
 ALIGNED = np.cos(np.radians(3.0))
-"""Files are mostly lying or overturned along their own axes."""
+"""Cosine of the tolerance for a file's own axes, along which files are mostly lying or overturned."""
 FILE_DOWN = np.array([0.0, 0.0, -1.0])
 SAME_SIDE = np.cos(np.radians(12.0))
-"""A stable pose rests on a side within this angle of it; a standing pose within it is the file's."""
+"""Cosine of the largest angle between a stable pose and the side that it rests on; a standing pose within it is the
+file's."""
 OTHER_SIDE = np.cos(np.pi / 4.0)
-"""A stable pose on a side beyond this angle is another one: nobody would call both upright."""
+"""Cosine of the angle from which a stable pose on a side is a different one: nobody would call both upright."""
 MOST_POSES = 60
-"""More poses than that are those of a ball [-]."""
+"""Maximum number of poses; a mesh with more is a ball [-]."""
 LEAST_SHARE = 0.0005
-"""Things fall on a slender foot rarely, but are put on it [-]."""
+"""Least share of directions of a pose [-]: things rarely fall on a slender foot, but are put on it."""
 BEST_FEW = 12
 """Number of candidates that are examined from above and below [-]."""
 ROUND_SHARE = 0.95
-"""Share of the surface that falls on itself when turned about the axis of a round thing [-]."""
+"""Least share of the surface of a round thing that maps onto itself when turned about its axis [-]."""
 ROUND_SAMPLES = 2000
 ROUND_SLACK = 0.05
-"""Distance that counts as falling on itself, over the radius [-]."""
+"""Largest distance that counts as mapping onto itself, over the radius [-]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class StandingFeatures:
-    """Evidence for one direction as down."""
+    """Evidence for a direction being down."""
 
     down: Array
-    """In the mesh frame, unit, shape (3,)."""
+    """The direction in the mesh frame, unit, shape (3,)."""
     contact: float
     """Area of the footprint's hull over that of the plan's hull [-]."""
     height: float
     """Height of the centre of mass over that of the mesh [-]."""
     margin: float
-    """Distance of the centre of mass inside of the footprint's hull, over the largest extent; negative: outside [-]."""
+    """Distance of the centre of mass inside the footprint's hull, over the largest extent; negative: outside [-]."""
 
     @property
     def stands(self) -> bool:
-        """Whether it would stay like that on a plane, the flaws of a scan allowed for."""
+        """Whether it would stay in this pose on a plane, allowing for the flaws of a scan."""
         return self.contact > LEAST_CONTACT and self.margin > -BESIDE
 
 
@@ -92,12 +94,13 @@ def standing_features(points: Array, center: Array, down: Array) -> StandingFeat
 
 
 def stands_as_read(mesh: Mesh) -> bool:
-    """Whether it would stand on a plane as it is in its file."""
+    """Return whether a mesh would stand on a plane in its file's pose."""
     return standing_features(used_vertices(mesh), center_of_mass(mesh), FILE_DOWN).stands
 
 
 def opening(mesh: Mesh, caster: Raycaster, down: Array) -> float:
-    """How much deeper the middle lies below the top than above the bottom, over the height, -1..1; a mug's is 0.9."""
+    """Excess of the depth of the middle below the top over its height above the bottom, over the total height, -1..1;
+    0.9 for a mug."""
     turned = turn_between(down, np.array([0.0, 0.0, -1.0]))
     points = mesh.vertices @ turned.T
     low, high = points.min(axis=0), points.max(axis=0)
@@ -116,7 +119,7 @@ def opening(mesh: Mesh, caster: Raycaster, down: Array) -> float:
 
 
 def round_axis(mesh: Mesh) -> Array | None:
-    """The axis about which a mesh looks the same at any turn, a unit vector; None where there is none or many."""
+    """The axis about which a mesh looks the same at any turn, a unit vector; None if there is none, or several."""
     points = surface_points(mesh, ROUND_SAMPLES)
     points = points - points.mean(axis=0)
     _, axes = np.linalg.eigh(points.T @ points)
@@ -129,17 +132,17 @@ def _round_about(points: Array, axis: Array) -> bool:
     tree = cKDTree(turned)
     spacing = float(np.median(tree.query(turned, k=2)[0][:, 1]))
     near = ROUND_SLACK * float(np.linalg.norm(turned[:, :2], axis=1).max()) + 1.5 * spacing
-    # 37 and 133 degrees are no multiple of a fraction of a full turn that could be met by chance
+    # 37 and 133 degrees are not multiples of a fraction of a full turn, so a match is not a coincidence
     away = [tree.query(turned @ about_z(np.radians(angle)).T)[0] for angle in (37.0, 133.0)]
     return bool((np.maximum(*away) < near).mean() > ROUND_SHARE)
 
 
 def upright_pose(mesh: Mesh) -> tuple[Array, float, float]:
-    """How a mesh stands by its shape alone, how much better than as it is in its file, and how sure that is.
+    """Standing pose of a mesh by its shape alone, its advantage over the file's pose, and its certainty.
 
-    Returns the rotation that puts it on that side with its box's sides along x and y, shape (3, 3), and two differences
-    of weighted sums of features [-]: to the file's side, and to the best of the sides far from the chosen one, inf
-    where there is none.
+    Returns the rotation that puts the mesh on that side with its box's sides along x and y, shape (3, 3), and two
+    differences of weighted sums of features [-]: to the file's side, and to the best of the sides far from the chosen
+    one, inf if there is none.
     """
     caster, axis, center = Raycaster(mesh), round_axis(mesh), center_of_mass(mesh)
     points = used_vertices(mesh)
@@ -161,14 +164,14 @@ def upright_pose(mesh: Mesh) -> tuple[Array, float, float]:
 
 
 def standing_pose(mesh: Mesh) -> tuple[Array, float, float]:
-    """Rotation to the pose in which the shape stands, and how much better; none and 0 where that is as in the file. And
-    by how much the shape prefers it to any other side [-]."""
+    """Rotation to the pose in which the shape stands, and its advantage; the identity and 0 if that is the file's pose.
+    And the shape's preference for it over any other side [-]."""
     own, gain, lead = upright_pose(mesh)
     return (np.eye(3), 0.0, lead) if gain <= 0.0 or own[2, 2] > SAME_SIDE else (own, gain, lead)
 
 
 def probability_of(down: Array, poses: list[StablePose]) -> float:
-    """Probability of the stable pose on that side; 0 if it is none."""
+    """Probability of the stable pose on that side; 0 if it is not stable."""
     return max((pose.probability for pose in poses if float(pose.down @ down) > SAME_SIDE), default=0.0)
 
 
@@ -178,7 +181,7 @@ def used_vertices(mesh: Mesh) -> Array:
 
 
 def outermost(points: Array) -> Array:
-    """The corners of the hull of points (n, 3); all of them where they lie in a plane."""
+    """The corners of the hull of points (n, 3); all points if they lie in a plane."""
     try:
         return np.asarray(points[ConvexHull(points).vertices])
     except QhullError:
@@ -186,7 +189,7 @@ def outermost(points: Array) -> Array:
 
 
 def shape_score(one: StandingFeatures, probability: float, axis: Array | None) -> float:
-    """Weighted sum of what can be told without looking for a hollow."""
+    """Weighted sum of the features that do not require a search for a hollow."""
     upright = axis is not None and abs(float(axis @ one.down)) > np.cos(np.radians(10.0))
     aligned = float(np.abs(one.down).max()) > ALIGNED
     features = {"contact": one.contact, "low": 1.0 - one.height, "probability": probability,

@@ -1,12 +1,12 @@
-"""How much of each pixel a mesh covers, and what it looks like there: masks and colours for compositing.
+"""Coverage of each pixel by a mesh, and the mesh's colour there: masks and colours for compositing.
 
-In: a picture in the making and the number of one of its meshes. Out: shares of pixels and that mesh's own colours.
-Only pixels at its rim are looked at again, with several rays each.
+In: an exposed picture and the index of one of its meshes. Out: shares of pixels and that mesh's own colours. Only
+pixels at the rim of the mesh are traced again, with several rays each.
 
-The object put into a photograph: its own colours where it is seen, its shadow on the rest.
+Composites the object into a photograph: its own colours where it is visible, its shadow on the rest.
 
 In: conditioning maps of the photograph's camera and the photograph. Out: a picture of the same size. The photograph is
-darkened in linear light by what the object takes away of it; what hides the object stays before it.
+darkened in linear light by the light that the object takes away; things that hide the object stay in front of it.
 """
 
 import numpy as np
@@ -24,7 +24,7 @@ from dcap.scene.types.pictures import ConditioningMaps
 
 
 def coverage(exposure: Exposure, mesh: int, samples: int) -> tuple[Float32Array, Float32Array]:
-    """Share of each pixel that a mesh is seen in, (h, w), and its own displayed colour there, (3, h, w)."""
+    """Share of each pixel in which a mesh is visible, (h, w), and its own displayed colour there, (3, h, w)."""
     camera, shape = exposure.scene.camera, exposure.shape
     seen = (exposure.surface.mesh_index == mesh).reshape(shape)
     share = seen.astype(np.float32)
@@ -44,7 +44,7 @@ def coverage(exposure: Exposure, mesh: int, samples: int) -> tuple[Float32Array,
 
 
 def silhouette(caster: Raycaster, camera: Camera, samples: int) -> Float32Array:
-    """Share of each pixel that a mesh alone covers, shape (h, w)."""
+    """Share of each pixel covered by a mesh alone, shape (h, w)."""
     shape = (camera.height, camera.width)
     seen = hits(caster, camera, camera.pixel_centers).reshape(shape)
     share = seen.astype(np.float32)
@@ -57,30 +57,30 @@ def silhouette(caster: Raycaster, camera: Camera, samples: int) -> Float32Array:
 
 
 def hits(caster: Raycaster, camera: Camera, points: NDArray[np.float64]) -> Mask:
-    """Which rays through image points (n, 2) meet a mesh, shape (n,)."""
+    """Mask of the rays through image points (n, 2) that meet a mesh, shape (n,)."""
     ways = camera.directions(points)
     return np.asarray(caster.first_hits(packed_rays(np.broadcast_to(camera.position, ways.shape), ways)).face >= 0)
 
 
 def rim_of(seen: Mask) -> Mask:
-    """Pixels on both sides of the rim of a mask (h, w); those at the picture's own edge are no rim."""
+    """Pixels on both sides of the rim of a mask (h, w); the picture's own edge does not count."""
     square = np.ones((3, 3), dtype=bool)
     return np.asarray(binary_dilation(seen, square) & ~binary_erosion(seen, square, border_value=1))
 
 
 def sub_pixels(pixel: NDArray[np.int64], camera: Camera, samples: int) -> NDArray[np.float64]:
-    """Image points of samples^2 rays in each of n pixels, one ray of all pixels after the other, shape (s * n, 2)."""
+    """Image points of samples^2 rays in each of n pixels, ordered ray by ray over all pixels, shape (s * n, 2)."""
     corner = np.stack([pixel % camera.width, pixel // camera.width], axis=1)
     return np.asarray((corner + sample_offsets(samples)[:, None]).reshape(-1, 2))
 
 
 def share_bytes(share: Float32Array) -> NDArray[np.uint8]:
-    """Numbers 0..1 as 0..255."""
+    """Numbers 0..1 as bytes 0..255."""
     return np.asarray(np.round(255.0 * np.clip(share, 0.0, 1.0)), dtype=np.uint8)
 
 
 def composite(maps: ConditioningMaps, photo: ByteArray) -> ByteArray:
-    """The photograph (h, w, 3) with the object in it; InputError if it is not of the maps' size."""
+    """The photograph (h, w, 3) with the object in it; raises InputError if its size differs from the maps'."""
     if photo.shape != maps.rgb.shape:
         (height, width), (h, w) = maps.rgb.shape[:2], photo.shape[:2]
         raise InputError(

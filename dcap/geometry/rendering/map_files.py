@@ -1,6 +1,6 @@
-"""Conditioning maps to files: pictures, arrays, the camera as JSON and as a COLMAP model.
+"""Writes conditioning maps to files: pictures, arrays, the camera as JSON and as a COLMAP model.
 
-`camera.json` is that of `dcap.geometry.camera_file`. All are described in docs/formats.md.
+`camera.json` has the format of `dcap.geometry.camera_file`. All files are described in docs/formats.md.
 """
 
 import json
@@ -18,9 +18,9 @@ from dcap.scene.writers.sugar import write_colmap_text
 
 MILLIMETRES = 1000.0
 FARTHEST = 65535
-"""Largest depth that 16 bits hold [mm]; farther is this."""
+"""Largest depth that fits into 16 bits [mm]; larger depths are cut to it."""
 POINTS = 2000
-"""Most points of the surface in the COLMAP model."""
+"""Maximum number of surface points in the COLMAP model."""
 PICTURE = "rgb.png"
 ARRAYS = ("depth", "normal_world", "normal_camera", "dent")
 PICTURES = (
@@ -33,11 +33,11 @@ FILES = (
     *(f"{name}.png" for name in PICTURES), *(f"{name}.npy" for name in ARRAYS), "ids.json", "camera.json", COMPOSITE,
     *(f"{COLMAP}/{name}.txt" for name in ("cameras", "images", "points3D")),
 )  # fmt: skip
-"""All that may be written, below the folder of the maps."""
+"""All files that may be written, below the folder of the maps."""
 
 
 def write_maps(folder: Path, maps: ConditioningMaps, camera: Camera) -> None:
-    """All files of one view."""
+    """Write all files of one view."""
     folder.mkdir(parents=True, exist_ok=True)
     seen = np.isfinite(maps.depth)
     pictures: dict[str, NDArray[np.uint8] | NDArray[np.uint16]] = {
@@ -64,7 +64,7 @@ def write_maps(folder: Path, maps: ConditioningMaps, camera: Camera) -> None:
 
 
 def colmap_model(maps: ConditioningMaps, camera: Camera) -> ColmapModel:
-    """One camera, one picture, and points of the surface that it sees."""
+    """A COLMAP model of one camera, one picture, and points of the visible surface."""
     pinhole = Pinhole(1, camera.width, camera.height, (*camera.focals.tolist(),), (*camera.principal.tolist(),))
     image = posed(1, PICTURE, pinhole.id, camera.world_from_camera, camera.position)
     seen = np.flatnonzero(np.isfinite(maps.depth.ravel()))

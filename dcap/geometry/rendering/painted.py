@@ -1,17 +1,17 @@
-"""Meshes with textures as rays meet them.
+"""Meshes with textures, as met by rays.
 
 In: a mesh whose faces are, or are parts of, the faces of a textured surface. Out: its paint, corner by corner, and
-colours where rays meet it. A texture seen from afar is read from a smaller copy of it whose pixels are as large as the
+colours where rays meet it. A texture seen from far away is read from a smaller copy whose pixels are as large as the
 picture's [W83].
 
 [W83] Williams: Pyramidal parametrics. Computer Graphics (SIGGRAPH) 17(3), 1983.
 
-Rays that pass where the texture of a face is clear: leaves, lace, panes of a lantern.
+Rays that pass where the texture of a face is transparent: leaves, lace, panes of a lantern.
 
-In: meshes with textures. Out: a ray caster of them together, the plain one where nothing of them is clear. Every pass
-of a picture uses the same caster, so that colour, depth, ids and shadows agree. A texel counts as there or not there:
-with `MASK` as its cutoff says, with `BLEND` from an alpha of a half on. A factor that makes a whole blended material
-transparent does not count, nor does the alpha of a material of which hardly anything would be left: glass is drawn.
+In: meshes with textures. Out: a common ray caster, the plain one if no texture is transparent. Every pass of a picture
+uses the same caster, so that colour, depth, ids and shadows agree. A texel is either present or absent: for `MASK` by
+its cutoff, for `BLEND` from an alpha of one half. A factor that makes a whole blended material transparent does not
+count, nor does the alpha of a material of which hardly anything would remain: glass is drawn.
 """
 
 from collections.abc import Sequence
@@ -26,32 +26,32 @@ from dcap.scene.srgb import LINEAR, Wrap, sampled, srgb_from_linear, texels
 from dcap.scene.types.mesh import AlphaMode, CornerPaint, Mesh, PaintedMesh, SourceSurface, SurfaceMaterial
 
 HALF = 0.5
-"""Alpha from which on blended texels are there [-]."""
+"""Least alpha of a present blended texel [-]."""
 LEAST_LEFT = 0.05
-"""A material of whose area less than this is there is glass [-]."""
+"""Least present share of the area of a material that is not glass [-]."""
 MOST_LAYERS = 64
-"""Clear faces that one ray passes; the next one stops it."""
+"""Maximum number of transparent faces that a ray passes; the next one stops it."""
 STEP = (2e-5, 1e-6)
-"""A ray goes on this far behind a clear face: a share of the way to it, and more [m]."""
+"""Distance behind a transparent face at which a ray continues: a share of the distance to it, and a constant [m]."""
 INSIDE = np.array([[1, 1, 1], [4, 1, 1], [1, 4, 1], [1, 1, 4], [2, 2, 1], [2, 1, 2], [1, 2, 2]], dtype=np.float64)
 INSIDE = INSIDE / INSIDE.sum(axis=1, keepdims=True)
-"""Barycentric places at which a face's alpha is looked up to tell glass, shape (7, 3)."""
+"""Barycentric coordinates at which a face's alpha is sampled to detect glass, shape (7, 3)."""
 
 OUTSIDE = 0.05
-"""Corners may lie this far outside of the face that they belong to, in its barycentric coordinates [-]."""
+"""Largest distance of a corner outside its face, in barycentric coordinates [-]."""
 NEAR = 1e-4
-"""Distance of a face's middle from the textured surface it belongs to, over the surface's extent [-]."""
+"""Largest distance of a face's middle from its textured surface, over the surface's extent [-]."""
 
 
 def least_alpha(said: SurfaceMaterial) -> float:
-    """Alpha of a texture from which on its texels are there; 0: all are."""
+    """Least alpha of the present texels of a texture; 0: all are present."""
     if said.alpha_mode is AlphaMode.MASK:
         return said.alpha_cutoff / said.alpha if said.alpha > 0.0 else 0.0
     return HALF if said.alpha_mode is AlphaMode.BLEND else 0.0
 
 
 def cut_out(source: SourceSurface) -> NDArray[np.bool_]:
-    """Faces of a surface that rays pass where their texture is clear, shape (m,)."""
+    """Mask of the faces of a surface that rays pass where their texture is transparent, shape (m,)."""
     paint, area = source.paint, None
     found = np.zeros(len(paint.face_texture), dtype=bool)
     for slot, image in enumerate(paint.textures):
@@ -82,8 +82,8 @@ def alpha_at(image: NDArray[np.uint8], uv: NDArray[np.floating], wrap: Wrap) -> 
 def caster_of(
     things: Sequence[PaintedMesh], joined: Mesh | None = None, faces: NDArray[np.integer] | None = None
 ) -> Raycaster:
-    """A ray caster of meshes together, faces in their order: of all of them, or of some (k,), which keep their numbers;
-    `joined` are the meshes in one, if there is that already."""
+    """A ray caster of several meshes, with faces in their order: of all of them, or of some (k,), which keep their
+    indices; `joined` are the meshes in one, if already available."""
     mesh = Mesh.concatenate([one.mesh for one in things]) if joined is None else joined
     if not any(one.paint is not None and one.paint.cut_out.any() for one in things):
         return Raycaster(mesh, faces)
@@ -91,7 +91,7 @@ def caster_of(
 
 
 class SeeThroughCaster(Raycaster):
-    """A mesh with clear places, prepared for many rays."""
+    """A mesh with transparent places, prepared for many rays."""
 
     def __init__(self, mesh: Mesh, things: Sequence[PaintedMesh], faces: NDArray[np.integer] | None = None) -> None:
         super().__init__(mesh, faces)
@@ -103,7 +103,7 @@ class SeeThroughCaster(Raycaster):
         self._cut_out = np.concatenate(plain)
 
     def first_hits(self, packed: Packed) -> PackedHits:
-        """First hits of rays, past places that are cut out."""
+        """First hits of rays, ignoring places that are cut out."""
         found = super().first_hits(packed)
         going = np.flatnonzero(self._clear(found))
         if not len(going):
@@ -126,7 +126,7 @@ class SeeThroughCaster(Raycaster):
         return PackedHits(distance, face, normal, uv)
 
     def blocked(self, packed: Packed) -> NDArray[np.bool_]:
-        """Which rays hit anything that is there within the length of their direction."""
+        """Mask of the rays that hit anything present within the length of their direction."""
         stopped = super().blocked(packed)
         some = np.flatnonzero(stopped)
         if len(some):
@@ -134,7 +134,7 @@ class SeeThroughCaster(Raycaster):
         return stopped
 
     def _clear(self, hits: PackedHits) -> NDArray[np.bool_]:
-        """Hits at places that are not there."""
+        """Mask of the hits at absent places."""
         clear = np.zeros(len(hits.face), dtype=bool)
         asked = np.flatnonzero((hits.face >= 0) & self._cut_out[hits.face])
         owner = np.searchsorted(self._first, hits.face[asked], side="right") - 1
@@ -149,8 +149,8 @@ class SeeThroughCaster(Raycaster):
 
 
 def alphas(paint: CornerPaint, face: NDArray[np.integer], weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Alpha of the textures at places of faces (n,), given by the weights of their corners (n, 3), less the one from
-    which on texels are there, shape (n,)."""
+    """Alpha of the textures at places of faces (n,), given by the weights of their corners (n, 3), minus the least
+    alpha of a present texel, shape (n,)."""
     uv = np.einsum("nk,nki->ni", weights, paint.corner_uv[face])
     kinds, kind_of = np.unique(
         np.stack([paint.texture[face], paint.material[face]], axis=1), axis=0, return_inverse=True
@@ -173,7 +173,7 @@ def painted(mesh: Mesh, source: SourceSurface | None) -> PaintedMesh:
 def nearest_faces(surface: Mesh, mesh: Mesh) -> NDArray[np.int64]:
     """The face of a surface nearest to the middle of each face of a mesh, -1 where none is close, shape (m,).
 
-    Where faces coincide, as where one thing stands on another, that of the same direction is taken.
+    If faces coincide, as where one thing stands on another, the one with the same direction is taken.
     """
     middle, found = mesh.triangles.mean(axis=1), np.full(len(mesh.faces), -1)
     mine, theirs = sides(mesh), sides(surface)
@@ -188,14 +188,14 @@ def nearest_faces(surface: Mesh, mesh: Mesh) -> NDArray[np.int64]:
 
 
 def sides(mesh: Mesh) -> NDArray[np.int64]:
-    """Which of the six axes each face's normal is nearest to, shape (m,)."""
+    """Index of the one of six axes nearest to each face's normal, shape (m,)."""
     normal = mesh.face_normals
     axis = np.abs(normal).argmax(axis=1)
     return np.asarray(2 * axis + (normal[np.arange(len(normal)), axis] < 0.0))
 
 
 def nearest(surface: Mesh, faces: NDArray[np.int64], points: NDArray[np.float64]) -> NDArray[np.int64]:
-    """The one of some faces of a surface that is nearest to each point (n, 3), -1 where none is close, shape (n,)."""
+    """The nearest of some faces of a surface to each point (n, 3), -1 if none is close, shape (n,)."""
     import open3d
 
     shift = surface.bounds.mean(axis=0)
@@ -239,8 +239,8 @@ def tints(source: SourceSurface) -> Float32Array:
 
 
 def barycentric(points: NDArray[np.float64], triangle: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Barycentric coordinates of points (m, c, 3) in the planes of triangles (m, 3, 3), shape (m, c, 3); not finite
-    where a triangle has no area."""
+    """Barycentric coordinates of points (m, c, 3) in the planes of triangles (m, 3, 3), shape (m, c, 3); not finite for
+    a triangle without area."""
     a, b, c = triangle.transpose(1, 0, 2)
     one, two, away = b - a, c - a, points - a[:, None]
     oo, ot, tt = (np.einsum("mi,mi->m", u, v) for u, v in ((one, one), (one, two), (two, two)))
@@ -280,8 +280,8 @@ class PaintedScene:
             self.wraps += [one.paint.wrap(slot) for slot in range(len(one.paint.textures))]
 
     def paint(self, face: NDArray[np.int64], weights: Float32Array, pixel: Float32Array, color: Float32Array) -> None:
-        """Overwrite linear colours (3, n) where rays met textured faces (n,) at weights (3, n); `pixel` is how wide a
-        pixel of the picture is there [m], shape (n,)."""
+        """Overwrite linear colours (3, n) where rays met textured faces (n,) at weights (3, n); `pixel` is the width of
+        a pixel of the picture there [m], shape (n,)."""
         slot = self.texture[face]
         for texture in np.unique(slot[slot >= 0]):
             mine = np.flatnonzero(slot == texture)
@@ -299,7 +299,7 @@ class PaintedScene:
 
 
 def pixels_per_metre(mesh: Mesh, paint: CornerPaint) -> Float32Array:
-    """Pixels of its texture along a metre of each face, shape (m,)."""
+    """Number of texture pixels per metre on each face, shape (m,)."""
     size = np.array([image.shape[1::-1] for image in paint.textures] + [(1, 1)], dtype=np.float64)
     corner = paint.corner_uv * size[paint.texture][:, None]
     one, two = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
@@ -310,7 +310,7 @@ def pixels_per_metre(mesh: Mesh, paint: CornerPaint) -> Float32Array:
 def smaller_copies(image: NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
     """An image and its copies of half, a quarter ... of its size, each pixel the mean of four in linear light.
 
-    Alpha does not count.
+    Alpha is ignored.
     """
     levels = [image[..., :3]]
     while min(levels[-1].shape[:2]) >= 2:

@@ -1,10 +1,11 @@
 """Pictures of meshes without a display or a graphics card.
 
-In: coloured meshes and a camera. Out: an sRGB picture with soft shadows and ambient occlusion, depth and the mesh seen
-in each pixel. Same input, same bytes: directions of rays come from fixed sequences, and every pixel is computed by
-itself, on whatever core.
+In: coloured meshes and a camera. Out: an sRGB picture with soft shadows and ambient occlusion, the depth, and the mesh
+visible in each pixel. Same input, same bytes: directions of rays come from fixed sequences, and every pixel is computed
+independently of the cores.
 
-Pictures of a mesh in its own colours, without light: what splats on it should look like; and how alike two are.
+Pictures of a mesh in its own colours, without light, as a reference for splats on it; and the similarity of two
+pictures.
 """
 
 from collections.abc import Sequence
@@ -20,8 +21,8 @@ from dcap.geometry.rendering.shading import OFFSET, LightRays, Lights, compresse
 from dcap.geometry.rendering.surface import PreparedMeshes, RenderScene, SurfaceHits, dot, in_bands
 from dcap.scene.types.mesh import Mesh, PaintedMesh
 
-EDGE_STEP = 0.004  # relative jump in depth against the neighbours' plane that makes an edge
-EDGE_COLOR = 0.035  # jump in displayed colour (0..1) that makes an edge
+EDGE_STEP = 0.004  # relative jump in depth against the neighbours' plane at an edge
+EDGE_COLOR = 0.035  # jump in displayed colour (0..1) at an edge
 AROUND = ((0, 0), (0, 1), (1, 0), (0, -1), (-1, 0), (1, 1), (1, -1), (-1, 1), (-1, -1))
 """A pixel and its eight neighbours (rows, columns), the nearer ones first."""
 
@@ -38,16 +39,16 @@ class Picture:
     depth: NDArray[np.float32]
     """Distance along the viewing axis [m], inf where nothing is, shape (h, w)."""
     mesh_index: NDArray[np.int32]
-    """Index of the mesh seen, -1 where nothing is, shape (h, w)."""
+    """Index of the visible mesh, -1 where nothing is, shape (h, w)."""
 
 
 def picture(
     meshes: Sequence[Mesh | PaintedMesh] | PreparedMeshes, camera: Camera, *, samples: int = 2, shadows: bool = True,
     low_light: bool = False,
 ) -> Picture:  # fmt: skip
-    """Render the meshes, prepared where several pictures are taken of them.
+    """Render the meshes, which are prepared if several pictures are taken of them.
 
-    `samples` x `samples` rays smooth each pixel at an edge, `shadows` adds shadows and occlusion, `low_light` shows
+    `samples` x `samples` rays smooth each pixel at an edge, `shadows` adds shadows and occlusion, `low_light` reveals
     relief.
     """
     return exposed(meshes, camera, shadows=shadows, low_light=low_light).picture(samples)
@@ -55,12 +56,12 @@ def picture(
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Exposure:
-    """A picture in the making: what each pixel's middle sees, and the light there."""
+    """An undeveloped picture: the surface at each pixel's middle, and the light there."""
 
     scene: RenderScene
     surface: SurfaceHits
     rays: LightRays | None
-    """Which rays to the lights arrive, None without shadows."""
+    """Rays to the lights and whether they arrive; None without shadows."""
     light: Float32Array
     """Shares of the key light and of the sky, shape (2, h * w)."""
     shown: Float32Array
@@ -78,8 +79,8 @@ class Exposure:
         return np.asarray((self.surface.distance * dot(self.surface.direction, forward)).reshape(self.shape))
 
     def adding(self, faces: NDArray[np.bool_]) -> "Exposure":
-        """The same view with further faces of the prepared meshes, a mask (m,): as if all had been there at once, but
-        cast anew are only the rays that may meet the further ones."""
+        """The same view with additional faces of the prepared meshes, a mask (m,): equal to a view of all of them, but
+        only rays that may meet the additional faces are traced again."""
         if not faces.any():
             return self
         scene, added = self.scene.adding(faces)
@@ -87,7 +88,7 @@ class Exposure:
         corner = mesh.vertices[mesh.faces[faces]].reshape(-1, 3)
         low, high = corner.min(axis=0), corner.max(axis=0)
         center = (0.5 * (low + high)).astype(np.float32)
-        toward = center.astype(np.float64) - camera.position  # a difference of squares takes double precision
+        toward = center.astype(np.float64) - camera.position  # a difference of squares needs double precision
         along, away = dot(self.surface.direction, toward), float(np.linalg.norm(toward))
         radius = 0.5 * float(np.linalg.norm(high - low)) + OFFSET[0] * away + OFFSET[1]  # rays start off a surface
         seen = np.flatnonzero(away**2 - along * along < (1.01 * radius) ** 2)
@@ -107,7 +108,7 @@ class Exposure:
         return Exposure(scene, surface, rays, light, displayed(scene, surface, light))
 
     def picture(self, samples: int = 2) -> Picture:
-        """Developed, with `samples` x `samples` rays at edges."""
+        """The developed picture, with `samples` x `samples` rays at edges."""
         shown = self.shown
         if samples > 1:
             shown = shown.copy()
@@ -133,7 +134,7 @@ def exposed(
 
 
 def displayed(scene: RenderScene, surface: SurfaceHits, light: Float32Array) -> Float32Array:
-    """Displayed colours 0..1 of what rays met in light (2, n), shape (3, n)."""
+    """Displayed colours 0..1 of surfaces in light (2, n), shape (3, n)."""
     shown = np.empty_like(surface.color)
 
     def expose(band: slice) -> None:
@@ -154,8 +155,17 @@ def in_bytes(shown: Float32Array, shape: tuple[int, int]) -> NDArray[np.uint8]:
     return rgb.reshape(*shape, 3)
 
 
+def seen_meshes(meshes: Sequence[Mesh], camera: Camera) -> NDArray[np.int32]:
+    """Index of the mesh visible in the middle of each pixel, -1 where nothing is, shape (h, w)."""
+    owner = np.repeat(np.arange(len(meshes)), [len(m.faces) for m in meshes]).astype(np.int32)
+    direction = camera.directions(camera.pixel_centers)
+    rays = packed_rays(np.broadcast_to(camera.position, direction.shape), direction)
+    face = Raycaster(Mesh.concatenate(list(meshes))).first_hits(rays).face
+    return np.append(owner, np.int32(-1))[face].reshape(camera.height, camera.width)
+
+
 def edges(surface: SurfaceHits, shown: Float32Array, shape: tuple[int, int]) -> NDArray[np.bool_]:
-    """Pixels that differ from a neighbour in mesh, depth or colour, shape (h * w,)."""
+    """Mask of the pixels that differ from a neighbour in mesh, depth or colour, shape (h * w,)."""
     index = surface.mesh_index.reshape(shape)
     inverse = (1.0 / surface.distance).reshape(shape)  # linear over a plane seen in perspective
     color = shown.reshape(3, *shape)
@@ -194,13 +204,13 @@ def smoothed(
 
 
 def sample_offsets(samples: int) -> NDArray[np.float64]:
-    """Places within a pixel, a rotated grid: no two share a row or a column, shape (samples^2, 2)."""
+    """Positions within a pixel on a rotated grid: no two share a row or a column, shape (samples^2, 2)."""
     step, count = np.arange(samples**2), samples**2
     return np.stack([(step + 0.5) / count, ((step * samples + step // samples) % count + 0.5) / count], axis=1)
 
 
 def neighbours(pixel: NDArray[np.int64], camera: Camera) -> list[NDArray[np.int64]]:
-    """Pixels (n,) and their eight neighbours, the nearest inside the picture where there are none."""
+    """Pixels (n,) and their eight neighbours, clamped to the picture."""
     column, row = pixel % camera.width, pixel // camera.width
     return [
         np.clip(row + y, 0, camera.height - 1) * camera.width + np.clip(column + x, 0, camera.width - 1)
@@ -227,7 +237,7 @@ def borrowed_light(
 
 
 def unlit(mesh: Mesh, camera: Camera, caster: Raycaster | None = None) -> Float32Array:
-    """sRGB 0 to 1 over black, shape (rows, columns, 3); `caster` is the mesh's, if there is one already."""
+    """sRGB 0 to 1 over black, shape (rows, columns, 3); `caster` is the mesh's ray caster, if already available."""
     fine = camera.scaled(SAMPLES)
     ways = fine.directions(fine.pixel_centers)
     hits = (caster or Raycaster(mesh)).cast(np.broadcast_to(camera.position, ways.shape), ways)
@@ -240,6 +250,6 @@ def unlit(mesh: Mesh, camera: Camera, caster: Raycaster | None = None) -> Float3
 
 
 def psnr(a: Float32Array, b: Float32Array) -> float:
-    """Peak signal-to-noise ratio of two pictures with colours 0 to 1 [dB], inf where they are equal."""
+    """Peak signal-to-noise ratio of two pictures with colours 0 to 1 [dB], inf if they are equal."""
     error = float(np.mean((a.astype(np.float64) - b) ** 2))
     return float("inf") if error == 0.0 else -10.0 * float(np.log10(error))

@@ -1,8 +1,8 @@
-"""How light meets surfaces: a key light, a bright sky, a little fill from the camera, and what a screen makes of it.
+"""Lighting of surfaces: a key light, a bright sky, a weak fill light from the camera, and the conversion for display.
 
 All colours are linear light; 1 is a white surface that faces the key light. Components come first: (3, n).
 
-How much of the key light and of the sky reaches each pixel, from a few rays each and from its neighbours' rays.
+Share of the key light and of the sky that reaches each pixel, from a few rays of the pixel and of its neighbours.
 
 Every ray direction comes from a fixed low-discrepancy sequence [R18], one subset for each pixel of a 4 x 4 tile. A
 filter that respects edges gathers the subsets.
@@ -23,18 +23,19 @@ from dcap.geometry.rendering.view_volume import KEY_REACH, LIGHT_RADIUS, SKY_REA
 from dcap.scene.types.mesh import Mesh
 
 Ways = Callable[[SurfaceHits, NDArray[np.int64], NDArray[np.int64]], tuple[Float32Array, NDArray[np.bool_]]]
-"""Rays to a light, scaled by their reach (rays, 3, n), and which of them could arrive (rays, n)."""
+"""Function that returns rays to a light, scaled by their reach (rays, 3, n), and the mask of those that could arrive
+(rays, n)."""
 
-KEY_RAYS = 2  # per pixel; a 4 x 4 tile together has 32 different ones
+KEY_RAYS = 2  # per pixel; a 4 x 4 tile has 32 different ones in total
 SKY_RAYS = 3
 TILE = 4
-OFFSET = (2e-4, 1e-5)  # rays start this far off the surface: a share of the camera's distance, and more [m]
+OFFSET = (2e-4, 1e-5)  # rays start this far off the surface: a share of the camera's distance, and a constant [m]
 WINDOW = 4  # half width [pixels] of the gathering filter: twice the tile, so that every subset counts the same
-PLANE_TOLERANCE = 0.004  # distance from a pixel's plane over its depth at which the filter forgets a neighbour
+PLANE_TOLERANCE = 0.004  # distance from a pixel's plane over its depth at which the filter ignores a neighbour
 
 
 def column(*values: float) -> Float32Array:
-    """A colour for use with arrays that have the components first, shape (3, 1)."""
+    """A colour for use with component-first arrays, shape (3, 1)."""
     return np.array(values, dtype=np.float32)[:, None]
 
 
@@ -49,7 +50,7 @@ KNEE = 0.75  # linear brightness above which a soft shoulder replaces clipping
 
 
 def shade(surface: SurfaceHits, light: Float32Array, key: NDArray[np.float64]) -> Float32Array:
-    """Linear colours of what rays met, (3, n); light (2, n): shares of the key light and of the sky that reach it."""
+    """Linear colours of surfaces, (3, n); light (2, n): shares of the key light and of the sky that reach them."""
     normal, toward = surface.smooth, key.astype(np.float32)[:, None]
     facing = np.clip(dot(normal, toward), 0.0, 1.0)
     # fades in gently: at grazing light the noise of a scan would flicker, and facets would show at the terminator
@@ -89,20 +90,20 @@ def gathered_light(
 
 @dataclass(frozen=True, eq=False, slots=True)
 class LightRays:
-    """Which rays from n pixels to the lights arrive."""
+    """Masks of the rays from n pixels to the lights that arrive."""
 
     key: Mask
-    """Those to the key light, shape (KEY_RAYS, n)."""
+    """Rays to the key light, shape (KEY_RAYS, n)."""
     sky: Mask
-    """Those to the sky, shape (SKY_RAYS, n)."""
+    """Rays to the sky, shape (SKY_RAYS, n)."""
 
     @property
     def shares(self) -> Float32Array:
-        """Shares of the key light and of the sky by each pixel's own rays, shape (2, n)."""
+        """Shares of the key light and of the sky from each pixel's own rays, shape (2, n)."""
         return np.stack([one.sum(axis=0, dtype=np.float32) / np.float32(len(one)) for one in (self.key, self.sky)])
 
     def with_others(self, pixel: IntArray, others: "LightRays") -> "LightRays":
-        """The same with the rays of some pixels (k,) replaced by those of others."""
+        """A copy with the rays of some pixels (k,) replaced by those of `others`."""
         key, sky = self.key.copy(), self.sky.copy()
         key[:, pixel], sky[:, pixel] = others.key, others.sky
         return LightRays(key, sky)
@@ -112,13 +113,14 @@ class Lights:
     """The key light and the sky over the pixels of a picture."""
 
     def __init__(self, key: NDArray[np.float64], reach: float, shape: tuple[int, int]) -> None:
-        """The unit vector to the key light, the camera's distance from its target [m], and rows and columns."""
+        """Take the unit vector to the key light, the camera's distance from its target [m], and the rows and
+        columns."""
         self._toward, self._reach = key.astype(np.float32)[:, None], reach
         self._key, self._sky = key_ways(key, KEY_REACH * reach), sky_ways(SKY_REACH * reach)
         self._tile, self._wide = bayer(TILE, shape).ravel(), bayer(2 * TILE, shape).ravel()
 
     def arriving(self, caster: RayTracer, surface: SurfaceHits) -> LightRays:
-        """Rays from all pixels."""
+        """Rays from all pixels, and whether they arrive."""
         return LightRays(
             open_rays(caster, surface, self._key, KEY_RAYS, self._tile, self._wide),
             open_rays(caster, surface, self._sky, SKY_RAYS, self._tile, self._wide),
@@ -127,7 +129,7 @@ class Lights:
     def some(
         self, caster: RayTracer, surface: SurfaceHits, pixel: IntArray, asked: LightRays | None = None
     ) -> LightRays:
-        """Rays from some pixels (k,), of whose n the surface is given; those not `asked` for count as stopped."""
+        """Rays from some pixels (k,) with the given surface; rays not in `asked` count as stopped."""
         near, tile, wide = surface.at(pixel), self._tile[pixel], self._wide[pixel]
         key, sky = (None, None) if asked is None else (asked.key[:, pixel], asked.sky[:, pixel])
         return LightRays(
@@ -136,7 +138,8 @@ class Lights:
         )
 
     def near_ball(self, surface: SurfaceHits, center: Float32Array, radius: float) -> Mask:
-        """Pixels whose rays may meet what lies in a ball, a bound; centre (3,) and radius [m], shape (n,)."""
+        """Upper bound of the pixels whose rays may meet things in a ball with centre (3,) and radius [m], shape
+        (n,)."""
         farthest = np.float32(SKY_REACH * self._reach) * (levels(SKY_RAYS) ** 2).max(axis=0)
         result = np.empty(len(surface.distance), dtype=bool)
 
@@ -145,7 +148,7 @@ class Lights:
             way = center[:, None] - part.position
             away, along = dot(way, way), dot(way, self._toward)
             to_sky = away < (radius + farthest[self._wide[band]]) ** 2
-            # rays to the key light stay in a cone that begins where the surface is
+            # rays to the key light stay in a cone that begins at the surface
             cone = 1.01 * radius + LIGHT_RADIUS * np.maximum(along + radius, 0.0)
             before = (along > -radius) & (along < KEY_REACH * self._reach + radius)
             to_key = before & (away - along * along < cone * cone)
@@ -159,8 +162,8 @@ def open_rays(
     caster: RayTracer, surface: SurfaceHits, ways: Ways, count: int, tile: IntArray, wide: IntArray,
     asked: Mask | None = None,
 ) -> Mask:  # fmt: skip
-    """Which of `count` rays from each of n pixels arrive, none where nothing is seen, of those `asked` for, shape
-    (count, n); `tile` and `wide` are the pixels' numbers in their tiles, shape (n,)."""
+    """Mask of those of `count` rays from each of n pixels that arrive, false where nothing is visible or a ray is not
+    in `asked`, shape (count, n); `tile` and `wide` are the pixels' indices in their tiles, shape (n,)."""
     pixels = len(surface.distance)
     rays = np.empty((count, pixels, 6), dtype=np.float32)
     could = np.empty((count, pixels), dtype=bool)
@@ -172,7 +175,7 @@ def open_rays(
         rays[:, band, :3] = (near.position + near.flat * off).T
         way, could[:, band] = ways(near, tile[band], wide[band])
         could[:, band] &= seen if asked is None else seen & asked[:, band]
-        # a ray without length is found open at once
+        # a ray without length is open
         rays[:, band, 3:] = np.where(could[:, None, band], way, 0.0).transpose(0, 2, 1)
 
     in_bands(aim, pixels)
@@ -202,7 +205,7 @@ def key_ways(key: NDArray[np.float64], reach: float) -> Ways:
 
 
 def sky_ways(reach: float) -> Ways:
-    """Rays to the sky, denser around the normal by its cosine; what is farther hides less."""
+    """Rays to the sky, denser around the normal by its cosine; distant surfaces hide less."""
     u, v = sequence(131 + np.arange(SKY_RAYS * TILE * TILE))
     local = np.stack([np.sqrt(u) * np.cos(2.0 * np.pi * v), np.sqrt(u) * np.sin(2.0 * np.pi * v), np.sqrt(1.0 - u)])
     locals_of = np.stack(np.split(local.astype(np.float32), SKY_RAYS, axis=1))
@@ -240,7 +243,7 @@ def levels(count: int) -> Float32Array:
 
 
 def bayer(side: int, shape: tuple[int, int]) -> NDArray[np.int64]:
-    """Number 0 .. side^2 - 1 of each pixel within its tile, neighbours far apart (ordered dithering), shape (h, w)."""
+    """Index 0 .. side^2 - 1 of each pixel within its tile, neighbours far apart (ordered dithering), shape (h, w)."""
     order = np.zeros((1, 1), dtype=np.int64)
     while len(order) < side:
         order = np.block([[4 * order, 4 * order + 2], [4 * order + 3, 4 * order + 1]])
@@ -248,7 +251,7 @@ def bayer(side: int, shape: tuple[int, int]) -> NDArray[np.int64]:
 
 
 def frame(normal: Float32Array) -> tuple[Float32Array, Float32Array]:
-    """Two unit vectors across each unit normal, all of shape (3, n) [Duff et al., JCGT 6(1), 2017]."""
+    """Two unit vectors perpendicular to each unit normal, all of shape (3, n) [Duff et al., JCGT 6(1), 2017]."""
     x, y, z = normal
     sign = np.where(z >= 0.0, np.float32(1.0), np.float32(-1.0))
     a = -1.0 / (sign + z)
@@ -270,8 +273,8 @@ def gather(light: Float32Array, surface: SurfaceHits, shape: tuple[int, int]) ->
 def gather_axis(
     light: Float32Array, position: Float32Array, steep: Float32Array, normal: Float32Array, axis: int
 ) -> Float32Array:
-    """One direction of `gather`: weights 1 inside the window, 1/2 at its ends, less off the pixel's plane; `steep` is
-    the normal over the tolerance, all of shape (2 or 3, h, w)."""
+    """One direction of `gather`: weights 1 inside the window, 1/2 at its ends, smaller off the pixel's plane; `steep`
+    is the normal over the tolerance, all of shape (2 or 3, h, w)."""
     height, width = light.shape[1:]
     result = np.empty_like(light)
 
@@ -282,7 +285,7 @@ def gather_axis(
             away = dot(position[there] - position[here], steep[here])
             turn = np.clip(dot(normal[there], normal[here]), 0.0, 1.0)
             for _ in range(3):
-                turn *= turn  # the 8th power in the end
+                turn *= turn  # the 8th power in total
             weight = turn * np.exp(-away * away)
             if abs(offset) == WINDOW:
                 weight *= 0.5
@@ -298,8 +301,8 @@ Cut = tuple[slice, slice, slice]
 
 
 def shifted(offset: int, axis: int, band: slice, shape: tuple[int, int]) -> tuple[Cut, Cut, Cut]:
-    """Pixels of a band of rows that have a neighbour at `offset`: as cut from the band, from the picture, and their
-    neighbours as cut from the picture."""
+    """Pixels of a band of rows that have a neighbour at `offset`: as slices of the band and of the picture, and their
+    neighbours as slices of the picture."""
     everything = slice(None)
     if axis == 1:
         first, last = max(0, -offset), shape[1] - max(0, offset)

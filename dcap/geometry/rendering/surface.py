@@ -1,13 +1,13 @@
-"""Surface that the rays of a camera meet: place, normals, colour and mesh, ready to be lit.
+"""Surface that the rays of a camera meet: position, normals, colour and mesh, ready for lighting.
 
-Shading normals: smooth where a surface bends gently, sharp where it has an edge.
+Shading normals: smooth where a surface bends gently, sharp at its edges.
 
-In: a mesh, welded or not, wound consistently or not. Out: unit normals per face corner. A face averages its
-neighbours' normals at each corner, weighted by area and by how little they turn against its own.
+In: a mesh, welded or not, wound consistently or not. Out: unit normals per face corner. A face averages its neighbours'
+normals at each corner, weighted by area and by their agreement with its own normal.
 
-Work on many pixels in bands: small enough to stay in a core's cache, several at a time.
+Processes many pixels in bands: small enough to stay in a core's cache, several at a time.
 
-Where a band ends depends on the number of pixels alone, so results do not depend on the number of cores.
+The bounds of a band depend only on the number of pixels, so results do not depend on the number of cores.
 """
 
 from collections.abc import Callable, Sequence
@@ -36,12 +36,12 @@ SHARP_COS, SMOOTH_COS = 0.5, 0.85  # 60 degrees and more: an edge; 32 degrees an
 FACES = 4096  # in a band: each has about 18 neighbours, counted once for each corner
 
 HIGH, LOW = np.radians([52.0, 24.0])
-"""Elevations of the key light; the low one grazes level surfaces, so that one sees their relief."""
-LEAN_COS = 0.1  # a shading normal that leans farther from its face would shade the side that is not seen
+"""Elevations of the key light [rad]; the low one grazes level surfaces, which makes their relief visible."""
+LEAN_COS = 0.1  # a shading normal that leans farther from its face would shade the hidden side
 
 
 def in_bands(action: Callable[[slice], None], count: int, band: int = BAND) -> None:
-    """Call `action` with slices that cut range(count) into bands, on all cores; it must write its own band only."""
+    """Call `action` with slices that cut range(count) into bands, on all cores; it must only write its own band."""
     cuts = [slice(first, min(first + band, count)) for first in range(0, count, band)]
     workers = min(available_cores(), len(cuts))
     if workers < 2:
@@ -49,12 +49,12 @@ def in_bands(action: Callable[[slice], None], count: int, band: int = BAND) -> N
             action(cut)
         return
     with ThreadPoolExecutor(workers) as pool:
-        for _ in pool.map(action, cuts):  # raises what a band raised
+        for _ in pool.map(action, cuts):  # raises the exception of a band
             pass
 
 
 class ShadingNormals:
-    """Corner normals of a mesh, computed for the faces that are asked for and kept."""
+    """Corner normals of a mesh, computed on demand and kept."""
 
     def __init__(self, mesh: Mesh) -> None:
         area_normal = mesh.face_normals
@@ -66,7 +66,8 @@ class ShadingNormals:
         self._normal = np.zeros((len(mesh.faces), 3, 3), dtype=np.float32)
 
     def of_corners(self, face: NDArray[np.integer]) -> NDArray[np.float32]:
-        """Unit normals at the three corners of all faces, shape (m, 3, 3); made for the faces (n,) and earlier ones."""
+        """Unit normals at the three corners of all faces, shape (m, 3, 3); computed for the faces (n,) and earlier
+        ones."""
         wanted = np.zeros(len(self._known), dtype=bool)
         wanted[face] = True
         fresh = np.flatnonzero(wanted & ~self._known)
@@ -87,7 +88,7 @@ class ShadingNormals:
         target = np.repeat(np.arange(len(vertex)), count)
         own, near = self._unit[:, face[target // 3]], self._unit[:, other]
         cos = own[0] * near[0] + own[1] * near[1] + own[2] * near[2]
-        weight = self._length[other] * np.sign(cos)  # a neighbour wound the other way counts turned around
+        weight = self._length[other] * np.sign(cos)  # a neighbour wound the other way is reversed
         weight *= np.clip((np.abs(cos) - SHARP_COS) / (SMOOTH_COS - SHARP_COS), 0.0, 1.0)
         total = np.stack([np.bincount(target, weight * part, minlength=len(vertex)) for part in near], axis=1)
         size = np.sqrt(np.einsum("ij,ij->i", total, total))[:, None]
@@ -96,8 +97,8 @@ class ShadingNormals:
 
 
 def grouped(number: NDArray[np.int64]) -> tuple[NDArray[np.integer], NDArray[np.integer]]:
-    """Where the places of each number begin in a list of places, and that list in order, shapes (k + 1,) and (n,): a
-    counting sort, four times as fast as a comparing one."""
+    """Start of the places of each number in a list of places, and that list in order, shapes (k + 1,) and (n,): a
+    counting sort, four times as fast as a comparison sort."""
     places = np.arange(len(number))
     rows = csr_array((np.ones(len(number), dtype=bool), (number, places)))
     return rows.indptr, rows.indices
@@ -105,14 +106,14 @@ def grouped(number: NDArray[np.int64]) -> tuple[NDArray[np.integer], NDArray[np.
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SurfaceHits:
-    """Hits of n rays from one camera; zeros where they meet nothing. One component after the other: (3, n)."""
+    """Hits of n rays from one camera; zeros on a miss. Component-first arrays: (3, n)."""
 
     direction: Float32Array
     """Unit ray directions, shape (3, n)."""
     distance: Float32Array
-    """Along the ray [m], inf where it meets nothing, shape (n,)."""
+    """Distance along the ray [m], inf on a miss, shape (n,)."""
     position: Float32Array
-    """[m], shape (3, n)."""
+    """Hit points [m], shape (3, n)."""
     flat: Float32Array
     """Unit face normals towards the viewer, shape (3, n)."""
     smooth: Float32Array
@@ -120,7 +121,7 @@ class SurfaceHits:
     color: Float32Array
     """Linear colours 0..1, shape (3, n)."""
     mesh_index: NDArray[np.int32]
-    """Mesh seen, -1 for none, shape (n,)."""
+    """Index of the visible mesh, -1 for none, shape (n,)."""
     face: NDArray[np.int32]
     """Face of the joined mesh, -1 for none, shape (n,)."""
     corner_weights: Float32Array
@@ -128,7 +129,7 @@ class SurfaceHits:
 
     @classmethod
     def empty(cls, count: int) -> "SurfaceHits":
-        """To be filled."""
+        """Arrays to be filled."""
         vectors = [np.empty((3, count), dtype=np.float32) for _ in range(6)]
         way, position, flat, smooth, color, weights = vectors
         return cls(
@@ -137,7 +138,7 @@ class SurfaceHits:
         )  # fmt: skip
 
     def part(self, index: slice) -> "SurfaceHits":
-        """Some of the rays, without a copy."""
+        """A part of the rays, without a copy."""
         return SurfaceHits(
             self.direction[:, index], self.distance[index], self.position[:, index], self.flat[:, index],
             self.smooth[:, index], self.color[:, index], self.mesh_index[index], self.face[index],
@@ -145,11 +146,11 @@ class SurfaceHits:
         )  # fmt: skip
 
     def at(self, index: NDArray[np.integer]) -> "SurfaceHits":
-        """Some of the rays (k,)."""
+        """The rays with given indices (k,)."""
         return SurfaceHits(*(getattr(self, one.name)[..., index] for one in fields(self)))
 
     def with_others(self, index: NDArray[np.integer], others: "SurfaceHits") -> "SurfaceHits":
-        """The same with others in the place of some of the rays (k,)."""
+        """A copy with some of the rays (k,) replaced by others."""
         result = SurfaceHits(*(getattr(self, one.name).copy() for one in fields(self)))
         for one in fields(self):
             getattr(result, one.name)[..., index] = getattr(others, one.name)
@@ -157,7 +158,7 @@ class SurfaceHits:
 
 
 class PreparedMeshes:
-    """Meshes that any number of cameras look at, each at some of their faces: colours, normals and textures."""
+    """Meshes for any number of cameras, each of which may see some of the faces: colours, normals and textures."""
 
     def __init__(self, things: Sequence[Mesh | PaintedMesh]) -> None:
         self.things = [PaintedMesh(one) if isinstance(one, Mesh) else one for one in things]
@@ -168,17 +169,17 @@ class PreparedMeshes:
         self.normals = ShadingNormals(self.mesh)
         self.textures = PaintedScene(self.things) if any(one.paint for one in self.things) else None
         self.shown = np.ones(len(self.mesh.faces), dtype=bool)
-        """Faces that are looked at, shape (m,)."""
+        """Mask of the visible faces, shape (m,)."""
 
     def showing(self, faces: NDArray[np.bool_]) -> Self:
-        """The same with only some faces (m,) looked at."""
+        """A copy with only some faces (m,) visible."""
         some = copy(self)
         some.shown = faces
         return some
 
 
 class RenderScene:
-    """Prepared meshes as one camera sees them: what its rays may meet of them, and the light."""
+    """Prepared meshes for one camera: the faces that its rays may meet, and the light."""
 
     def __init__(self, prepared: PreparedMeshes, camera: Camera, *, low_light: bool = False) -> None:
         self.prepared = prepared
@@ -188,14 +189,15 @@ class RenderScene:
         self.caster: RayTracer = self._caster_of(prepared.shown)
 
     def adding(self, faces: NDArray[np.bool_]) -> tuple[Self, RayTracer]:
-        """The same camera before further faces (m,) of the meshes, and a ray caster of these alone."""
+        """A scene for the same camera with additional faces (m,) of the meshes, and a ray caster of these faces
+        alone."""
         more, added = copy(self), self._caster_of(faces)
         more.prepared = self.prepared.showing(self.prepared.shown | faces)
         more.caster = JoinedTracers(self.caster, added)
         return more, added
 
     def _caster_of(self, faces: NDArray[np.bool_]) -> RayTracer:
-        """A ray caster of some faces (m,), as far as rays of the picture may meet them."""
+        """A ray caster of those of the given faces (m,) that rays of the picture may meet."""
         known = self.prepared
         near = faces & in_view(known.mesh, self.camera, self.light, self.reach)
         return caster_of(known.things, known.mesh, np.flatnonzero(near))
@@ -220,7 +222,7 @@ class RenderScene:
         return surface
 
     def _describe(self, rays: Float32Array, hits: PackedHits, corner_normals: Float32Array, out: SurfaceHits) -> None:
-        """Fill in what a band of rays meets."""
+        """Fill in the hits of a band of rays."""
         known = self.prepared
         out.direction[:] = rays[:, 3:].T
         out.distance[:] = hits.distance
@@ -255,12 +257,12 @@ class RenderScene:
 
 
 def components(rows: Float32Array) -> Float32Array:
-    """Vectors (n, k) one component after the other, shape (k, n)."""
+    """Vectors (n, k) in component-first order, shape (k, n)."""
     return np.ascontiguousarray(rows.T)
 
 
 def dot(a: Float32Array, b: Float32Array) -> Float32Array:
-    """Scalar products of vectors with the components first, shape (3, ...)."""
+    """Scalar products of component-first vectors, shape (3, ...)."""
     return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
 
 

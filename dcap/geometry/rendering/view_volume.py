@@ -1,12 +1,13 @@
 """Faces that the rays of a picture may meet: those in the camera's view, and those that may shade them.
 
-In: a mesh, a camera and its key light. Out: faces. It is a bound: a face left out is met by no ray of the picture, one
-that is kept may be met by none. So the acceleration structure holds a part of a room only, and is built sooner.
+In: a mesh, a camera and its key light. Out: faces. It is a bound: no ray of the picture meets a face that is left out,
+but faces that are kept may not be met either. The acceleration structure then contains only a part of a room, and is
+built faster.
 
-Walls and ceilings between a camera and what it looks at: which faces to leave out of the picture.
+Walls and ceilings between a camera and its target: the faces to leave out of the picture.
 
-A structure's face is cut when its plane has the camera on one side and the target on the other, and a ceiling always.
-Scans are noisy, so planes are snapped to the room's own axes first: one wall is cut or kept as a whole.
+A face of the structure is cut if its plane separates the camera from the target, and a ceiling always. Scans are noisy,
+so planes are first snapped to the room's own axes: a wall is cut or kept as a whole.
 """
 
 import numpy as np
@@ -17,16 +18,16 @@ from dcap.geometry.camera import Camera
 from dcap.scene.types.mesh import Mesh
 
 LIGHT_RADIUS = 0.10  # tangent of the key light's angular radius: a window-sized source
-# shadows are cast from at most this share of the camera's distance: far walls and ceilings let light in
+# shadows are cast by surfaces within this share of the camera's distance: far walls and ceilings let light in
 KEY_REACH, SKY_REACH = 0.9, 0.5
-RAY_SLACK = 0.01  # over the camera's distance: more than rounding and the starts of rays off a surface
+RAY_SLACK = 0.01  # over the camera's distance: more than rounding and the offset of rays from a surface
 LEVEL_COS = 0.7  # a face whose normal is within 45 degrees of the vertical is floor or ceiling
-OVERHEAD = 0.8  # level structure higher than this [m] above the target is ceiling: always open, so that light comes in
+OVERHEAD = 0.8  # level structure higher than this [m] above the target is ceiling: always open to let light in
 PLANE_SLACK = 0.02  # a plane nearer than this [m] to the target does not hide it
 
 
 def in_view(mesh: Mesh, camera: Camera, key: Array, reach: float) -> NDArray[np.bool_]:
-    """Faces of a mesh that rays of a picture may meet, shape (m,).
+    """Mask of the faces of a mesh that rays of a picture may meet, shape (m,).
 
     Args:
         mesh: what is looked at.
@@ -35,7 +36,7 @@ def in_view(mesh: Mesh, camera: Camera, key: Array, reach: float) -> NDArray[np.
         reach: the camera's distance from its target [m].
     """
     normal = inward_normals(camera)
-    # rays to the lights begin at what the camera sees, and end this far outside of a side of the view at most
+    # rays to the lights begin at visible surfaces, and end at most this far outside a side of the view
     outward = np.maximum(KEY_REACH * (LIGHT_RADIUS - normal @ key), SKY_REACH)
     outside = (mesh.vertices - camera.position) @ normal.T < -(outward + RAY_SLACK) * reach
     sides = outside @ (1 << np.arange(len(normal))).astype(np.uint8)
@@ -44,8 +45,8 @@ def in_view(mesh: Mesh, camera: Camera, key: Array, reach: float) -> NDArray[np.
 
 
 def inward_normals(camera: Camera) -> Array:
-    """Unit normals of the five planes through the camera that bound its view: left, right, top, bottom, and the one
-    behind which nothing is seen; shape (5, 3)."""
+    """Unit normals of the five planes through the camera that bound its view: left, right, top, bottom, and the plane
+    behind which nothing is visible; shape (5, 3)."""
     low, high = (
         -camera.principal / camera.focals,
         (np.array([camera.width, camera.height]) - camera.principal) / camera.focals,
@@ -59,7 +60,7 @@ def inward_normals(camera: Camera) -> Array:
 def cut_faces(
     mesh: Mesh, structure: NDArray[np.bool_], camera: NDArray[np.float64], target: NDArray[np.float64]
 ) -> NDArray[np.bool_]:
-    """Structure faces (a mask over the mesh's faces) whose plane separates the camera from the target, shape (m,)."""
+    """Mask of the structure's faces (given as a mask) whose plane separates the camera from the target, shape (m,)."""
     return StructurePlanes(mesh, structure).between(camera, target)
 
 
@@ -67,7 +68,7 @@ class StructurePlanes:
     """The planes of walls, floor and ceiling, for any number of cameras."""
 
     def __init__(self, mesh: Mesh, structure: NDArray[np.bool_]) -> None:
-        """Of those faces of a mesh that are structure, a mask (m,)."""
+        """Prepare the planes of those faces of a mesh that are structure, a mask (m,)."""
         self._structure = structure
         a, b, c = mesh.corners(np.flatnonzero(structure)).transpose(1, 0, 2)
         self._normal = snapped(np.cross(b - a, c - a))
@@ -75,7 +76,7 @@ class StructurePlanes:
         self._offset = np.einsum("ij,ij->i", self._normal, self._center)
 
     def between(self, camera: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """As `cut_faces`."""
+        """The same as `cut_faces`."""
         side = self._normal @ target - self._offset
         other = self._normal @ camera - self._offset
         ceiling = (np.abs(self._normal[:, 2]) > LEVEL_COS) & (self._center[:, 2] > target[2] + OVERHEAD)
@@ -102,6 +103,6 @@ def room_axis(unit: NDArray[np.float64], area: NDArray[np.float64]) -> NDArray[n
     if len(unit) == 0:
         return np.array([1.0, 0.0, 0.0])
     angle = np.arctan2(unit[:, 1], unit[:, 0])
-    # quarter turns fall together on the fourfold angle
+    # quarter turns coincide in the fourfold angle
     mean = np.angle(np.sum(area * np.exp(4j * angle))) / 4.0
     return np.array([np.cos(mean), np.sin(mean), 0.0])

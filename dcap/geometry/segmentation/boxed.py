@@ -1,8 +1,8 @@
-"""Instances of an annotated scene: which face belongs to which labelled box.
+"""Instances of an annotated scene: assigns faces to labelled boxes.
 
-A connected component that lies in a box belongs to it as a whole, to the smallest such box: the lamp on the table is
-not the table. Components that no box holds are the shell of the room or several things fused by the scan; their faces
-go to floor, ceiling and walls by level and plane first, then to the smallest box around them.
+A connected component inside boxes belongs as a whole to the smallest of them: the lamp on the table is not the table.
+Components outside all boxes are the shell of the room or several things fused by the scan; their faces are assigned to
+floor, ceiling and walls by level and plane first, then to the smallest box around them.
 """
 
 from dataclasses import dataclass
@@ -18,27 +18,27 @@ from dcap.scene.types.boxes import OrientedBox
 from dcap.scene.types.scan import LabelBox
 
 MARGIN = 0.03
-"""Boxes are grown by this when asked what they hold: annotations and scans are no better [m]."""
+"""Margin of boxes in testing their content [m]: annotations and scans are no more precise."""
 
 HELD = 0.75
 """Share of a component's area that a box must hold to own it as a whole [-]."""
 
 CLAIM_MARGIN = 0.01
-"""Margin of a small thing's box when it claims faces from what carries it [m]."""
+"""Margin of a small thing's box in claiming faces from its support [m]."""
 
 FLAT_THING = 0.06
 """Thickness below which a box on the floor is a rug [m]."""
 
 FLAT_ON_WALL = 0.25
-"""Thickness below which a box is a thing in or on a wall [m]: doors and windows reach through it."""
+"""Thickness below which a box is a thing in or on a wall [m]: doors and windows reach through the wall."""
 
 NEAR_BEST = 0.12
-"""A smaller box wins over a larger one that holds this much more of a component [-]."""
+"""Excess share of a component that a larger box must hold to win over a smaller one [-]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Group:
-    """A labelled set of faces before its parts are known."""
+    """A labelled set of faces, before its parts are determined."""
 
     id: str
     label: str
@@ -46,20 +46,20 @@ class Group:
     axes: NDArray[np.float64] | None
     """Annotated orientation, shape (3, 3)."""
     confidence: float = 1.0
-    """0..1, how sure the label is; below 1 where it was guessed."""
+    """Confidence of the label, 0..1; below 1 if it was guessed."""
     guesses: tuple[tuple[str, float], ...] = ()
-    """Labels that it may have and their probabilities; empty where the source names it."""
+    """Possible labels and their probabilities; empty if the source names the thing."""
     stands_at: float | None = None
-    """Height at which it stands though no face of it is seen there [m]; None where its faces tell."""
+    """Height at which the thing stands, if none of its faces is visible there [m]; None if its faces show it."""
 
 
 def is_opening(label: str) -> bool:
-    """Windows and doors live in walls."""
+    """Return whether a label is a window or a door, which are in walls."""
     return bool({"window", "door", "opening", "windows", "doors"} & set(words_of(label)))
 
 
 def boxed_groups(table: FaceTable, boxes: tuple[LabelBox, ...]) -> list[Group]:
-    """Labelled things, then floor, ceiling and walls; boxes that hold no face are left out."""
+    """Labelled things, then floor, ceiling and walls; boxes without faces are left out."""
     things = [b for b in boxes if category_of(b.label) is not Category.STRUCTURE]
     owner = _claimed_back(table, things, _whole_components(table, things))
     shell = owner < 0
@@ -88,7 +88,8 @@ def _completed(
     wall: NDArray[np.int64],
     rest: NDArray[np.bool_],
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.int64]]:
-    """The rims of walls and slabs go with the rest of their component, if most of that is structure."""
+    """Masks of floor, ceiling and wall, where rims of walls and slabs belong to the rest of their component if most of
+    that is structure."""
     code = np.where(floor, 1, np.where(ceiling, 2, np.where(wall >= 0, wall + 3, 0)))
     kinds = int(code.max()) + 1
     key = table.component * kinds + code
@@ -106,7 +107,7 @@ def _structure_groups(
     ceiling: NDArray[np.bool_],
     wall: NDArray[np.int64],
 ) -> list[Group]:
-    """Floor, ceiling and walls under their annotated ids, or under plain ones."""
+    """Groups of floor, ceiling and walls under their annotated ids, or under default ids."""
     taken = {b.id for b in boxes}
     groups = [
         Group(_id_of(boxes, name), name, np.flatnonzero(mask), None)
@@ -123,7 +124,7 @@ def _numbered(name: str, number: int) -> tuple[str, str]:
 
 
 def _id_of(boxes: tuple[LabelBox, ...], name: str) -> str:
-    """Id of the box that is annotated as this structure ('floor', not 'floor lamp'), else its plain name."""
+    """Id of the box annotated as this structure ('floor', not 'floor lamp'), else the structure's name."""
     structures = [b for b in boxes if category_of(b.label) is Category.STRUCTURE]
     return next((b.id for b in structures if plain_structure(b.label) == name), name)
 
@@ -133,10 +134,10 @@ def _volume(box: OrientedBox) -> float:
 
 
 def _inside(table: FaceTable, box: OrientedBox, margin: float) -> NDArray[np.int64]:
-    """Faces whose centre lies in a box grown by `margin`; first sieved by its axis-aligned hull."""
+    """Indices of the faces whose centre lies in a box grown by `margin`; first filtered by its axis-aligned hull."""
     low, high = box.corners.min(axis=0) - margin, box.corners.max(axis=0) + margin
     near = np.arange(len(table.center))
-    for axis in range(3):  # each axis is asked only of what the ones before have left
+    for axis in range(3):  # each axis only tests the faces left by the previous ones
         along = table.center[near, axis]
         near = near[(along >= low[axis]) & (along <= high[axis])]
     return near[box.contains(table.center[near], margin=margin)]
@@ -160,9 +161,10 @@ def _whole_components(table: FaceTable, things: list[LabelBox]) -> NDArray[np.in
 
 
 def _claimed_back(table: FaceTable, things: list[LabelBox], owner: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Where a scan fused a small thing with what carries it, the small box takes its faces back, shape (m,).
+    """Owners of the faces after small boxes have taken their faces back where a scan fused a small thing with its
+    support, shape (m,).
 
-    It does so only if it owns less than half of what lies in it. Upward faces at its foot stay with the carrier.
+    This only happens if the box owns less than half of the faces in it. Upward faces at its foot stay with the support.
     """
     volume = np.array([_volume(thing.box) for thing in things])
     result = owner.copy()
@@ -185,8 +187,9 @@ def _flush(
     shell: NDArray[np.bool_],
     floor: NDArray[np.bool_],
 ) -> NDArray[np.int64]:
-    """Flat things that the scan fused with floor or wall (`shell`) take its faces in their boxes, shape (m,): rugs,
-    pictures, doors. Across it a box is as thick as scans are uncertain, along it nothing is added."""
+    """Owners of the faces after flat things that the scan fused with floor or wall (`shell`) have taken the faces in
+    their boxes, shape (m,): rugs, pictures, doors. Across the thing a box has the thickness of a scan's uncertainty,
+    along it there is no margin."""
     result = owner.copy()
     for i, thing in enumerate(things):
         half = thing.box.half_extents

@@ -1,6 +1,6 @@
 """Per-face quantities of a mesh and the graph of faces that share an edge.
 
-The surface that a thing carries with: the level at which most of it looks up.
+The carrying surface of a thing: the level with most upward area.
 """
 
 from dataclasses import dataclass
@@ -14,27 +14,27 @@ from skimage.color import rgb2lab
 from dcap.scene.types.mesh import Mesh
 
 MAX_POINTS = 400_000
-"""Most points that `surface_points` lays; beyond it they lie farther apart [-]."""
+"""Maximum number of points of `surface_points`; above it the spacing grows [-]."""
 STRAY = 0.005
-"""Share of a surface that may be stray points of a scan, below all else and above it [-]."""
+"""Share of a surface that may be stray points of a scan, below and above everything else [-]."""
 UPWARD = 0.8
-"""Cosine to the vertical from which a face looks up [-]."""
+"""Least cosine to the vertical of an upward face [-]."""
 BAND = 0.03
-"""Faces within this height are one level [m]."""
+"""Height within which faces are on one level [m]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class FaceTable:
-    """Properties of every face that segmentation needs."""
+    """Properties of every face for segmentation."""
 
     corners: NDArray[np.float64]
     """Corner positions [m], shape (m, 3, 3)."""
     center: NDArray[np.float64]
-    """[m], shape (m, 3)."""
+    """Centres of the faces [m], shape (m, 3)."""
     normal: NDArray[np.float64]
     """Unit normals (zero for faces without area), shape (m, 3)."""
     area: NDArray[np.float64]
-    """[m^2], shape (m,)."""
+    """Areas of the faces [m^2], shape (m,)."""
     lab: NDArray[np.float64]
     """Mean colour in CIELAB (D65), shape (m, 3)."""
     pairs: NDArray[np.int64]
@@ -61,7 +61,7 @@ class FaceTable:
 
 
 def welded_index(vertices: NDArray[np.float64]) -> NDArray[np.int64]:
-    """A number per place: vertices split for colour or texture count as one, shape (n,)."""
+    """A number per position, so that vertices split for colour or texture are the same, shape (n,)."""
     step = 1e-6 * max(float(np.ptp(vertices, axis=0).max()), 1e-9)
     keys = np.rint((vertices - vertices.min(axis=0)) / step).astype(np.int64)
     # One number per place: 2^21 > 1e6 steps per axis.
@@ -72,7 +72,7 @@ def welded_index(vertices: NDArray[np.float64]) -> NDArray[np.int64]:
 def shared_edges(faces: NDArray[np.int64]) -> NDArray[np.int64]:
     """Pairs of faces that share an edge, shape (e, 2).
 
-    An edge of more than two faces is where separate solids touch (a mattress on its frame): it joins nothing.
+    At an edge of more than two faces separate solids touch (a mattress on its frame): it does not connect them.
     """
     sides = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
     key = sides[:, 0] * (int(faces.max(initial=0)) + 1) + sides[:, 1]
@@ -85,37 +85,39 @@ def shared_edges(faces: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def pairs_among(pairs: NDArray[np.int64], faces: NDArray[np.int64], count: int) -> NDArray[np.int64]:
-    """The pairs of `count` faces that join two of the given ones (k,), numbered among these, shape (p, 2)."""
+    """The pairs of `count` faces that join two of the given faces (k,), as indices into the given faces, shape (p,
+    2)."""
     number = np.full(count, -1)
     number[faces] = np.arange(len(faces))
     first = number[pairs[:, 0]]
-    kept = np.flatnonzero(first >= 0)  # of a room with many things only few pairs are left for a second look
+    kept = np.flatnonzero(first >= 0)  # in a room with many things only few pairs are left for the second test
     second = number[pairs[kept, 1]]
     both = second >= 0
     return np.stack([first[kept[both]], second[both]], axis=1)
 
 
 def connected_regions(count: int, pairs: NDArray[np.int64], joined: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Regions of faces when only the `joined` pairs connect, shape (count,)."""
+    """Index of the region of each face if only the `joined` pairs connect, shape (count,)."""
     a, b = pairs[joined].T
     graph = coo_matrix((np.ones(len(a), dtype=np.int8), (a, b)), shape=(count, count))
     return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
 
 
 def surface_pieces(mesh: Mesh, faces: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Number of the piece that each of some faces (k,) belongs to, connected by edges among these alone, shape (k,)."""
+    """Index of the piece of each of some faces (k,), connected only by edges among these faces, shape (k,)."""
     pairs = shared_edges(welded_index(mesh.vertices)[mesh.faces[faces]])
     return connected_regions(len(faces), pairs, np.ones(len(pairs), dtype=bool))
 
 
 def plan_cells(corners: NDArray[np.float64], area: NDArray[np.float64], step: float) -> int:
-    """How many cells of a grid in plan faces (m, 3, 3) of these areas (m,) [m^2] lie over, cells of `step` [m]."""
+    """Number of cells of size `step` [m] of a grid in plan that are covered by faces (m, 3, 3) with areas (m,)
+    [m^2]."""
     points, _ = surface_points(corners, area, 0.5 * step)
     return len(np.unique(np.floor(points[:, :2] / step).astype(np.int64), axis=0))
 
 
 def surface_heights(z: NDArray[np.float64], area: NDArray[np.float64]) -> tuple[float, float]:
-    """Heights between which faces at z (m,) [m] of these areas lie but for what is stray at either end [m]."""
+    """Lowest and highest height of faces at z (m,) [m] with these areas, without stray faces at either end [m]."""
     order = np.argsort(z)
     sums = np.cumsum(area[order])
     low, high = np.searchsorted(sums, np.array([STRAY, 1.0 - STRAY]) * sums[-1])
@@ -125,7 +127,7 @@ def surface_heights(z: NDArray[np.float64], area: NDArray[np.float64]) -> tuple[
 def surface_points(
     corners: NDArray[np.float64], area: NDArray[np.float64], spacing: float
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Points about `spacing` apart on every face, its middle at least, and the face of each."""
+    """Points about `spacing` apart on every face, at least its middle, and the face of each point."""
     spacing = max(spacing, float(np.sqrt(area.sum() / MAX_POINTS)))
     count = 1 + (area / spacing**2).astype(np.int64)
     owner = np.repeat(np.arange(len(area)), count)
@@ -145,7 +147,7 @@ def renumbered(labels: NDArray[np.integer]) -> NDArray[np.int64]:
 
 
 def level_of(height: NDArray[np.float64], weight: NDArray[np.float64], width: float) -> float:
-    """The height [m] at which most weight lies within `width` [m]: the mean of the heaviest window; nan without weight.
+    """The height [m] with most weight within `width` [m]: the mean of the heaviest window; nan without weight.
 
     Heights [m] and weights [any unit] of shape (n,).
     """
@@ -161,7 +163,7 @@ def level_of(height: NDArray[np.float64], weight: NDArray[np.float64], width: fl
 
 
 def main_level(mesh: Mesh, faces: NDArray[np.integer]) -> float:
-    """Height of the main upward surface of some faces [m]; nan where nothing looks up."""
+    """Height of the main upward surface of some faces [m]; nan without upward faces."""
     corner = mesh.corners(faces)
     normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
     length = np.linalg.norm(normal, axis=1)

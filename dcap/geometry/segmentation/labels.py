@@ -1,4 +1,4 @@
-"""Meaning of a label for segmentation: the category whose parts it has."""
+"""Meaning of a label for segmentation: the category that determines its parts."""
 
 from enum import StrEnum
 
@@ -6,7 +6,7 @@ from dcap.scene.text import words_of
 
 
 class Category(StrEnum):
-    """Kinds of things whose parts we know."""
+    """Kinds of things with known parts."""
 
     BED = "bed"
     SOFA = "sofa"
@@ -57,10 +57,10 @@ TEXT = {
 WORDS = {category: frozenset(text.split()) for category, text in TEXT.items()}
 
 LEADING = (Category.LAMP, Category.BASIN, Category.STOOL, Category.SHELF, Category.CABINET)
-"""These win wherever their word stands: 'lamp_table' is a lamp, a 'bed stool' a stool."""
+"""Categories that win wherever their word stands: 'lamp_table' is a lamp, a 'bed stool' a stool."""
 
 HANGING = frozenset({"ceiling", "wall", "pendant"})
-"""A lamp that hangs has neither base nor pole: it is one part."""
+"""Words for hanging lamps, which have neither base nor pole and are a single part."""
 
 SYNONYMS = {
     "mattress": "mattress", "frame": "frame bedframe footboard", "headboard": "headboard", "pillow": "pillow pillows",
@@ -76,9 +76,9 @@ PART_WORDS = {word: part for part, text in SYNONYMS.items() for word in text.spl
 
 
 def category_of(label: str) -> Category:
-    """The category of a label: leading words decide wherever they stand, else the last word that is known.
+    """The category of a label: leading words decide wherever they stand, else the last known word.
 
-    Structure must come last: a 'wall clock' is no wall.
+    A word for structure must come last: a 'wall clock' is not a wall.
     """
     words = words_of(label)
     if HANGING & set(words) and WORDS[Category.LAMP] & set(words):
@@ -98,5 +98,5 @@ def plain_structure(label: str) -> str:
 
 
 def part_word(name: str) -> str:
-    """The part that a node name means ('Left_Leg' -> 'leg'); empty if it means none."""
+    """The part named by a node ('Left_Leg' -> 'leg'); empty if there is none."""
     return next((PART_WORDS[word] for word in reversed(words_of(name)) if word in PART_WORDS), "")

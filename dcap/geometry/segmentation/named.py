@@ -1,8 +1,8 @@
 """Instances of a mesh without annotated boxes: by its nodes, by one label for everything, or by shape alone.
 
-Instances and parts of a mesh whose nodes are annotated: a ScanNet scene, a GLB that we wrote.
+Instances and parts of a mesh with annotated nodes: a ScanNet scene, or a GLB written by us.
 
-An annotated node is called `instance id` or `instance id/part`; what it says is taken as it is.
+An annotated node is called `instance id` or `instance id/part`; its annotation is accepted unchanged.
 """
 
 import re
@@ -22,36 +22,36 @@ from dcap.scene.text import readable, says_something
 from dcap.scene.types.scan import Scan
 
 COUNTER = re.compile(r"\.\d+$")
-"""Suffix that tells two nodes of one name apart."""
+"""Suffix that distinguishes two nodes with the same name."""
 Index: TypeAlias = NDArray[np.int64]
 TakeApart: TypeAlias = Callable[[NDArray[np.bool_]], list[Group]]
-"""Takes the unnamed faces of a room apart: from a mask, shape (m,), to the things there."""
+"""Function that divides the unnamed faces of a room into things, given their mask, shape (m,)."""
 NamesThing: TypeAlias = Callable[[str], bool]
-"""Whether a name has a word for a thing."""
+"""Function that returns whether a name contains a word for a thing."""
 
 THING = "thing"
-"""Label of a thing that nobody could name."""
+"""Label of a thing that could not be named."""
 ROOM = "room"
 """Label of a scan without a name that is seen from inside."""
 INSIDE = -0.5
-"""Volume that faces enclose around their middle, over the sum of what each contributes, below which they are seen from
-inside: things of third parties have -0.03 to 0.64, scanned rooms and parts of them -0.94 to -0.68 [-]."""
+"""Volume enclosed by faces around their middle, over the sum of the absolute contributions, below which they are seen
+from inside: third-party things have -0.03 to 0.64, scanned rooms and parts of them -0.94 to -0.68 [-]."""
 ROOM_SIZE = 3.2
-"""Length from which on a scan with a floor is a room [m]."""
+"""Least length of a scan with a floor that is a room [m]."""
 FLOORED = 0.35
-"""Share of a room's plan where its floor is seen at least: furniture hides the rest [-]."""
+"""Least visible share of the floor in a room's plan: furniture hides the rest [-]."""
 LOOKS_UP = 0.6
-"""Normal z from which on a face looks up: floors of scans are rough [-]."""
+"""Least normal z of an upward face [-]: floors of scans are rough."""
 FLOOR_CELLS = 64
 """Cells along the longer side in which the floor is counted [-]."""
 SMALL_ROOM = (1.2, 1.6)
-"""A smaller one is at least this broad and high [m], and has walls that look inwards."""
+"""Least breadth and height of a smaller room, which must have inward-facing walls [m]."""
 WALLED = 0.5
-"""Share of its outline that walls have at least [-]."""
+"""Least share of the outline covered by walls [-]."""
 
 
 def annotated_groups(scan: Scan) -> tuple[list[Group], NDArray[np.int64]]:
-    """The annotated instances in the order of their nodes, and the faces that no annotation speaks of."""
+    """The annotated instances in the order of their nodes, and the faces without annotation."""
     trails = [name.split("/") for name in scan.node_names]
     labels = {trail[0]: label for trail, label in zip(trails, scan.node_labels, strict=True) if label}
     number = {one: index for index, one in enumerate(labels)}
@@ -67,7 +67,7 @@ def annotated_groups(scan: Scan) -> tuple[list[Group], NDArray[np.int64]]:
 
 
 def annotated_parts(scan: Scan, faces: NDArray[np.int64]) -> tuple[NDArray[np.int64], list[str]] | None:
-    """Part number of each face (k,) and the parts' names; None where the nodes of the faces name no parts."""
+    """Part index of each face (k,) and the parts' names; None if the nodes of the faces name no parts."""
     if not scan.node_labels:
         return None
     nodes, number = np.unique(scan.face_node[faces], return_inverse=True)
@@ -80,8 +80,8 @@ def annotated_parts(scan: Scan, faces: NDArray[np.int64]) -> tuple[NDArray[np.in
 
 
 def named_groups(table: FaceTable, scan: Scan, taken_apart: TakeApart, names_thing: NamesThing) -> list[Group]:
-    """Instances by annotated nodes, then by the names in the file; what is unnamed is taken apart if it is a room, else
-    it has the scan's label."""
+    """Instances by annotated nodes, then by the names in the file; the unnamed rest is divided if it is a room, else it
+    gets the scan's label."""
     every, top = np.arange(len(table.area)), _top_names(scan.node_names)
     if scan.node_labels:
         groups, silent = annotated_groups(scan)
@@ -93,10 +93,10 @@ def named_groups(table: FaceTable, scan: Scan, taken_apart: TakeApart, names_thi
 
 
 def _node_labels(table: FaceTable, scan: Scan, top: Sequence[str], names_thing: NamesThing) -> list[str]:
-    """Label that the outermost name of each node gives it, "" where it names nothing.
+    """Label from the outermost name of each node, "" if it names nothing.
 
-    A word for a thing does. A word that nobody knows may (a whiteboard), unless several nodes share it, as the blocks
-    of a scanning device do, or it is that of a whole room.
+    A word for a thing is a label. An unknown word may be one (a whiteboard), unless several nodes share it, as for the
+    blocks of a scanning device, or it names a whole room.
     """
     said = [readable(name) if says_something(name) else "" for name in top]
 
@@ -131,7 +131,7 @@ def _spoken_groups(
 
 
 def _apart(table: FaceTable, faces: NDArray[np.int64], thing: NDArray[np.int64]) -> list[NDArray[np.int64]]:
-    """Faces of one name by the node that they belong to (chair, chair.001); nodes that touch are one thing."""
+    """Faces with the same name, separated by node (chair, chair.001); nodes that touch are one thing."""
     node = renumbered(thing)
     count = int(node.max(initial=-1)) + 1
     if count < 2:
@@ -145,7 +145,8 @@ def _apart(table: FaceTable, faces: NDArray[np.int64], thing: NDArray[np.int64])
 
 
 def _named_structure(table: FaceTable, faces: NDArray[np.int64], name: str) -> list[Group]:
-    """Floor or ceiling; the walls of a room, named as one, are told apart by their planes."""
+    """Groups of the floor or ceiling, or of the walls of a room, which share a name and are separated by their
+    planes."""
     label = plain_structure(name)
     if label != "wall":
         return [Group("", label, faces, None)]
@@ -157,7 +158,7 @@ def _named_structure(table: FaceTable, faces: NDArray[np.int64], name: str) -> l
 
 
 def _top_names(names: Sequence[str]) -> list[str]:
-    """The outermost name that tells things apart: wrappers that hold everything are taken off."""
+    """The outermost names that distinguish things: wrappers around everything are removed."""
     trails = [name.split("/") for name in names]
     while trails and all(len(t) > 1 for t in trails) and len({t[0] for t in trails}) == 1:
         trails = [t[1:] for t in trails]
@@ -165,7 +166,8 @@ def _top_names(names: Sequence[str]) -> list[str]:
 
 
 def _is_one_thing(top: Sequence[str], label: str) -> bool:
-    """One node, only nameless nodes, or nodes that are all parts of the labelled thing."""
+    """Return whether there is only one node, only nameless nodes, or only nodes that are parts of the labelled
+    thing."""
     telling = [name for name in top if says_something(name)]
     if len(top) <= 1 or not telling:
         return True
@@ -174,7 +176,7 @@ def _is_one_thing(top: Sequence[str], label: str) -> bool:
 
 
 def _unnamed_groups(table: FaceTable, faces: Index, label: str, taken_apart: TakeApart) -> list[Group]:
-    """Groups of unnamed faces: in a furnished room they are taken apart; anything else is one thing."""
+    """Groups of unnamed faces: a furnished room is divided; anything else is one thing."""
     if not _is_room(table, np.arange(len(table.area)), label):
         unsaid = category_of(label) is Category.STRUCTURE or not says_something(label)  # a file called "room" or "scan"
         said = label if not unsaid else ROOM if _is_seen_from_inside(table, faces) else ""
@@ -185,7 +187,7 @@ def _unnamed_groups(table: FaceTable, faces: Index, label: str, taken_apart: Tak
 
 
 def shell_groups(shell: ScannedShell) -> list[Group]:
-    """Floor, ceiling and walls of a room that was taken apart."""
+    """Groups of the floor, ceiling and walls of a divided room."""
     groups = [
         Group("", name, np.flatnonzero(mask), None)
         for name, mask in (("floor", shell.floor), ("ceiling", shell.ceiling))
@@ -194,7 +196,8 @@ def shell_groups(shell: ScannedShell) -> list[Group]:
 
 
 def _is_room(table: FaceTable, faces: Index, label: str) -> bool:
-    """A floor under most of it, and large or walled; a label that names furniture does not make a hall of a bed."""
+    """Return whether faces are a room: a floor under most of it, and large or walled; a label that names furniture does
+    not make a hall of a bed."""
     points = table.corners[faces].reshape(-1, 3)
     size = np.ptp(points, axis=0)
     small = bool(size[:2].max() < ROOM_SIZE)
@@ -205,7 +208,7 @@ def _is_room(table: FaceTable, faces: Index, label: str) -> bool:
 
 
 def _is_seen_from_inside(table: FaceTable, faces: Index) -> bool:
-    """Whether most faces look towards the middle, as the walls and the floor of a piece of a room do and no thing's."""
+    """Return whether most faces face the middle, like the walls and the floor of a part of a room, unlike a thing's."""
     corners = table.corners[faces].reshape(-1, 3)
     middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
     out = np.einsum("ki,ki->k", table.normal[faces], table.center[faces] - middle) * table.area[faces]
@@ -213,7 +216,7 @@ def _is_seen_from_inside(table: FaceTable, faces: Index) -> bool:
 
 
 def _floored(table: FaceTable, faces: Index) -> float:
-    """Share of what is scanned, in plan, in which something low looks up: rough floors, at any heading, too."""
+    """Share of the scanned plan with a low upward surface: also rough floors, at any heading."""
     corners, area = table.corners[faces], table.area[faces]
     low, high = surface_heights(table.center[faces, 2], area)
     chosen = (table.center[faces, 2] < low + 0.15 * (high - low)) & (table.normal[faces, 2] > LOOKS_UP)
@@ -222,7 +225,8 @@ def _floored(table: FaceTable, faces: Index) -> float:
 
 
 def _is_walled(table: FaceTable, faces: Index) -> bool:
-    """Whether upright faces near the outline look inwards and make up a good part of it: a room, and no cupboard."""
+    """Return whether upright faces near the outline face inwards and make up a good part of it: a room, not a
+    cupboard."""
     center, normal, area = table.center[faces], table.normal[faces], table.area[faces]
     low, high = table.corners[faces].reshape(-1, 3).min(axis=0), table.corners[faces].reshape(-1, 3).max(axis=0)
     size = high - low
@@ -234,7 +238,7 @@ def _is_walled(table: FaceTable, faces: Index) -> bool:
 
 
 def with_ids(groups: list[Group]) -> list[Group]:
-    """Give every group without an id one made of its label, numbered where a label repeats or the id is taken."""
+    """Give every group without an id one made of its label, numbered if the label repeats or the id is taken."""
     labels = [group.label for group in groups]
     taken = {group.id for group in groups}
     seen: dict[str, int] = {}

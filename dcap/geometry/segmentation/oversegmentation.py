@@ -2,8 +2,8 @@
 
 Over-segmentation of a fused surface: smooth patches, joined where they meet in a ridge and not in a groove.
 
-Where a scan has made one surface of things that touch, they still meet in grooves: a lamp and its table, a bed and the
-floor. Patches grow by [F04] over the graph of faces, as ScanNet's segments do; neighbours whose common border is convex
+Things that touch are fused into one surface by a scan, but still meet in grooves: a lamp and its table, a bed and the
+floor. Patches grow by [F04] over the graph of faces, like ScanNet's segments; neighbours whose common border is convex
 are one piece [S14].
 
 [F04] Felzenszwalb, Huttenlocher: Efficient graph-based image segmentation. IJCV 59(2), 2004.
@@ -17,25 +17,25 @@ from dcap.arrays import Array, IntArray
 from dcap.geometry.segmentation.faces import FaceTable, connected_regions, pairs_among, renumbered
 
 SMOOTHING = 4
-"""Rounds in which a face takes over the mean normal of its neighbours: scans are rough [-]."""
+"""Number of rounds in which a face takes the mean normal of its neighbours: scans are rough [-]."""
 SCALE = 0.05
 """Preference for large patches, k of [F04], for weights of 1 - cosine [-]."""
 SMALLEST = 60
-"""Patches of fewer faces join their nearest neighbour [-]."""
+"""Least number of faces of a patch; smaller ones join their nearest neighbour [-]."""
 GROOVE = np.deg2rad(12.0)
-"""Borders that fold inwards by more than this on average are grooves [rad]."""
+"""Least mean inward fold of a border that is a groove [rad]."""
 COLOR_STEP = 18.0
-"""Colours farther apart than this belong to different materials [CIELAB]; wood grain and fabric stay below."""
+"""Difference of colours above which they belong to different materials [CIELAB]; wood grain and fabric stay below."""
 
 MAX_COLORS = 6
-"""Materials told apart in one thing [-]."""
+"""Maximum number of materials distinguished in one thing [-]."""
 
 LLOYD_ROUNDS = 12
-"""Rounds of k-means; it has converged by then for so few clusters [-]."""
+"""Rounds of k-means, which has converged by then for so few clusters [-]."""
 
 
 def convex_pieces(table: FaceTable, faces: IntArray) -> IntArray:
-    """Number of the piece of each of the given faces (k,), shape (k,)."""
+    """Index of the piece of each of the given faces (k,), shape (k,)."""
     pairs = pairs_among(table.pairs, faces, len(table.area))
     normal = _smoothed(table.normal[faces], table.area[faces], pairs)
     fold = _fold(table.center[faces], normal, pairs)
@@ -66,7 +66,8 @@ def _fold(center: Array, normal: Array, pairs: IntArray) -> Array:
 
 
 def grown(count: int, pairs: IntArray, weight: Array, scale: float, smallest: int) -> IntArray:
-    """Patches of a weighted graph [F04, Alg. 1], shape (count,); those below `smallest` join a neighbour."""
+    """Index of the patch of each node of a weighted graph [F04, Alg. 1], shape (count,); patches below `smallest` join
+    a neighbour."""
     parent = list(range(count))
     size = [1] * count
     limit = [scale] * count
@@ -93,7 +94,7 @@ def grown(count: int, pairs: IntArray, weight: Array, scale: float, smallest: in
 
 
 def _joined_at_ridges(patch: IntArray, pairs: IntArray, fold: Array) -> IntArray:
-    """Patches whose common border is no groove on average become one, shape (k,)."""
+    """Patches merged where their common border is on average not a groove, shape (k,)."""
     a, b = patch[pairs[:, 0]], patch[pairs[:, 1]]
     border = a != b
     low, high = np.minimum(a, b)[border], np.maximum(a, b)[border]
@@ -107,7 +108,8 @@ def _joined_at_ridges(patch: IntArray, pairs: IntArray, fold: Array) -> IntArray
 
 
 def color_clusters(lab: NDArray[np.float64], area: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Materials by colour: k-means with as many seeds as lie farther than `COLOR_STEP` apart, shape (k,)."""
+    """Index of the material by colour: k-means with as many seeds as are farther than `COLOR_STEP` apart, shape
+    (k,)."""
     seeds = [lab[int(np.argmin(((lab - np.average(lab, axis=0, weights=area + 1e-12)) ** 2).sum(axis=1)))]]
     while len(seeds) < MAX_COLORS:
         distance = np.min([np.linalg.norm(lab - seed, axis=1) for seed in seeds], axis=0)
@@ -122,7 +124,7 @@ def color_clusters(lab: NDArray[np.float64], area: NDArray[np.float64]) -> NDArr
 
 
 def _lloyd(lab: NDArray[np.float64], area: NDArray[np.float64], centers: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Area-weighted k-means from given centres."""
+    """Centres of area-weighted k-means from given centres."""
     label = np.zeros(len(lab), dtype=np.int64)
     for _ in range(LLOYD_ROUNDS):
         label = np.argmin(((lab[:, None, :] - centers[None]) ** 2).sum(axis=2), axis=1)
@@ -144,7 +146,7 @@ def color_regions(
 def merged_crumbs(
     region: NDArray[np.int64], area: NDArray[np.float64], pairs: NDArray[np.int64], *, smallest: float
 ) -> NDArray[np.int64]:
-    """Give every small region to the neighbour that it shares most edges with, until none has one, shape (k,)."""
+    """Regions where every small region has joined the neighbour with most shared edges, repeatedly, shape (k,)."""
     region = renumbered(region)
     for _ in range(8):
         count = int(region.max(initial=-1)) + 1
@@ -160,7 +162,7 @@ def merged_crumbs(
 
 
 def _most_shared(a: NDArray[np.int64], b: NDArray[np.int64], count: int) -> NDArray[np.int64]:
-    """For each region the neighbour with most shared edges, itself where it has none, shape (count,)."""
+    """For each region the neighbour with most shared edges, or itself if it has none, shape (count,)."""
     key, shared = np.unique(a * count + b, return_counts=True)
     order = np.lexsort((key, -shared))
     source, neighbour = key[order] // count, key[order] % count
@@ -171,7 +173,7 @@ def _most_shared(a: NDArray[np.int64], b: NDArray[np.int64], count: int) -> NDAr
 
 
 def _followed(target: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Chains of targets followed to their end; a cycle (two equal crumbs) is broken at its smallest member."""
+    """Chains of targets followed to their end; a cycle (two equal crumbs) ends at its smallest member."""
     loop = target[target] == np.arange(len(target))
     target = np.where(loop, np.minimum(target, np.arange(len(target))), target)
     for _ in range(len(target).bit_length() + 1):
@@ -182,7 +184,7 @@ def _followed(target: NDArray[np.int64]) -> NDArray[np.int64]:
 def majority(
     label: NDArray[np.int64], area: NDArray[np.float64], pairs: NDArray[np.int64], *, rounds: int
 ) -> NDArray[np.int64]:
-    """Smooth a labelling: each face takes the label that its neighbours and itself carry most, shape (k,)."""
+    """A smoothed labelling: each face takes the most frequent label among its neighbours and itself, shape (k,)."""
     count = int(label.max(initial=0)) + 1
     a, b = np.r_[pairs[:, 0], pairs[:, 1]], np.r_[pairs[:, 1], pairs[:, 0]]
     for _ in range(rounds):

@@ -1,1 +1,1 @@
-"""Gaussian splats rendered and turned into points of a surface, in Taichi; whoever calls has started it."""
+"""Gaussian splats rendered and converted to surface points, in Taichi, which the caller must have started."""

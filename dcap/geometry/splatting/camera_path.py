@@ -1,9 +1,8 @@
-"""Cameras that together show a scene of Gaussians: looking around where one can walk, and around its furniture.
+"""Cameras that together show a scene of Gaussians: looking around where people can walk, and around its furniture.
 
-In: Gaussians in metres and z up, and what is known of the scene (a map of the floor, rooms, labelled boxes). Out:
-upright cameras that overlap, none of them inside of something or in front of nothing but a near surface. Where there is
-no map, cameras stand where Gaussians lie all around; what has no inside is looked at from all sides. Same input, same
-cameras.
+In: Gaussians in metres and z up, and the available annotations (a map of the floor, rooms, labelled boxes). Out:
+upright cameras that overlap, none of them inside a thing or directly in front of a surface. Without a map, cameras
+stand where Gaussians lie all around; a scene without an inside is viewed from all sides. Same input, same cameras.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -29,36 +28,36 @@ FURNITURE = frozenset({
     Category.BED, Category.SOFA, Category.CHAIR, Category.STOOL, Category.TABLE, Category.CABINET, Category.SHELF,
     Category.STORAGE, Category.BATHTUB, Category.BASIN,
 })  # fmt: skip
-"""Categories of furniture that things are put on or into and that is looked at from all around."""
+"""Categories of furniture on or in which things are put, and which are viewed from all around."""
 MOST_STANDS = 6000
-"""Places on the floor that are considered [-]."""
+"""Maximum number of places on the floor that are considered [-]."""
 AIM_HEIGHT, AIM_AWAY = 1.2, 2.0
-"""Height above the floor and distance of what a camera that looks around aims at [m]: low ones look up, high ones
+"""Height above the floor and distance of the target of a camera that looks around [m]: low cameras look up, high ones
 down."""
 NOD = np.deg2rad(12.0)
-"""Every other picture of a place looks higher by this, the others lower [rad]."""
+"""Pitch by which every other picture of a place is raised, and the others lowered [rad]."""
 GOLDEN = np.pi * (3.0 - np.sqrt(5.0))
-"""Turn from each place's first direction to the next one's [rad]: no two look the same way."""
+"""Turn from each place's first direction to that of the next [rad]: no two have the same direction."""
 RAYS = (8, 6)
-"""Columns and rows of rays that find out what a camera sees [-]."""
+"""Columns and rows of rays that test the view of a camera [-]."""
 OPEN, SEEN = 0.5, 0.2
-"""Shares of those that must go far enough, and that must hit anything [-]."""
+"""Least shares of these rays that go far enough, and that hit anything [-]."""
 ALONGSIDE = 0.4
-"""Least distance of a camera from the box of what it looks at [m]."""
+"""Least distance of a camera from the box of its target [m]."""
 STEEPNESS = (np.deg2rad(5.0), np.deg2rad(50.0))
-"""How far down a camera looks at furniture, if it can [rad]."""
+"""Range of the downward pitch of a camera that looks at furniture, if possible [rad]."""
 UNHIDDEN = 0.4
-"""Share of a piece's box that nothing may stand before, relative to the best place [-]."""
+"""Least unobstructed share of a piece's box, relative to the best place [-]."""
 RINGS = (0.8, 1.4)
-"""Distances of cameras from a piece, over the one that shows all of it [-]."""
+"""Distances of cameras from a piece, over the distance that shows all of it [-]."""
 RING_WIDTH = 0.15
-"""How far off such a distance a camera may be, over it [-]."""
+"""Tolerance of such a distance, over it [-]."""
 MOST_AROUND = 24
-"""Cameras that look at one piece of furniture, while there are others to look at [-]."""
+"""Maximum number of cameras for one piece of furniture while there are others [-]."""
 MOST_LOOKS = 200
-"""Places near a ring from which one tries to see a piece [-]."""
+"""Number of places near a ring that are tested for a view of a piece [-]."""
 BOX_POINTS = np.array([(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)], dtype=np.float64)
-"""Where on a box one looks, over its half extents [-]."""
+"""Target points on a box, over its half extents [-]."""
 
 
 class PathConfig(BaseModel, frozen=True, extra="forbid"):
@@ -86,11 +85,11 @@ class PathConfig(BaseModel, frozen=True, extra="forbid"):
 
 @dataclass(frozen=True, eq=False, slots=True)
 class CameraPath:
-    """Where pictures are taken from."""
+    """Cameras for pictures of a scene."""
 
     cameras: tuple[Camera, ...]
     notes: tuple[str, ...]
-    """Assumptions made and things that could not be done, one sentence each."""
+    """Assumptions and omissions, one sentence each."""
 
 
 def camera_path(
@@ -130,7 +129,7 @@ def standing_places(
     rooms: Sequence[Room],
     occupancy: Occupancy | None,
 ) -> tuple[Array, tuple[str, ...]]:
-    """Where a camera may be [m], in random order, shape (n, 3), and notes."""
+    """Possible camera positions [m], in random order, shape (n, 3), and notes."""
     if occupancy is None:
         return inner_places(splats, CANDIDATES, config.seed), ()
     inside = occupancy.within([room.profile for room in rooms])
@@ -151,7 +150,7 @@ def standing_places(
 
 
 def walking(stands: Array, floor: float, config: PathConfig) -> Iterator[Camera]:
-    """Looking around at places far apart from each other; `floor` is its height [m]."""
+    """Cameras that look around at places far apart from each other; `floor` is its height [m]."""
     # twice as many places as needed, for cameras that will be left out
     count = -(-2 * config.views // config.directions)
     for number, k in enumerate(far_apart_index(stands[:, :2], count)):
@@ -166,8 +165,8 @@ def walking(stands: Array, floor: float, config: PathConfig) -> Iterator[Camera]
 def orbits(
     pieces: Sequence[LabelBox], stands: Array, cells: FilledCells, config: PathConfig
 ) -> tuple[list[Camera], tuple[str, ...]]:
-    """Cameras around each piece by turns, largest piece first, at two distances by turns; and names of pieces that no
-    place shows."""
+    """Cameras around the pieces in turn, largest piece first, alternating between two distances; and names of pieces
+    that no place shows."""
     pieces = sorted(pieces, key=lambda one: (-float(np.prod(one.box.half_extents)), one.id))
     each = -(-2 * round(config.orbits * config.views) // max(len(pieces), 1)) if pieces else 0
     found = [_orbit(one.box, stands, cells, config, each) for one in pieces]
@@ -176,7 +175,7 @@ def orbits(
 
 
 def _orbit(box: OrientedBox, stands: Array, cells: FilledCells, config: PathConfig, count: int) -> list[Camera]:
-    """Up to `count` cameras that look at a box, from all sides that one can stand at."""
+    """Up to `count` cameras that look at a box, from all accessible sides."""
     whole = 0.5 * box.diagonal / np.sin(_least_half_angle(config))
     distance = np.linalg.norm(stands - box.center, axis=1)
     local = np.abs(box.to_local(stands)) - box.half_extents
@@ -192,7 +191,7 @@ def _orbit(box: OrientedBox, stands: Array, cells: FilledCells, config: PathConf
 def _ring(
     box: OrientedBox, stands: Array, distance: Array, wanted: float, cells: FilledCells, count: int
 ) -> list[Array]:
-    """Places at about a distance, or as near to it as there are, that see a box."""
+    """Places at about a distance, or as near to it as available, that see a box."""
     off = np.abs(np.log(distance / wanted))
     order = np.argsort(off, kind="stable")
     near = order[: max(int((off < RING_WIDTH).sum()), 4 * count)]
@@ -205,12 +204,12 @@ def _ring(
 
 
 def unhidden(box: OrientedBox, places: Array, cells: FilledCells) -> Array:
-    """Share of the box's corners, edges and sides with nothing before it, seen from places (n, 3) outside [-]."""
+    """Unobstructed share of the box's corners, edges and sides, seen from places (n, 3) outside [-]."""
     targets = box.to_world(BOX_POINTS * box.half_extents)
     way = (targets[None] - places[:, None]).reshape(-1, 3)
     way /= np.linalg.norm(way, axis=1, keepdims=True)
     origins = np.repeat(places, len(targets), axis=0)
-    # cells that the thing fills reach beyond its box
+    # cells filled by the thing reach beyond its box
     entry = entries(box, origins, way, margin=2.0 * cells.size)
     clear = cells.cast(origins, way, entry - cells.size) == np.inf
     return np.asarray(clear.reshape(len(places), len(targets)).mean(axis=1))
@@ -219,13 +218,13 @@ def unhidden(box: OrientedBox, places: Array, cells: FilledCells) -> Array:
 def entries(box: OrientedBox, origins: Array, directions: Array, margin: float) -> Array:
     """Distance at which rays (n, 3) that meet a box grown by `margin` enter it [m], 0 from inside, shape (n,)."""
     start, way = box.to_local(origins), directions @ box.axes
-    with np.errstate(divide="ignore", invalid="ignore"):  # along a side: infinite, or nothing where on it
+    with np.errstate(divide="ignore", invalid="ignore"):  # along a side: infinite, or nan on it
         sides = (np.stack([-(box.half_extents + margin), box.half_extents + margin]) - start[:, None]) / way[:, None]
     return np.asarray(np.maximum(np.nanmin(sides, axis=1).max(axis=1), 0.0))
 
 
 def worthwhile(cameras: Iterable[Camera], cells: FilledCells, config: PathConfig) -> Iterator[Camera]:
-    """Yield the cameras that stand free and have something to see farther away than right in front of them."""
+    """Yield the cameras that are in free space and see something farther away than right in front of them."""
     for camera in cameras:
         columns, rows = (
             np.floor((np.arange(count) + 0.5) * size / count) + 0.5
@@ -240,7 +239,7 @@ def worthwhile(cameras: Iterable[Camera], cells: FilledCells, config: PathConfig
 
 
 def all_around(splats: Gaussians, config: PathConfig) -> Iterator[Camera]:
-    """Around what has no inside, so far away that all of it is in the picture."""
+    """Cameras around a scene without an inside, far enough away that all of it is in the picture."""
     places, center = outer_places(splats, config.views, 2.0 * _least_half_angle(config))
     return (_looking(place, center, config) for place in places)
 

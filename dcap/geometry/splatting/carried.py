@@ -1,23 +1,24 @@
 """Gaussians that move with a deforming surface: centres by its displacement, shapes and colours by its gradient.
 
-In: Gaussians in any frame and unit, and how a surface in the world moved. Out: those that move, in the same frame; the
-others keep every bit. With F the deformation gradient at a centre, a covariance becomes F S F^T and
-harmonics turn by the rotation R of F = R U. A disc stays flat, so one that is large for the dent is split first.
+In: Gaussians in any frame and unit, and the motion of a surface in the world. Out: the Gaussians that move, in the same
+frame; the others are unchanged to the bit. With F the deformation gradient at a centre, a covariance becomes F S F^T
+and harmonics turn by the rotation R of F = R U. A disc stays flat, so a disc that is large compared with the dent is
+split first.
 
 On the surface the displacement is that of its nearest point. Below, it fades as in an elastic half-space whose surface
 is displaced over a disc of radius L: on the axis a harmonic field has the share 1 - d / sqrt(d^2 + L^2) at depth d
-(Poisson's integral). L is the radius of the disc that has the area of what moved by more than half of the most, and no
-less than twice the most: nearer layers are pressed together by at most a half and never pass one another. Above, all
-that lies within CLOSE follows whole, for scans have Gaussians off the surface that they show; farther ones less, and
-none from FAR on, which is air.
+(Poisson's integral). L is the radius of the disc with the area of the surface that moved by more than half of the
+maximum, and at least twice the maximum: nearer layers are compressed by at most a half and never pass one another.
+Above, Gaussians within CLOSE follow completely, since scans have Gaussians off the surface that they show; farther ones
+follow less, and from FAR on, in the air, not at all.
 
-A Gaussian as many smaller ones that look alike: what one flat disc cannot follow, its pieces can.
+Replaces a Gaussian by many smaller ones with the same appearance: pieces can follow a shape that a flat disc cannot.
 
 Pieces lie on a grid in the plane of the larger two axes. Opacities do not add up, optical depths do: one Gaussian of
-opacity a has -ln(1 - a exp(-r^2 / 2)), and pieces of opacity b and deviations s on a grid of steps h have on average
-2 pi (s / h)^2 Li2(b), Li2 being the dilogarithm (the integral of -ln(1 - b exp(-r^2 / 2)) over the plane is
-2 pi Li2(b)). So b follows from the optical depth that is wanted at a piece's place. What the pieces' own width adds to
-the whole is taken off beforehand.
+opacity a has -ln(1 - a exp(-r^2 / 2)), and pieces of opacity b and deviations s on a grid of steps h have on average 2
+pi (s / h)^2 Li2(b), Li2 being the dilogarithm (the integral of -ln(1 - b exp(-r^2 / 2)) over the plane is 2 pi Li2(b)).
+So b follows from the required optical depth at a piece's place. The additional width caused by the pieces' own width is
+subtracted beforehand.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -35,13 +36,13 @@ from dcap.scene.types.gaussians import Gaussians, joined_splats, turned_harmonic
 from dcap.scene.types.mesh import Mesh
 
 REACH = 2.7
-"""Pieces lie up to this many deviations from the middle [-]; farther out there is less than 3 % of the opacity."""
+"""Largest distance of pieces from the middle, in deviations [-]; farther out there is less than 3 % of the opacity."""
 OVERLAP = 0.8
-"""Deviation of a piece over the grid's step [-]: with less, the sum is uneven."""
+"""Deviation of a piece over the grid's step [-]: with a smaller one, the sum is uneven."""
 STEPS = (5, 7, 10, 14, 20, 28)
-"""Steps of the grid to either side that there may be [-]; with the least, pieces are 0.43 times as wide."""
+"""Allowed numbers of grid steps to either side [-]; with the smallest, pieces are 0.43 times as wide."""
 FAINT, SOLID = 1.0 / 255.0, 0.99
-"""Least and most opacity that a renderer takes from one Gaussian [-]."""
+"""Least and largest opacity that a renderer accepts from one Gaussian [-]."""
 
 _OPACITY = np.concatenate([[0.0], np.geomspace(1e-6, 0.5, 2000), 1.0 - np.geomspace(0.499, 1e-4, 2000)])
 _DILOGARITHM = spence(1.0 - _OPACITY)
@@ -50,41 +51,41 @@ if TYPE_CHECKING:
 
 
 CLOSE, FAR = 0.02, 0.04
-"""Gaussians this near above the surface [m] follow it whole; farther ones less, then not at all."""
+"""Distances above the surface up to which Gaussians follow it completely, and from which not at all [m]."""
 HIDDEN = 1e-4
-"""Where the displacement below the surface is less than this, nobody looks [m]."""
+"""Displacement below the surface that is too small to matter [m]."""
 MOST_STRETCH = 4.0
-"""A Gaussian grows or shrinks at most by this factor along any axis [-]: gradients across a fold are none."""
+"""Largest factor by which a Gaussian grows or shrinks along any axis [-]: gradients across a fold are meaningless."""
 LEAST_STRAIN = 1e-4
-"""A gradient nearer to a pure translation changes no Gaussian visibly [-]."""
+"""Difference of a gradient from a pure translation below which no Gaussian changes visibly [-]."""
 TOLERANCE = 5e-4
-"""How far a Gaussian may bend away from what it lies on, two deviations from its middle [m]; else it is split."""
+"""Largest deviation of a Gaussian from its surface at two deviations from its middle [m]; above it, it is split."""
 LEAST_SPLIT = 0.05
-"""Opacity from which a Gaussian is split [-]: pieces of haze would be too faint to be drawn."""
+"""Least opacity of a Gaussian that is split [-]: pieces of haze would be too faint to be drawn."""
 MOST_PIECES, COARSER = 1_000_000, 1.2
-"""Pieces of all Gaussians together [-], and how much wider they get until there are no more."""
+"""Maximum number of pieces of all Gaussians together [-], and factor by which they are widened until this holds."""
 STEP = 0.25
-"""The gradient is a mean over a Gaussian's own width, but no more than this share of L [-]."""
+"""Largest share of L for the step of the gradient, which is a mean over a Gaussian's own width [-]."""
 CHUNK = 100_000
-"""Gaussians that are looked at together [-]."""
+"""Number of Gaussians processed together [-]."""
 CHANGED = 10_000
-"""Gaussians that are turned together [-]."""
+"""Number of Gaussians rotated together [-]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SplatPieces:
-    """Pieces that Gaussians were split into."""
+    """Pieces of split Gaussians."""
 
     splats: Gaussians
-    """k pieces in the given frame, those of each Gaussian together and in its order."""
+    """k pieces in the given frame, grouped and ordered by Gaussian."""
     owner: NDArray[np.int64]
-    """Number of the Gaussian that each is a piece of, increasing, shape (k,)."""
+    """Index of the original Gaussian of each piece, increasing, shape (k,)."""
     middle: NDArray[np.bool_]
-    """One for each Gaussian: the piece at its centre, shape (k,)."""
+    """Index of the piece at the centre of each Gaussian, shape (k,)."""
 
 
 def split(splats: Gaussians, steps: NDArray[np.int64]) -> SplatPieces:
-    """Pieces of n Gaussians; `steps` (n, 2) to either side along the largest and the second axis are of STEPS."""
+    """Pieces of n Gaussians; `steps` (n, 2) to either side along the largest and the second axis are from STEPS."""
     owners, places, widths, opacities = (
         [np.zeros(0, dtype=np.int64)], [np.zeros((0, 2))], [np.zeros((0, 2))], [np.zeros(0)],
     )  # fmt: skip
@@ -116,22 +117,22 @@ def split(splats: Gaussians, steps: NDArray[np.int64]) -> SplatPieces:
 
 
 def pieces(alpha: Array, steps: NDArray[np.int64]) -> tuple[Array, Array, Array]:
-    """Places (k, 2) and widths (2,) of pieces in deviations of the whole, and opacities (n, k) for its own (n,)."""
+    """Places (k, 2) and widths (2,) of pieces in deviations of the whole, and opacities (n, k) for the whole's (n,)."""
     one, two = (REACH * np.arange(-count, count + 1) / count for count in steps)
     place = np.stack(np.meshgrid(one, two, indexing="ij"), axis=-1).reshape(-1, 2)
     width = OVERLAP * REACH / steps
-    rest = 1.0 - width**2  # of the variance, that the pieces' places have to make
+    rest = 1.0 - width**2  # of the variance, to be provided by the pieces' places
     fall = np.exp(-0.5 * (place**2 / rest).sum(axis=1))
     depth = -np.log1p(-alpha[:, None] * fall) / np.sqrt(rest.prod())
     return place, width, np.interp(depth / (2.0 * np.pi * OVERLAP**2), _DILOGARITHM, _OPACITY)
 
 
 class SurfaceMotion:
-    """The displacement that a moved surface gives to what is on and in it."""
+    """The displacement that a moved surface gives to Gaussians on and in it."""
 
     def __init__(self, start: Mesh, shift: Array, movable: NDArray[np.bool_]) -> None:
-        """A mesh before, the displacement of its vertices [m] (n, 3), and which of its faces (m,) may carry along: what
-        is nearest to another one stays."""
+        """Take a mesh before the motion, the displacement of its vertices [m] (n, 3), and the mask of its faces (m,)
+        that may carry Gaussians: those nearest to other faces stay."""
         moved = np.linalg.norm(shift, axis=1)[start.faces].max(axis=1)
         self.moves = bool((moved[movable] > NEGLIGIBLE).any())
         if not self.moves:
@@ -146,9 +147,9 @@ class SurfaceMotion:
         area, most = start.face_areas, float(moved[movable].max())
         wide = float(np.sqrt(area[movable & (moved > 0.5 * most)].sum() / np.pi))
         self.length = max(wide, 2.0 * most)
-        """L, over which the displacement fades below the surface [m]."""
+        """L, the length over which the displacement fades below the surface [m]."""
         self.edge = float(np.median(edge_lengths(near)))
-        """Of the faces that move, the usual longest edge [m]."""
+        """Median longest edge of the moved faces [m]."""
         reach = max(FAR, self.length * np.sqrt(0.5 * most / HIDDEN))
         self._box = near.bounds + np.array([[-reach], [reach]])
 
@@ -161,7 +162,7 @@ class SurfaceMotion:
         return scene
 
     def reached(self, points: Array) -> NDArray[np.int64]:
-        """Numbers of the points (n, 3) that are near enough, and nearest to what may carry them."""
+        """Indices of the points (n, 3) that are near enough, and nearest to a face that may carry them."""
         near = np.flatnonzero(((points >= self._box[0]) & (points <= self._box[1])).all(axis=1))
         if not len(near):
             return near
@@ -182,8 +183,8 @@ class SurfaceMotion:
         return np.asarray(np.where(below, within, above)[:, None] * on_surface)
 
     def bend(self, points: Array, across: Array) -> Array:
-        """How far a tangent at points (n, 3) misses the displacement [m] over the ways (n, k, 3), each along itself and
-        in between, shape (n, k)."""
+        """Deviation of a tangent at points (n, 3) from the displacement [m] over the vectors (n, k, 3), each over its
+        full length and half of it, shape (n, k)."""
         middle, out = self.at(points), np.zeros(across.shape[:2])
         first, second = across[:, 0], across[:, 1]
         ways = ((first, (0,)), (second, (1,)), (first + second, (0, 1)), (first - second, (0, 1)))
@@ -205,17 +206,17 @@ class SurfaceMotion:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class CarriedSplats:
-    """The Gaussians that a moved surface carried along."""
+    """The Gaussians carried along by a moved surface."""
 
     index: NDArray[np.int64]
-    """Their numbers among the given ones, increasing, shape (k,)."""
+    """Their indices among the given ones, increasing, shape (k,)."""
     splats: Gaussians
-    """As they are now, in the given frame and unit, k of them."""
+    """Their new state, in the given frame and unit, k of them."""
     more: Gaussians
-    """Further pieces of those that had to be split, in the same frame."""
+    """Further pieces of those that were split, in the same frame."""
 
     def into(self, part: Gaussians, first: int) -> Gaussians:
-        """The given Gaussians from number `first` on, with those that were carried as they are now."""
+        """The given Gaussians from index `first` on, with the carried ones in their new state."""
         low, high = np.searchsorted(self.index, [first, first + len(part)])
         if low == high:
             return part
@@ -225,7 +226,7 @@ class CarriedSplats:
 
 
 def replaced(splats: Gaussians, at: NDArray[np.bool_], others: Gaussians) -> Gaussians:
-    """Gaussians (n,) with others (k,) in the places of k of them."""
+    """Gaussians (n,) with k of them replaced by others (k,)."""
 
     def patched(name: str) -> Float32Array:
         out: Float32Array = getattr(splats, name).copy()
@@ -236,7 +237,7 @@ def replaced(splats: Gaussians, at: NDArray[np.bool_], others: Gaussians) -> Gau
 
 
 def carried(splats: Gaussians, world_from_file: Array, motion: SurfaceMotion) -> CarriedSplats:
-    """Gaussians of a file, whose frame and unit a similarity (4, 4) maps to the world, as the surface carries them."""
+    """Gaussians of a file, whose frame and unit a similarity (4, 4) maps to the world, carried along by the surface."""
     none = splats.subset(np.zeros(0, dtype=np.int64))
     if not motion.moves:
         return CarriedSplats(np.zeros(0, dtype=np.int64), none, none)
@@ -258,14 +259,15 @@ def carried(splats: Gaussians, world_from_file: Array, motion: SurfaceMotion) ->
 
 
 def at_a_time(count: int) -> list[NDArray[np.int64]]:
-    """Numbers up to `count` in groups of CHANGED: gradients and harmonics take much memory."""
+    """Indices up to `count` in groups of CHANGED: gradients and harmonics take much memory."""
     return np.array_split(np.arange(count), count // CHANGED + 1)
 
 
 def share_of(splats: Gaussians, world_from_file: Array, motion: SurfaceMotion) -> Array:
-    """How narrow each Gaussian must be along its larger two axes over its width, to bend by TOLERANCE, shape (n, 2).
+    """Required narrowing of each Gaussian along its larger two axes, over its width, to bend by TOLERANCE, shape (n,
+    2).
 
-    1: it may stay as it is. No piece need be finer than the faces that it follows.
+    1: it may stay unchanged. No piece need be finer than the faces that it follows.
     """
     wide = np.argsort(-splats.log_scale, axis=1, kind="stable")[:, :2]
     rows = np.arange(len(splats))[:, None]
@@ -283,7 +285,7 @@ def share_of(splats: Gaussians, world_from_file: Array, motion: SurfaceMotion) -
 
 
 def steps_within(share: Array) -> NDArray[np.int64]:
-    """Steps of the grids that split Gaussians so much (n, 2), 0 for those that stay whole; coarser ones where there
+    """Steps of the grids that split Gaussians this finely (n, 2), 0 for those that stay whole; coarser ones if there
     would be more than MOST_PIECES."""
     while True:
         steps = np.array(STEPS)[np.minimum(np.searchsorted(STEPS, OVERLAP * REACH / share), len(STEPS) - 1)]
@@ -294,7 +296,7 @@ def steps_within(share: Array) -> NDArray[np.int64]:
 
 
 def bodily(splats: Gaussians, world_from_file: Array, motion: SurfaceMotion) -> tuple[Gaussians, NDArray[np.bool_]]:
-    """Each Gaussian moved and deformed as a whole, and whether that changes it at all, shape (n,)."""
+    """Each Gaussian moved and deformed as a whole, and the mask of those that this changes, shape (n,)."""
     linear = world_from_file[:3, :3]
     back, unit = np.linalg.inv(linear), float(np.cbrt(np.linalg.det(linear)))
     place = in_world(splats.position, world_from_file)
@@ -315,7 +317,7 @@ def strained(splats: Gaussians, gradient: Array, shift: Array) -> Gaussians:
     """Each Gaussian moved by its displacement (n, 3) and deformed by its gradient F (n, 3, 3), all in its own frame.
 
     With the axes A and deviations s of a Gaussian, F A diag(s) = U diag(s') V^T has the covariance U diag(s'^2) U^T:
-    the new axes and deviations, without squaring what is thin. They keep the order of the given ones.
+    the new axes and deviations, without squaring small ones. They keep the order of the given ones.
     """
     left, stretch, right = np.linalg.svd(gradient)
     stretch = np.clip(stretch, 1.0 / MOST_STRETCH, MOST_STRETCH)

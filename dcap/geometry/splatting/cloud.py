@@ -1,9 +1,9 @@
-"""From a point cloud to a mesh: which side of each point is out, then the Poisson reconstruction that splats have.
+"""From a point cloud to a mesh: the outer side of each point, then Poisson reconstruction as for splats.
 
-Points are discs that cameras look at, as Gaussian splats are: inside a room, and from all around what is no room. A
-point's normal is that of the plane through its neighbours, towards the cameras that see it; what none sees follows its
-neighbours. So nothing depends on a tree through all points, which turns whole walls around at one wrong edge. Normals
-that the source has are compared with what the cameras see before they are believed.
+Points are discs viewed by cameras, like Gaussian splats: inside a room, or all around anything else. A point's normal
+is that of the plane through its neighbours, towards the cameras that see it; points that no camera sees follow their
+neighbours. Nothing depends on a tree through all points, which would reverse whole walls at one wrong edge. Normals
+from the source are compared with the views of the cameras before they are trusted.
 """
 
 from dataclasses import dataclass, replace
@@ -24,45 +24,45 @@ from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.point_cloud import LocalPlanes, PointCloud, local_planes
 
 MOST = 1_000_000
-"""Points that are worked with; more are thinned out [-]."""
+"""Maximum number of points used; more are thinned out [-]."""
 LOOKED_AT = 150_000
-"""... and of these, those that cameras look at [-]."""
+"""... and maximum number of these that cameras look at [-]."""
 STRAY = 10.0
-"""A point whose neighbours are so many times as far away as usual is a stray [-]."""
+"""Factor on the usual distance of neighbours beyond which a point is stray [-]."""
 ROOM_METRES = (1.5, 2.2)
-"""Least smallest and middle extent of a room [m]: beyond any single piece of furniture."""
+"""Least smallest and middle extent of a room [m]: larger than any single piece of furniture."""
 HALF_OPEN = 0.45
 """Share of directions with points from which a place is inside a room [-]: a floor and two walls."""
 THING_DIAGONAL = 2.0
-"""Single things are looked at in this size: cameras see nothing that is very near [m]."""
+"""Diagonal to which single things are scaled for viewing [m]: cameras see nothing that is very near."""
 BOTH_SIDES = 0.5
-"""Share of the votes that one side must be ahead by [-]; else the neighbours decide."""
+"""Least lead of one side, as a share of the votes [-]; below it the neighbours decide."""
 AGREES = 0.8
-"""Share of the given normals that point to the cameras, or all away from them, where they are believed [-]."""
+"""Least share of the given normals that point to the cameras, or all away from them, for them to be trusted [-]."""
 ROUNDS = 200
-"""Steps from point to point in which sides spread."""
+"""Maximum number of steps from point to point in which sides spread."""
 CARRIED = 3
-"""Points looked at that tell the side of one that was not."""
+"""Number of viewed points that determine the side of an unviewed one."""
 BESIDE = 8
-"""Neighbours that a side spreads from."""
+"""Number of neighbours from which a side spreads."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Oriented:
-    """Points with normals towards the outside of what they belong to."""
+    """Points with outward normals."""
 
     normal: Array
-    """Shape (n, 3)."""
+    """Unit normals, shape (n, 3)."""
     note: str
-    """How they were found."""
+    """Origin of the normals."""
 
 
 def mesh_of_points(
     cloud: PointCloud, config: SurfaceConfig, *, single: bool, threads: int = 1, progress: Progress | None = None
 ) -> tuple[Mesh, tuple[str, ...]]:
-    """The surface through the points, the same for any number of threads, and what was assumed about it.
+    """The surface through the points, the same for any number of threads, and the assumptions made.
 
-    `single`: a thing that is seen from outside, whatever its size. Raises GeometryError where nothing is left of it.
+    `single`: a thing that is seen from outside, whatever its size. Raises GeometryError if nothing is left of it.
     """
     extent = 1.1 * float(np.subtract(*np.quantile(cloud.position, [0.999, 0.001], axis=0)).max())
     finest = extent / 2**config.deepest
@@ -89,8 +89,8 @@ def mesh_of_points(
 
 
 def evenly_thinned(cloud: PointCloud, spacing: float, most: int) -> PointCloud:
-    """Means over the cells of a grid, of a larger one where more than `most` would be left; apart for the six
-    directions that given normals may mainly have."""
+    """Means over the cells of a grid, of a larger one if more than `most` would be left; separately for the six main
+    directions of given normals."""
     side = np.zeros(len(cloud), dtype=np.int64) if cloud.normal is None else sides(cloud.normal)
     while True:
         cell = np.floor((cloud.position - cloud.position.min(axis=0)) / spacing).astype(np.int64)
@@ -112,7 +112,7 @@ def evenly_thinned(cloud: PointCloud, spacing: float, most: int) -> PointCloud:
 
 
 def without_strays(cloud: PointCloud, threads: int) -> tuple[PointCloud, tuple[str, ...]]:
-    """The cloud without points far from all others, and how many went."""
+    """The cloud without points far from all others, and a note on their number."""
     count = min(BESIDE + 1, len(cloud))
     away = cKDTree(cloud.position).query(cloud.position, k=[count], workers=threads)[0][:, 0]
     kept = away <= STRAY * np.median(away)
@@ -131,7 +131,7 @@ def oriented_normals(
     threads: int = 1,
     progress: Progress | None = None,
 ) -> Oriented:
-    """Normals towards the inside of a room, outwards on what is seen from outside."""
+    """Normals towards the inside of a room, or outwards for a thing seen from outside."""
     axis = planes.normal if cloud.normal is None else cloud.normal
     room = not single and is_room(cloud)
     toward = "towards the inside of the room" if room else "outwards"
@@ -158,7 +158,7 @@ def oriented_normals(
 
 
 def is_room(cloud: PointCloud) -> bool:
-    """Whether the points, in metres, spread too far for a single thing."""
+    """Return whether the points, in metres, extend too far for a single thing."""
     extent = np.sort(np.subtract(*np.quantile(cloud.position, [0.995, 0.005], axis=0)))
     return bool(extent[0] >= ROOM_METRES[0] and extent[1] >= ROOM_METRES[1])
 
@@ -166,7 +166,7 @@ def is_room(cloud: PointCloud) -> bool:
 def camera_votes(
     cloud: PointCloud, gap: Array, config: SurfaceConfig, *, room: bool, single: bool, progress: Progress | None
 ) -> Array:
-    """1 where a point's normal looks to the cameras that see it, -1 where away, 0 where none or both, shape (n,)."""
+    """1 if a point's normal faces the cameras that see it, -1 if it faces away, 0 for neither or both, shape (n,)."""
     diagonal = float(np.linalg.norm(np.subtract(*np.quantile(cloud.position, [0.995, 0.005], axis=0))))
     scale = 1.0 if room else THING_DIAGONAL / diagonal
     discs = discs_of(cloud, gap, scale)
@@ -182,7 +182,7 @@ def camera_votes(
 
 
 def discs_of(cloud: PointCloud, gap: Array, scale: float) -> Gaussians:
-    """A flat Gaussian for each point, wide enough to overlap with its neighbours."""
+    """A flat Gaussian for each point, wide enough to overlap its neighbours."""
     count = len(cloud)
     assert cloud.normal is not None
     wide = np.log(np.maximum(scale * gap * OVERLAP, 1e-9))
@@ -197,7 +197,7 @@ def discs_of(cloud: PointCloud, gap: Array, scale: float) -> Gaussians:
 
 
 def outer_cameras(discs: Gaussians, config: SurfaceConfig, *, single: bool) -> list[Camera]:
-    """Views from all around; of a scene, which stands on something, from above its middle only."""
+    """Views from all around; for a scene, which stands on something, only from above its middle."""
     places, center = outer_places(discs, 3 * config.places, np.radians(FOV_DEG))
     if not single:
         places = places[places[:, 2] >= center[2]]
@@ -205,7 +205,8 @@ def outer_cameras(discs: Gaussians, config: SurfaceConfig, *, single: bool) -> l
 
 
 def spread_sides(sign: Array, axis: Array, near: NDArray[np.int64]) -> Array:
-    """Signs (n,) of the axes (n, 3), those that are 0 from their neighbours (n, k); 0 where none leads to another."""
+    """Signs (n,) of the axes (n, 3), where zeros get the sign of their neighbours (n, k); 0 if no neighbour leads to
+    one."""
     sign = sign.copy()
     for _ in range(ROUNDS):
         open_ = np.flatnonzero(sign == 0.0)
@@ -221,7 +222,7 @@ def spread_sides(sign: Array, axis: Array, near: NDArray[np.int64]) -> Array:
 
 
 def closed_note(mesh: Mesh, points: SurfacePoints, cell: float, config: SurfaceConfig, threads: int) -> str:
-    """How much of the surface spans holes between the points."""
+    """Note on the share of the surface that spans holes between the points."""
     middle = mesh.triangles.mean(axis=1)
     area = mesh.face_areas
     away, _ = cKDTree(points.position).query(middle, workers=threads)

@@ -1,4 +1,5 @@
-"""Settings of the reconstruction of surfaces from splats; apart, because reading them must not load Taichi."""
+"""Settings of the reconstruction of surfaces from splats; a separate module, because reading them must not load
+Taichi."""
 
 from typing import Annotated
 

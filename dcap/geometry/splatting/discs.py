@@ -1,10 +1,10 @@
 """Gaussian splats on the surface of a mesh: flat discs in the colours of its vertices, as a good scan of it would have.
 
-Known geometry as splats, so that what is reconstructed from them can be compared with it.
+Known geometry as splats, as ground truth for reconstructions from them.
 
-An object's surface as Gaussians: flat discs in its colours, close enough together to be opaque.
+The surface of an object as Gaussians: flat discs in its colours, dense enough to be opaque.
 
-Unlike `on_mesh`, whose splats imitate a scan, these are all alike and dense: what is behind them does not show through.
+Unlike `splats_on_mesh`, whose splats imitate a scan, these are all alike and dense: nothing shows through.
 """
 
 from collections.abc import Callable
@@ -20,7 +20,7 @@ from dcap.scene.types.gaussians import DC, Gaussians
 from dcap.scene.types.mesh import Mesh
 
 FLATNESS = 0.1
-OVERLAP = 0.8
+"""Standard deviation along the surface over the spacing [-]: discs add up to an even, opaque surface."""
 
 """Standard deviation along the normal over that along the surface [-]."""
 JITTER = 0.3
@@ -29,31 +29,32 @@ OPACITY = 0.95
 R2 = np.array([0.7548776662466927, 0.5698402909980532])
 """1 / p and 1 / p^2 of the plastic number p (p^3 = p + 1)."""
 MOST = 4_000_000
-"""Splats that are made at once [-]."""
+"""Maximum number of splats made at once [-]."""
 FaceColors = Callable[[NDArray[np.int64], Array], Array]
 """sRGB colours 0 to 1 (n, 3) at faces (n,) and barycentric weights (n, 3)."""
 
 
-"""Standard deviation along the surface over the distance of neighbours [-]."""
+"""Standard deviation along the surface over the spacing [-]."""
 
 """Standard deviation along the normal over that along the surface [-]."""
 DISC_OPACITY = 0.99
-"""Largest opacity that renderers take from one Gaussian [-]."""
+"""Largest opacity that renderers accept from one Gaussian [-]."""
 ROUNDS, NEAR_BY = 6, 8
-"""How often discs are pushed apart, and by how many around each [-]."""
+"""Number of rounds in which discs are pushed apart, and of neighbours that push each [-]."""
 PUSH, RADIUS = 0.15, 1.2
-"""How far of the way, and from nearer than this many spacings [-]: in a regular lattice they are 1.07 apart."""
+"""Share of the overlap removed in a round, and distance below which discs push, in spacings [-]: 1.07 in a regular
+lattice."""
 DETAIL = 400.0
-"""The object's diagonal over the distance of discs [-]: two pixels of the close-up, which shows the whole object."""
+"""The object's diagonal over the spacing of discs [-]: two pixels of the close-up, which shows the whole object."""
 MAX_DISCS = 300_000
-"""Discs of one object [-]; of more surface they are larger."""
+"""Maximum number of discs of one object [-]; on a larger surface the discs are larger."""
 
 
 def splats_on_mesh(mesh: Mesh, spacing: float, seed: int, scatter: float = 0.0) -> Gaussians:
-    """One splat per `spacing`^2 [m^2] of surface, spread evenly; same input, same splats. As in a scan they lie off the
-    surface by the standard deviation `scatter` [m].
+    """One splat per `spacing`^2 [m^2] of surface, spread evenly; same input, same splats. As in a scan they are
+    scattered off the surface with the standard deviation `scatter` [m].
 
-    Raises GeometryError for a spacing that would make more than MOST.
+    Raises GeometryError for a spacing that would need more than MOST.
     """
     areas = mesh.face_areas
     count = round(float(areas.sum()) / spacing**2)
@@ -81,11 +82,11 @@ def splats_on_mesh(mesh: Mesh, spacing: float, seed: int, scatter: float = 0.0) 
 
 def even_points(areas: Array, count: int, random: np.random.Generator) -> tuple[NDArray[np.int64], Array]:
     """Faces (n,) and barycentric weights (n, 3): one point in each of `count` equal shares of the area, in order of the
-    faces, so that no face has more than one too many."""
+    faces, so that no face has more than one point too many."""
     ends = np.cumsum(areas)
     place = (np.arange(count) + random.uniform(0.0, 1.0, count)) / count * ends[-1]
     face = np.minimum(np.searchsorted(ends, place, side="right"), len(areas) - 1)
-    # the R2 sequence: neighbours in order, which share a face, keep away from each other
+    # the R2 sequence: consecutive points, which share a face, keep away from each other
     u, v = (random.uniform() + np.arange(count)[:, None] * R2).T % 1.0
     root = np.sqrt(u)
     return face, np.stack([1.0 - root, root * (1.0 - v), root * v], axis=1)
@@ -105,7 +106,7 @@ def quaternions_along(normals: Array, spin: Array) -> Array:
 
 
 def disc_spacing(mesh: Mesh) -> float:
-    """Distance of discs [m] by the object's size, but no more than MAX_DISCS of them."""
+    """Spacing of discs [m] from the object's size, for at most MAX_DISCS discs."""
     size = float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
     return max(size / DETAIL, float(np.sqrt(mesh.face_areas.sum() / MAX_DISCS)))
 
@@ -129,7 +130,7 @@ def discs_on(mesh: Mesh, spacing: float, colors: FaceColors | None = None) -> Ga
 
 
 def relaxed(mesh: Mesh, face: NDArray[np.int64], weight: Array, spacing: float) -> tuple[NDArray[np.int64], Array]:
-    """The same number of points on a mesh, pushed apart where they are nearer than others on their side of it."""
+    """The same number of points on a mesh, pushed apart where they are too near to others on the same side."""
     import open3d
 
     scene, middle = open3d.t.geometry.RaycastingScene(), mesh.bounds.mean(axis=0)

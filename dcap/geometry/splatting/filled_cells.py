@@ -1,6 +1,6 @@
-"""Where opaque Gaussians are, coarsely: cells of a grid, how far one sees between them and how near the next one is.
+"""Coarse occupancy of opaque Gaussians: cells of a grid, free distances between them and distances to the nearest one.
 
-For choosing cameras before anything is drawn; free of Taichi.
+For choosing cameras before anything is drawn; independent of Taichi.
 """
 
 from dataclasses import dataclass
@@ -14,17 +14,17 @@ from dcap.geometry.splatting.viewpoints import OPAQUE, bulk
 from dcap.scene.types.gaussians import Gaussians
 
 CELL = 0.05
-"""Side of a cell, where the scene is not too large [m]."""
+"""Side of a cell, unless the scene is too large [m]."""
 MOST_CELLS = 16_000_000
-"""Cells of a grid [-]; larger scenes get larger cells."""
+"""Maximum number of cells of a grid [-]; larger scenes get larger cells."""
 MARGIN = 0.3
-"""How far around the bulk of the Gaussians the grid reaches [m]: walls lie at its border."""
+"""Distance by which the grid extends beyond the bulk of the Gaussians [m]: walls lie at its border."""
 EXTENT = 1.5
-"""A Gaussian fills the cells up to this many deviations from its centre [-]."""
+"""Number of deviations from its centre up to which a Gaussian fills cells [-]."""
 MOST_STEPS = 8
-"""Cells that one Gaussian fills to either side of its own at most [-]."""
+"""Maximum number of cells that one Gaussian fills to either side of its own [-]."""
 HEADROOM = 1.5
-"""Lower gaps are not to stand in [m]."""
+"""Least height of a gap in which people can stand [m]."""
 STRIDE = 0.5
 """Step along a ray over a cell's side [-]."""
 
@@ -34,32 +34,32 @@ class FilledCells:
     """A grid along the world's axes."""
 
     filled: NDArray[np.bool_]
-    """Shape (nx, ny, nz)."""
+    """Mask of the filled cells, shape (nx, ny, nz)."""
     low: Array
     """Lowest corner of the first cell [m], shape (3,)."""
     size: float
     """Side of a cell [m]."""
 
     def at(self, points: Array) -> NDArray[np.bool_]:
-        """Whether points (n, 3) lie in filled cells, shape (n,)."""
+        """Mask of the points (n, 3) in filled cells, shape (n,)."""
         index, there = self._index(points)
         out = np.zeros(len(points), dtype=bool)
         out[there] = self.filled[tuple(index[there].T)]
         return out
 
     def clearance(self, points: Array) -> Array:
-        """Distance of points (n, 3) from the middle of the nearest filled cell [m], inf where there is none."""
+        """Distance of points (n, 3) from the middle of the nearest filled cell [m], inf if there is none."""
         middles = self.low + (np.argwhere(self.filled) + 0.5) * self.size
         if not len(middles):
             return np.full(len(points), np.inf)
         return np.asarray(cKDTree(middles).query(points)[0], dtype=np.float64)
 
     def cast(self, origins: Array, directions: Array, reach: float | Array = np.inf) -> Array:
-        """Distance along rays with unit directions (n, 3) to the first filled cell [m], to within a stride; inf where
-        there is none before `reach` [m] (a number or shape (n,)), shape (n,)."""
+        """Distance along rays with unit directions (n, 3) to the first filled cell [m], to within a stride, shape (n,);
+        inf if there is none within `reach` [m] (a number or shape (n,))."""
         out = np.full(len(origins), np.inf)
         active = np.arange(len(origins))
-        # from outside a ray may need as long to reach the grid as to cross it
+        # from outside, a ray may need as many steps to reach the grid as to cross it
         extent = self.size * np.array(self.filled.shape)
         far = np.linalg.norm(np.maximum(np.abs(origins - self.low), np.abs(origins - self.low - extent)), axis=1)
         far = np.minimum(far, reach)
@@ -72,8 +72,8 @@ class FilledCells:
         return out
 
     def floor(self, points: Array) -> float | None:
-        """Height of what one stands on at points (n, 2 or more) [m], the median: the lower end of the highest gap with
-        headroom, the lowest thing where there is no ceiling; None where there is nothing.
+        """Median height of the floor at points (n, 2 or more) [m]: the lower end of the highest gap with headroom, or
+        the lowest thing if there is no ceiling; None if there is nothing.
 
         The lowest thing itself may be a reflection in a shiny floor, which splats show as a room below.
         """
@@ -91,7 +91,7 @@ class FilledCells:
         return float(self.low[2] + self.size * (np.median(level) + 0.5))
 
     def _index(self, points: Array) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-        """The cell of each point (n, 3), and whether it is one of the grid's."""
+        """The cell of each point (n, 3), and the mask of points inside the grid."""
         index = np.floor((points - self.low) / self.size).astype(np.int64)
         return index, np.asarray(((index >= 0) & (index < self.filled.shape)).all(axis=1))
 
@@ -119,5 +119,5 @@ def filled_cells(splats: Gaussians) -> FilledCells:
 
 
 def offsets(steps: int) -> Array:
-    """Places along an axis of a Gaussian, in deviations [-]."""
+    """Positions along an axis of a Gaussian, in deviations [-]."""
     return np.linspace(-EXTENT, EXTENT, 2 * steps + 1) if steps else np.zeros(1)

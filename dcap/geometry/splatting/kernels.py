@@ -16,14 +16,14 @@ vec3f = ti.types.vector(3, ti.f32)
 mat3f = ti.types.matrix(3, 3, ti.f32)
 
 TILE = 16  # pixels along a side of a tile
-BLUR = 0.3  # variance [pixel^2] that is added to every projected Gaussian: none is thinner than a pixel [K23]
-FAINT = 1.0 / 255.0  # less opacity than this at a pixel is no contribution [K23]
-SOLID = 0.99  # more opacity than this is not taken from one Gaussian [K23]
-SPENT = 1e-3  # a pixel through which less light than this passes is finished
+BLUR = 0.3  # variance [pixel^2] added to every projected Gaussian: none is thinner than a pixel [K23]
+FAINT = 1.0 / 255.0  # opacity below which a Gaussian does not contribute to a pixel [K23]
+SOLID = 0.99  # largest opacity of one Gaussian at a pixel [K23]
+SPENT = 1e-3  # a pixel that lets less light than this through is finished
 WIDE = (
     1.3  # how far outside of the picture a Gaussian's centre is projected as it is, over the half field of view [K23]
 )
-LEAST = 512  # Taichi gives a thread no fewer iterations than these: a tile stands for 512 of them
+LEAST = 512  # Taichi gives a thread at least this many iterations: a tile counts as 512
 
 
 @ti.kernel
@@ -44,7 +44,7 @@ def project(
     rectangle: ti.types.ndarray(),
 ):
     """Depth along the optical axis [m] (negative: not in the picture), centre [pixel], inverse covariance (xx, xy, yy)
-    [1/pixel^2] and the pixels (first and one past the last column, the same of rows) that each Gaussian may reach.
+    [1/pixel^2] and the pixels (first and one past the last column, the same for rows) that each Gaussian may reach.
 
     Camera axes: x to the right, y down, z forward; p_camera = rotation p + shift.
     """
@@ -65,7 +65,7 @@ def project(
             xx, xy, yy = a.dot(a) + BLUR, a.dot(b), b.dot(b) + BLUR
             det = xx * yy - xy * xy
             m = vec2f(focal[0] * p[0] / p[2] + center[0], focal[1] * p[1] / p[2] + center[1])
-            # where the opacity falls below FAINT
+            # distance at which the opacity falls below FAINT
             reach = ti.sqrt(2.0 * ti.log(opacity[g] / FAINT))
             rx, ry = reach * ti.sqrt(xx), reach * ti.sqrt(yy)
             x0 = ti.max(0, ti.cast(ti.floor(m[0] - rx + 0.5), ti.i32))
@@ -81,7 +81,7 @@ def project(
 
 @ti.kernel
 def count_tiles(order: ti.types.ndarray(), rectangle: ti.types.ndarray(), wide: ti.i32, count: ti.types.ndarray()):
-    """How many of the listed Gaussians reach each tile; `wide` tiles in a row."""
+    """Number of listed Gaussians that reach each tile; `wide` tiles in a row."""
     ti.loop_config(serialize=True)
     for i in range(order.shape[0]):
         g = order[i]
@@ -98,8 +98,8 @@ def fill_tiles(
     end: ti.types.ndarray(),
     entry: ti.types.ndarray(),
 ):
-    """The Gaussians of each tile in the given order, nearest first; `end` moves from the start of each tile's part to
-    its end."""
+    """The Gaussians of each tile in the given order, nearest first; `end` advances from the start to the end of each
+    tile's part."""
     ti.loop_config(serialize=True)
     for i in range(order.shape[0]):
         g = order[i]
@@ -125,11 +125,11 @@ def blend(
     front: ti.types.ndarray(),
     weight: ti.types.ndarray(),
 ):
-    """Blend front to back: colour, light that passes, the Gaussian that stops half of it, and each Gaussian's largest
+    """Blend front to back: colour, transmitted light, the Gaussian that stops half of it, and each Gaussian's largest
     share of a pixel.
 
     image, light (1 at the start) and front (-1 at the start) have the shape (rows, columns), weight (0 at the start)
-    one entry for each Gaussian; tiles go to threads.
+    one entry per Gaussian; tiles go to threads.
     """
     for task in range((start.shape[0] - 1) * LEAST):
         if task % LEAST != 0:
@@ -181,11 +181,11 @@ def cross_level(
     point: ti.types.ndarray(dtype=vec3f, ndim=1),
     normal: ti.types.ndarray(dtype=vec3f, ndim=1),
 ):
-    """Where each ray first enters the level set of the density around the Gaussian that it meets [G24, Sec. 4.2].
+    """First crossing of each ray into the level set of the density around the Gaussian that it meets [G24, Sec. 4.2].
 
     The density is sum_k a_k exp(-|W_k (p - m_k)|^2 / 2) over the owner's neighbours, W = 1 / scale times the axes
     transposed. Samples lie within `reach` of the owner's deviations along the ray around `distance`; between two of
-    them the crossing is linear. The normal is that of the density, against its gradient.
+    them the crossing is linear. The normal is opposite to the density's gradient.
     """
     for r in range(owner.shape[0]):
         g, d = owner[r], direction[r]
@@ -234,14 +234,13 @@ def settle_on_ridge(
     point: ti.types.ndarray(dtype=vec3f, ndim=1),
     normal: ti.types.ndarray(dtype=vec3f, ndim=1),
 ):
-    """Move each point that was found along its normal to where the density is largest, and turn the normal towards the
-    direction in which the Gaussians there are thinnest: mean shift that keeps to a line [O11].
+    """Move each point along its normal to the maximum of the density, and turn the normal towards the direction in
+    which the Gaussians there are thinnest: mean shift restricted to a line [O11].
 
     [O11] takes the line from the Hessian of the logarithm; here it is the first eigenvector of the mean of the A_k,
-    which the Gaussians' own axes tell more surely. With A_k the inverse of a neighbour's covariance plus the owner's
-    blur^2 and w_k = a_k exp(-(p - m_k)^T A_k (p - m_k) / 2):
-    p <- p + n (sum_k w_k n^T A_k (m_k - p)) / (sum_k w_k n^T A_k n);
-    n <- sum_k w_k A_k n, normalised: a step of the power iteration, which never changes sides.
+    which the Gaussians' own axes determine more reliably. With A_k the inverse of a neighbour's covariance plus the
+    owner's blur^2 and w_k = a_k exp(-(p - m_k)^T A_k (p - m_k) / 2): p <- p + n (sum_k w_k n^T A_k (m_k - p)) / (sum_k
+    w_k n^T A_k n); n <- sum_k w_k A_k n, normalised: a step of the power iteration, which never changes sides.
     """
     for r in range(owner.shape[0]):
         if found[r] == 0:

@@ -1,7 +1,7 @@
-"""Pictures of Gaussian splats: colour and what shines through.
+"""Pictures of Gaussian splats: colour and transmitted light.
 
-Taichi must have been started. The same splats and camera give the same picture for any number of threads: the order of
-the Gaussians is by depth and number, and each tile is blended by one thread.
+Taichi must have been started. The same splats and camera give the same picture for any number of threads: Gaussians are
+ordered by depth and index, and each tile is blended by one thread.
 """
 
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from dcap.geometry.splatting import kernels
 from dcap.scene.types.gaussians import DC, Gaussians, harmonics
 
 NEAR = 0.05
-"""Gaussians nearer than this to the camera are not drawn [m]."""
+"""Least distance of drawn Gaussians from the camera [m]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -25,11 +25,11 @@ class RenderedSplats:
     image: Float32Array
     """sRGB colours 0 to 1 over the background, shape (rows, columns, 3)."""
     light: Float32Array
-    """Share of the light that comes from behind all splats [-], shape (rows, columns)."""
+    """Share of the light from behind all splats [-], shape (rows, columns)."""
     front: NDArray[np.int32]
-    """Number of the Gaussian that lets less than half of the light through, -1 where none is, shape (rows, columns)."""
+    """Index of the Gaussian beyond which less than half of the light passes, -1 for none, shape (rows, columns)."""
     weight: Float32Array
-    """Largest share that each Gaussian has in a pixel [-], shape (n,)."""
+    """Largest share of each Gaussian in a pixel [-], shape (n,)."""
 
 
 class Splatter:
@@ -46,7 +46,7 @@ class Splatter:
         self.color = DC * splats.dc + np.float32(0.5)
 
     def view(self, camera: Camera, background: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> RenderedSplats:
-        """The picture."""
+        """The picture of a camera."""
         order = self._project(camera)
         rows, columns = camera.height, camera.width
         image = np.zeros((rows, columns, 3), dtype=np.float32)
@@ -62,7 +62,7 @@ class Splatter:
         return RenderedSplats(image, light, front, weight)
 
     def _project(self, camera: Camera) -> NDArray[np.int32]:
-        """Project all; numbers of the Gaussians in the picture, nearest first."""
+        """Project all Gaussians; returns the indices of those in the picture, nearest first."""
         turn = camera.world_from_camera.T
         kernels.project(
             self.splats.position, self.axes, self.scale, self.opacity, turn, -turn @ camera.position,
@@ -75,7 +75,7 @@ class Splatter:
     def _tiles(
         self, order: NDArray[np.int32], rows: int, columns: int
     ) -> tuple[NDArray[np.int32], NDArray[np.int32], int]:
-        """Where each tile's list starts, all lists one after the other, and the tiles in a row."""
+        """Start of each tile's list, all lists one after the other, and the number of tiles in a row."""
         wide, high = -(-columns // kernels.TILE), -(-rows // kernels.TILE)
         count = np.zeros(wide * high, dtype=np.int32)
         kernels.count_tiles(order, self.rectangle, wide, count)
@@ -85,7 +85,7 @@ class Splatter:
         return start, entry, wide
 
     def _colors(self, order: NDArray[np.int32], camera: Camera) -> Float32Array:
-        """Colours as seen from the camera, of those that are in the picture, shape (n, 3)."""
+        """View-dependent colours of the Gaussians in the picture, shape (n, 3)."""
         if self.splats.degree == 0:
             return np.asarray(np.maximum(self.color, 0.0), dtype=np.float32)
         away = self.splats.position[order] - camera.position

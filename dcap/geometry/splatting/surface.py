@@ -1,15 +1,16 @@
-"""From Gaussian splats to a mesh: points on the ridge of their density that cameras see, then Poisson reconstruction.
+"""From Gaussian splats to a mesh: visible points on the ridge of their density, then Poisson reconstruction.
 
-The way of SuGaR's mesh extraction [G24, Sec. 4.2] without its training: samples along rays around the Gaussians that
-views show, the first crossing of the level, normals against the gradient. Rays go to the Gaussians rather than through
-pixels: what is far away or seen at a low angle gets as many points as the rest.
+Like SuGaR's mesh extraction [G24, Sec. 4.2] without its training: samples along rays around the visible Gaussians, the
+first crossing of the level, normals against the gradient. Rays are aimed at the Gaussians, not at pixels: distant
+surfaces and those seen at a low angle get as many points as the rest.
 
-SuGaR keeps the level set. It lies before the Gaussians by two to three of their thicknesses, the farther the more they
-overlap: an offset that is the same nowhere. From the level set, points go on along their normals to the ridge of the
-density, its largest value across the surface, by mean shift [O11]; for flat Gaussians side by side that is the plane of
-their centres. Where centres scatter about the surface, as in scans, the density has a ridge for each; blurred by a
-quarter of their distance it has one. The normal is the direction in which the Gaussians there are thinnest together.
-Only what is thinner than a cell of the reconstruction keeps to the level set, which keeps its two sides apart.
+SuGaR keeps the level set. It lies in front of the Gaussians by two to three of their thicknesses, more where they
+overlap more: an offset that varies from place to place. From the level set, points are moved along their normals to the
+ridge of the density, its maximum across the surface, by mean shift [O11]; for flat Gaussians side by side that is the
+plane of their centres. If centres scatter about the surface, as in scans, the density has a ridge for each; blurred by
+a quarter of their spacing it has a single one. The normal is the direction in which the Gaussians there are thinnest
+together. Only surfaces thinner than a cell of the reconstruction stay on the level set, which separates their two
+sides.
 
 [G24] Guedon, Lepetit: SuGaR: surface-aligned Gaussian splatting for efficient 3D mesh reconstruction. CVPR 2024.
 [K06] Kazhdan, Bolitho, Hoppe: Poisson surface reconstruction. SGP 2006.
@@ -34,30 +35,30 @@ from dcap.scene.types.mesh import Mesh
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SurfacePoints:
-    """Points that cameras saw on a surface."""
+    """Points on a surface that cameras have seen."""
 
     position: Array
-    """[m], shape (n, 3)."""
+    """Positions [m], shape (n, 3)."""
     normal: Array
-    """Outwards, towards the cameras, shape (n, 3)."""
+    """Outward normals, towards the cameras, shape (n, 3)."""
     color: Array
-    """sRGB 0 to 1, shape (n, 3)."""
+    """sRGB colours 0 to 1, shape (n, 3)."""
     lead: Array
-    """How far before them, along their normals, the level set lies [m], shape (n,)."""
+    """Distance of the level set in front of the points, along their normals [m], shape (n,)."""
 
 
 TARGETS = np.array([[0.0, 0.0], [0.7, 0.0], [-0.7, 0.0], [0.0, 0.7], [0.0, -0.7]])
-"""Where rays meet a Gaussian, in deviations along its larger two axes [-]."""
+"""Target points of rays on a Gaussian, in deviations along its larger two axes [-]."""
 NEAR_BY = 16
-"""Points around each one that tell how far apart they lie."""
+"""Number of points around each point for measuring the spacing."""
 ACROSS = 4
-"""Points on the other side that tell how thin something is."""
+"""Number of points on the other side for measuring the thickness."""
 
 
 def mesh_of_splats(
     splats: Gaussians, config: SurfaceConfig, threads: int = 1, progress: Progress | None = None
 ) -> Mesh:
-    """The visible surface as a mesh, the same for any number of threads. Raises GeometryError where there is none."""
+    """The visible surface as a mesh, the same for any number of threads. Raises GeometryError if there is none."""
     points = surface_points(splats, config, threads, progress)
     if progress is not None:
         progress(0.5, f"Poisson reconstruction of {len(points.position)} points")
@@ -67,7 +68,7 @@ def mesh_of_splats(
 def surface_points(
     splats: Gaussians, config: SurfaceConfig, threads: int = 1, progress: Progress | None = None
 ) -> SurfacePoints:
-    """Places on the ridge of the density behind where rays to every Gaussian that a camera sees cross the level set,
+    """Places on the ridge of the density behind the crossings of the level set by rays to every visible Gaussian,
     thinned out."""
     splatter, near = Splatter(splats), _neighbours(splats, config, threads)
     gap = _gaps(splats, near)
@@ -84,14 +85,14 @@ def surface_points(
 
 
 def _neighbours(splats: Gaussians, config: SurfaceConfig, threads: int) -> NDArray[np.int32]:
-    """The nearest Gaussians of each one, itself among them, shape (n, k)."""
+    """Indices of the nearest Gaussians of each one, including itself, shape (n, k)."""
     count = min(config.neighbours, len(splats))
     _, near = cKDTree(splats.position).query(splats.position, k=count, workers=threads)
     return np.ascontiguousarray(near.reshape(len(splats), count), dtype=np.int32)
 
 
 def _gaps(splats: Gaussians, near: NDArray[np.int32]) -> Float32Array:
-    """How far apart Gaussians lie on the surface around each one [m], shape (n,): as many fill a disc."""
+    """Spacing of the Gaussians on the surface around each one [m], shape (n,), as if they filled a disc."""
     radius = np.linalg.norm(splats.position[near[:, -1]] - splats.position, axis=1)
     return np.asarray(radius * np.sqrt(np.pi / near.shape[1]), dtype=np.float32)
 
@@ -104,8 +105,8 @@ def _crossings(
     gap: Float32Array,
     config: SurfaceConfig,
 ) -> tuple[NDArray[np.bool_], Float32Array, Float32Array, Float32Array]:
-    """Rays from the origins to places on the Gaussians' larger two axes: which enter the level set and face the
-    camera (m,), where, where the ridge behind it is, and the normals there (m, 3)."""
+    """Rays from the origins to places on the Gaussians' larger two axes: the mask of those that enter the level set and
+    face the camera (m,), the crossings, the places on the ridge behind them, and the normals there (m, 3)."""
     splats = splatter.splats
     wide = np.argsort(splats.log_scale[owner], axis=1)[:, :0:-1]
     rows = np.arange(len(owner))
@@ -131,8 +132,8 @@ def _crossings(
 
 
 def thinned(position: Array, normal: Array, color: Array, lead: Array, spacing: float) -> SurfacePoints:
-    """Means over the cells of a grid, apart for the six directions that normals may mainly have: two sides of a thin
-    board stay two."""
+    """Means over the cells of a grid, separately for the six main directions of normals, so that the two sides of a
+    thin board stay separate."""
     cell = np.floor((position - position.min(axis=0)) / spacing).astype(np.int64)
     size = cell.max(axis=0) + 1
     key = ((cell[:, 0] * size[1] + cell[:, 1]) * size[2] + cell[:, 2]) * 6 + sides(normal)
@@ -149,9 +150,9 @@ def thinned(position: Array, normal: Array, color: Array, lead: Array, spacing: 
 
 
 def kept_apart(points: SurfacePoints, cell: float, threads: int = 1) -> Array:
-    """Their positions (n, 3), back on the level set where the two sides of something thin lie nearer to each other than
-    a cell or the distance of points, and gradually off it up to twice that: where the reconstruction mixes up the sides
-    it leaves holes."""
+    """Positions (n, 3), moved back to the level set where the two sides of a thin thing are nearer to each other than a
+    cell or the spacing of points, and gradually less up to twice that: if the reconstruction confuses the sides, it
+    leaves holes."""
     p, n = points.position, points.normal
     if not points.lead.any():
         return p
@@ -165,7 +166,7 @@ def kept_apart(points: SurfacePoints, cell: float, threads: int = 1) -> Array:
         if len(own) and len(other):
             tree, k = cKDTree(p[other]), range(1, min(ACROSS, len(other)) + 1)
             away, near = tree.query(p[own], k=k, distance_upper_bound=far, workers=threads)
-            near = other[np.minimum(near, len(other) - 1)]  # one past the last stands for none
+            near = other[np.minimum(near, len(other) - 1)]  # one past the last means none
             thickness = np.einsum("nki,ni->nk", p[own][:, None] - p[near], n[own])
             # across a narrow gap the sides face each other, and have no thickness at the level set either
             thin = (away < 2.0 * least[own][:, None]) & (thickness + lead[own][:, None] + lead[near] > 0.0)
@@ -174,13 +175,13 @@ def kept_apart(points: SurfacePoints, cell: float, threads: int = 1) -> Array:
 
 
 def sides(normal: Array) -> NDArray[np.int64]:
-    """Which of six directions each normal (n, 3) mainly has, two for each axis, shape (n,)."""
+    """Main direction of each normal (n, 3) among six, two for each axis, shape (n,)."""
     main = np.argmax(np.abs(normal), axis=1)
     return np.asarray(2 * main + (np.take_along_axis(normal, main[:, None], axis=1)[:, 0] > 0.0))
 
 
 def reconstructed(points: SurfacePoints, config: SurfaceConfig, threads: int = 1) -> Mesh:
-    """Poisson reconstruction [K06], without what no point supports, decimated and coloured by the points."""
+    """Poisson reconstruction [K06], without parts that no point supports, decimated and coloured by the points."""
     import open3d
 
     extent = 1.1 * float(np.ptp(points.position, axis=0).max())
@@ -188,7 +189,7 @@ def reconstructed(points: SurfacePoints, config: SurfaceConfig, threads: int = 1
     position = kept_apart(points, extent / 2**depth, threads)
     cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(position))
     cloud.normals = open3d.utility.Vector3dVector(points.normal)
-    # one thread: with more the same points give other bytes
+    # one thread: with more, the same points give different bytes
     dense, _ = open3d.geometry.TriangleMesh.create_from_point_cloud_poisson(cloud, depth=depth, n_threads=1)
     tree = cKDTree(position)
     vertices = np.asarray(dense.vertices)

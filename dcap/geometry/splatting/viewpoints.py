@@ -1,13 +1,13 @@
-"""Where to look at splats from: the free space inside a room, or all around a single thing.
+"""Viewpoints for splats: in the free space inside a room, or all around a single thing.
 
-A scan by Gaussians has no floor plan of its own. Free is what is far enough from every opaque Gaussian; inside is where
-Gaussians lie in nearly all directions.
+A scan by Gaussians has no floor plan of its own. A place is free if it is far enough from every opaque Gaussian, and
+inside if Gaussians lie in nearly all directions.
 
-Which Gaussians are part of the visible surface, and from where each is seen best.
+Selection of the Gaussians that are part of the visible surface, with the best viewpoint of each.
 
-A share of a pixel is not enough to tell: in a layer of overlapping Gaussians, one that comes last in the order by depth
-has no more of it than one of a layer below, between two of the first. The place tells: what lies behind the plane of
-the Gaussian that stops most of the light in its pixel is hidden.
+The share of a pixel is not sufficient: in a layer of overlapping Gaussians, the last one in the order by depth has no
+larger share than one in a layer below, between two of the first. The position is: a Gaussian behind the plane of the
+one that stops most of the light in its pixel is hidden.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -25,26 +25,26 @@ from dcap.scene.types.gaussians import Gaussians
 
 CANDIDATES = 3000
 OPAQUE = 0.5
-"""Gaussians with less opacity do not stand in the way [-]."""
+"""Opacity below which Gaussians do not obstruct [-]."""
 CLEARANCE = 0.25
-"""Least distance of a camera from what is opaque [m]."""
+"""Least distance of a camera from opaque Gaussians [m]."""
 ENCLOSED = 0.75
-"""Share of directions in which Gaussians lie, from which a place is inside a room [-]."""
+"""Least share of directions with Gaussians for a place inside a room [-]."""
 BANDS, SECTORS = 6, 12
-"""Directions are told apart by equal bands of height and sectors of azimuth."""
+"""Numbers of equal bands of height and of sectors of azimuth into which directions are divided."""
 GRAIN = 0.02
-"""One Gaussian in each cell of this size tells in which directions there are any, over the scene's diagonal [-]."""
+"""Size of the cells in which one Gaussian represents all others for directions, over the scene's diagonal [-]."""
 AT_ONCE = 2_000_000
-"""Pairs of a place and a Gaussian that are looked at together."""
+"""Number of pairs of a place and a Gaussian processed together."""
 CUBE = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], dtype=np.float64)
 FOV_DEG = 92.0
-"""Six pictures of a right angle see everything; a little more lets them overlap [degrees]."""
+"""Field of view [degrees]: six pictures of a right angle see everything; slightly more makes them overlap."""
 Progress = Callable[[float, str], None]
 
 
 def viewpoints(splats: Gaussians, places: int, pixels: int, seed: int = 0, enclosed: float = ENCLOSED) -> list[Camera]:
-    """Square cameras that together see what can be seen: six at each of `places` inside a room, or one at each of three
-    times as many around what has no inside."""
+    """Square cameras that together see everything visible: six at each of `places` inside a room, or one at each of
+    three times as many around a scene without an inside."""
     inside = inner_places(splats, places, seed, enclosed)
     if len(inside):
         return [looking_at(p, p + d, pixels, pixels, fov_deg=FOV_DEG) for p in inside for d in CUBE]
@@ -53,21 +53,21 @@ def viewpoints(splats: Gaussians, places: int, pixels: int, seed: int = 0, enclo
 
 
 def outer_places(splats: Gaussians, count: int, field_of_view: float) -> tuple[Array, Array]:
-    """Places all around from which everything is in the picture [m], shape (count, 3), and the middle to look at."""
+    """Places all around from which everything is in the picture [m], shape (count, 3), and the middle as target."""
     low, high = bulk(splats)
     center, radius = 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))
     return center + 1.1 * radius / np.sin(0.5 * field_of_view) * fibonacci(count), center
 
 
 def bulk(splats: Gaussians) -> tuple[Array, Array]:
-    """Box of all opaque Gaussians but the outermost half per cent on each side [m]; scans have strays far away."""
+    """Box of all opaque Gaussians except the outermost half per cent on each side [m]; scans have strays far away."""
     opaque = splats.position[splats.opacity > OPAQUE]
     low, high = np.quantile(opaque if len(opaque) else splats.position, [0.005, 0.995], axis=0)
     return low.astype(np.float64), high.astype(np.float64)
 
 
 def inner_places(splats: Gaussians, count: int, seed: int, enclosed: float = ENCLOSED) -> Array:
-    """Up to `count` places inside, far apart from each other [m], shape (k, 3); none where there is no inside."""
+    """Up to `count` places inside, far apart from each other [m], shape (k, 3); empty if there is no inside."""
     random = np.random.default_rng(seed)
     low, high = bulk(splats)
     points = random.uniform(low, high, (CANDIDATES, 3))
@@ -81,7 +81,7 @@ def inner_places(splats: Gaussians, count: int, seed: int, enclosed: float = ENC
 
 
 def enclosure(places: Array, positions: NDArray[np.floating]) -> Array:
-    """Share of directions from each place (k, 3) in which there are positions (n, 3) [-], shape (k,)."""
+    """Share of directions from each place (k, 3) with positions (n, 3) [-], shape (k,)."""
     full = np.zeros((len(places), BANDS * SECTORS), dtype=bool)
     step = max(AT_ONCE // max(len(positions), 1), 1)
     for first in range(0, len(places), step):
@@ -94,12 +94,13 @@ def enclosure(places: Array, positions: NDArray[np.floating]) -> Array:
 
 
 def far_apart(points: Array, count: int) -> Array:
-    """A subset that leaves no large gap, in the order of the points if it is all of them."""
+    """A subset that leaves no large gap, in the order of the points if it contains all of them."""
     return points if len(points) <= count else points[far_apart_index(points, count)]
 
 
 def far_apart_index(points: Array, count: int) -> NDArray[np.int64]:
-    """Numbers of up to `count` points: each next one is the farthest from those taken, the first the most central."""
+    """Indices of up to `count` points: the first is the most central, each next one the farthest from those already
+    chosen."""
     if not len(points) or not count:
         return np.zeros(0, dtype=np.int64)
     taken = [int(np.argmin(np.linalg.norm(points - points.mean(axis=0), axis=1)))]
@@ -121,8 +122,8 @@ def fibonacci(count: int) -> Array:
 def best_origins(
     splatter: Splatter, gap: NDArray[np.float32], config: SurfaceConfig, progress: Progress | None = None
 ) -> Array:
-    """The camera that sees each Gaussian best, frontally and from near [m], shape (n, 3); NaN where none does. `gap` is
-    the distance of Gaussians around each [m], shape (n,)."""
+    """Position of the camera that sees each Gaussian best, frontally and from nearby [m], shape (n, 3); NaN if none
+    does. `gap` is the spacing of Gaussians around each [m], shape (n,)."""
     splats = splatter.splats
     best, origin = np.zeros(len(splats)), np.full((len(splats), 3), np.nan)
     for seen in sightings(splatter, gap, viewpoints(splats, config.places, config.pixels), config, progress):
@@ -138,13 +139,13 @@ class Sighting:
 
     camera: Camera
     index: NDArray[np.int64]
-    """Their numbers, shape (k,)."""
+    """Indices of the Gaussians, shape (k,)."""
     weight: NDArray[np.float32]
-    """Largest share that each has in a pixel [-], shape (k,)."""
+    """Largest share of each Gaussian in a pixel [-], shape (k,)."""
     cosine: Array
-    """Of the angle between its thinnest axis and the way to the camera, of either sign [-], shape (k,)."""
+    """Cosine of the angle between its thinnest axis and the direction to the camera, of either sign [-], shape (k,)."""
     distance: Array
-    """To the camera [m], shape (k,)."""
+    """Distance to the camera [m], shape (k,)."""
 
 
 def sightings(
@@ -154,7 +155,7 @@ def sightings(
     config: SurfaceConfig,
     progress: Progress | None = None,
 ) -> Iterator[Sighting]:
-    """Sightings of Gaussians from each camera; `gap` is the distance of Gaussians around each [m], shape (n,)."""
+    """Sightings of Gaussians from each camera; `gap` is the spacing of Gaussians around each [m], shape (n,)."""
     splats = splatter.splats
     flat = np.take_along_axis(splatter.axes, splats.log_scale.argmin(axis=1)[:, None, None], axis=2)[:, :, 0]
     for i, camera in enumerate(cameras):
@@ -176,8 +177,8 @@ def behind(
     camera: Camera,
     index: NDArray[np.int64],
 ) -> Array:
-    """How far the Gaussians with these numbers lie behind the plane of the one in front in their middle's pixel [m],
-    shape (k,): negative before it or where nothing is in front, infinite where the middle is not in the picture.
+    """Distance of the Gaussians with these indices behind the plane of the front Gaussian in the pixel of their middle
+    [m], shape (k,): negative in front of it or if there is none, infinite if the middle is not in the picture.
 
     `flat` are the thinnest axes (n, 3) of all Gaussians at `position` (n, 3)."""
     place = position[index].astype(np.float64)

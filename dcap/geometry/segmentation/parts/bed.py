@@ -1,8 +1,9 @@
 """Parts of a bed: mattress, frame, headboard, pillow, blanket.
 
-The level with most upward area in the middle is where one lies. The headboard end is the end that rises above it, or
-where pillows lie. Pieces are then told apart by where they start and end; a bed scanned as one piece is cut by colour,
-and failing that by height. Lengths scale with the bed's length over 2 m, so that models in their own unit work.
+The level with most upward area in the middle is the lying surface. The headboard end is the end that rises above it, or
+the one with pillows. Pieces are then distinguished by their lower and upper ends; a bed scanned as a single piece is
+cut by colour, and if that fails by height. Lengths scale with the bed's length over 2 m, so that models in any unit
+work.
 """
 
 import numpy as np
@@ -13,16 +14,16 @@ from dcap.geometry.segmentation.faces import connected_regions, level_of
 from dcap.geometry.segmentation.parts.instance_surface import SIDES, InstanceSurface, PartMap, SurfacePiece
 
 COLOR_LENGTH = 0.002
-"""Ten steps of CIELAB count as two centimetres when the nearest face is sought [m]."""
+"""Length that corresponds to ten steps of CIELAB in the search for the nearest face [m]."""
 
 USUAL_LENGTH = 2.0
 """Length of a bed [m]."""
 
 THICKEST_MATTRESS = 0.34
-"""A thicker piece is mattress and frame at once [m]."""
+"""Thickness above which a piece is mattress and frame in one [m]."""
 
 MATTRESS_THICKNESS = 0.22
-"""Used where neither a ledge nor a colour shows the mattress's underside [m]."""
+"""Thickness used if neither a ledge nor a colour shows the mattress's underside [m]."""
 
 
 def bed_parts(surface: InstanceSurface) -> PartMap:
@@ -54,7 +55,7 @@ def bed_parts(surface: InstanceSurface) -> PartMap:
 
 
 def _middle(surface: InstanceSurface, share: float) -> NDArray[np.bool_]:
-    """Faces over the middle `share` of the footprint, shape (k,)."""
+    """Mask of the faces over the middle `share` of the footprint, shape (k,)."""
     return np.asarray((np.abs(surface.center[:, :2]) < 0.5 * share * surface.size[:2]).all(axis=1))
 
 
@@ -65,7 +66,7 @@ def _sleeping_level(surface: InstanceSurface, scale: float) -> float:
 
 
 def _head_side(surface: InstanceSurface, level: float, scale: float) -> NDArray[np.float64] | None:
-    """Outward direction of the head end: the side that rises highest above the level, else where pillows lie."""
+    """Outward direction of the head end: the side that rises highest above the level, else the side with pillows."""
     high = surface.center[:, 2] > level + 0.12 * scale
     best, found = 0.0, None
     for side in SIDES:
@@ -84,7 +85,7 @@ def _head_side(surface: InstanceSurface, level: float, scale: float) -> NDArray[
 
 
 def _pillow_side(surface: InstanceSurface, level: float, scale: float) -> NDArray[np.float64] | None:
-    """The end of the long axis near which more surface lies above the level; None where neither does."""
+    """The end of the long axis near which more surface lies above the level; None if there is none."""
     axis = int(np.argmax(surface.size[:2]))
     raised = (surface.center[:, 2] > level + 0.05 * scale) & (
         np.abs(surface.center[:, axis]) > 0.2 * surface.size[axis]
@@ -99,14 +100,14 @@ def _pillow_side(surface: InstanceSurface, level: float, scale: float) -> NDArra
 
 
 def _is_composite(surface: InstanceSurface, piece: SurfacePiece, level: float, scale: float) -> bool:
-    """A wide piece that ends above the lying level and is thicker than any mattress holds several parts."""
+    """Return whether a piece holds several parts: wide, ending above the lying level, and thicker than any mattress."""
     wide = bool((piece.size[:2] > 0.6 * surface.size[:2]).all())
     thick = bool(piece.size[2] > THICKEST_MATTRESS * scale or piece.low[2] < 0.12 * level)
     return wide and thick and bool(piece.high[2] > level - 0.03 * scale)
 
 
 def _cut_composites(surface: InstanceSurface, level: float, scale: float) -> InstanceSurface:
-    """Cut pieces that hold several parts by colour."""
+    """Cut pieces with several parts by colour."""
     for piece in surface.pieces():
         if _is_composite(surface, piece, level, scale):
             surface = surface.split_by_color(piece.faces)
@@ -114,7 +115,7 @@ def _cut_composites(surface: InstanceSurface, level: float, scale: float) -> Ins
 
 
 def _mattress(surface: InstanceSurface, pieces: list[SurfacePiece], level: float, scale: float) -> SurfacePiece | None:
-    """The piece that one lies on: wide, its top at the level; under a blanket, the thick piece below it."""
+    """The piece that people lie on: wide, with its top at the level; under a blanket, the thick piece below it."""
     wide = [
         p
         for p in pieces
@@ -128,7 +129,7 @@ def _mattress(surface: InstanceSurface, pieces: list[SurfacePiece], level: float
     wide.sort(key=lambda p: -_top_level(surface, p, scale))
     top = wide[0]
     for below in wide[1:]:
-        # A blanket lies close on the mattress; more than its own thickness above it, it is bedding itself.
+        # A blanket lies close on the mattress; a piece more than its own thickness above it is bedding itself.
         gap = _top_level(surface, top, scale) - _top_level(surface, below, scale)
         longer = below.size[:2].max() > 0.8 * surface.size[:2].max() and below.size[2] > 0.05 * scale
         if gap < 0.1 * scale and longer and _is_cover(top, below):
@@ -139,7 +140,8 @@ def _mattress(surface: InstanceSurface, pieces: list[SurfacePiece], level: float
 def _bared(
     surface: InstanceSurface, pieces: list[SurfacePiece], level: float, head: NDArray[np.float64] | None, scale: float
 ) -> SurfacePiece | None:
-    """The head end of a mattress whose rest a blanket hides, as scans see it: broad, at the level, beyond the cover."""
+    """The head end of a mattress whose rest is hidden by a blanket, as in scans: broad, at the level, beyond the
+    cover."""
     if head is None:
         return None
     along = int(np.argmax(np.abs(head)))
@@ -165,7 +167,7 @@ def _bared(
 
 
 def _is_cover(top: SurfacePiece, below: SurfacePiece) -> bool:
-    """A cover is shorter than what it covers, or hangs over its edges."""
+    """Return whether the upper piece is a cover: shorter than the lower piece, or hanging over its edges."""
     shorter = bool((top.size[:2] < 0.93 * below.size[:2]).any())
     hangs = bool((top.size[:2] > 1.005 * below.size[:2]).any() and top.low[2] < below.high[2])
     return shorter or hangs
@@ -187,7 +189,8 @@ def _name_head_end(
     head: NDArray[np.float64] | None,
     scale: float,
 ) -> None:
-    """Name the pieces behind the mattress headboard, bars and rails too, if any of them rises above the bedding."""
+    """Name the pieces behind the mattress headboard, including bars and rails, if any of them rises above the
+    bedding."""
     if head is None or mattress is None:
         return
     edge = float(max(mattress.low @ head, mattress.high @ head)) - 0.03 * scale
@@ -198,7 +201,8 @@ def _name_head_end(
 
 
 def _name_scraps(surface: InstanceSurface, parts: PartMap, pieces: list[SurfacePiece], level: float) -> None:
-    """Scraps of a scan between blanket and mattress are no frame: they go with the nearest face of like colour."""
+    """Name scraps of a scan between blanket and mattress, which are not frame, like the nearest face of similar
+    colour."""
     total = float(surface.area.sum())
     scraps = [
         p for p in pieces if p.area < 0.03 * total and p.low[2] > 0.45 * level and parts.names[p.faces[0]] == "frame"
@@ -239,12 +243,12 @@ def _piece_name(
 
 
 def _lies_at(piece: SurfacePiece, level: float, scale: float) -> bool:
-    """Whether a piece rests on the bedding, perhaps on another pillow."""
+    """Return whether a piece rests on the bedding, perhaps on another pillow."""
     return bool(level - 0.15 * scale < piece.low[2] < level + 0.16 * scale) and piece.up_area > 0.0
 
 
 def _at_head(surface: InstanceSurface, piece: SurfacePiece, head: NDArray[np.float64]) -> bool:
-    """Whether a piece lies within the outer quarter at the head end."""
+    """Return whether a piece lies within the outer quarter at the head end."""
     axis = int(np.argmax(np.abs(head)))
     ends = np.array([piece.low @ head, piece.high @ head])
     return bool(
@@ -253,7 +257,7 @@ def _at_head(surface: InstanceSurface, piece: SurfacePiece, head: NDArray[np.flo
 
 
 def _inset(surface: InstanceSurface, piece: SurfacePiece, head: NDArray[np.float64]) -> float:
-    """How far a piece stays away from the outer face of the head end [m]."""
+    """Distance of a piece from the outer face of the head end [m]."""
     axis = int(np.argmax(np.abs(head)))
     return float(0.5 * surface.size[axis] - max(piece.low @ head, piece.high @ head))
 
@@ -261,7 +265,7 @@ def _inset(surface: InstanceSurface, piece: SurfacePiece, head: NDArray[np.float
 def _cut_headboard(
     surface: InstanceSurface, parts: PartMap, level: float, head: NDArray[np.float64] | None, scale: float
 ) -> None:
-    """Name faces high at the head end headboard, also where they are of one piece with the frame or the mattress."""
+    """Name faces high at the head end headboard, even if they are one piece with the frame or the mattress."""
     if head is None:
         return
     axis = int(np.argmax(np.abs(head)))
@@ -283,7 +287,7 @@ def _cut_frame(
     level: float,
     scale: float,
 ) -> None:
-    """A mattress fused with a frame of its own colour ends a mattress's thickness below the level."""
+    """Name the frame of a fused piece of the same colour: the mattress ends a usual thickness below the level."""
     carried = any(
         (p.size[:2] > 0.6 * surface.size[:2]).all() and p.low[2] < mattress.low[2] - 0.05 * scale for p in pieces
     )
@@ -293,7 +297,7 @@ def _cut_frame(
 
 
 def _cut_bumps(surface: InstanceSurface, parts: PartMap, mattress: SurfacePiece, level: float, scale: float) -> None:
-    """Small patches of the mattress's piece that rise above the level are pillows of the same cloth."""
+    """Name small patches of the mattress's piece that rise above the level, which are pillows of the same cloth."""
     risen = np.zeros(len(surface.area), dtype=bool)
     risen[mattress.faces] = surface.center[mattress.faces, 2] > level + 0.04 * scale
     a, b = surface.pairs.T
@@ -307,7 +311,7 @@ def _cut_bumps(surface: InstanceSurface, parts: PartMap, mattress: SurfacePiece,
 
 
 def _cut_by_height(surface: InstanceSurface, parts: PartMap, level: float, scale: float) -> None:
-    """One piece for everything: a band of height is the mattress, what lies on it pillow or blanket."""
+    """Name the faces of a single piece: a band of height is the mattress, faces above it are pillow or blanket."""
     z = surface.center[:, 2]
     bottom = level - min(MATTRESS_THICKNESS * scale, 0.55 * level)
     open_name = parts.names == "frame"

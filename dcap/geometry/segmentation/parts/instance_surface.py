@@ -1,12 +1,12 @@
-"""One instance in the frame of its own box: the view that part rules work in.
+"""One instance in the frame of its own box, the representation used by part rules.
 
 x and y run along the box's horizontal axes from its middle, z from its bottom; all in metres. A `SurfacePiece` is a
-connected patch of faces with its extents. Rules assign names to pieces where a piece is one part, and to faces where a
+connected patch of faces with its extents. Rules name whole pieces that are a single part, and individual faces where a
 fused scan makes one piece of several parts.
 
-Where a thing without a backrest faces: away from the wall that it stands against.
+Facing of a thing without a backrest: away from the wall against which it stands.
 
-The answer of a part rule: a name per face and where the front is.
+The result of a part rule: a name per face and the direction of the front.
 """
 
 from dataclasses import dataclass, field, replace
@@ -23,28 +23,28 @@ from dcap.scene.types.boxes import OrientedBox
 from dcap.scene.types.segmentation import Instance
 
 UPWARD = 0.75
-"""A face with a normal of at least this z looks up: within 41 degrees, so that noise of a scan does not matter [-]."""
+"""Least normal z of an upward face: within 41 degrees, so that noise of a scan does not matter [-]."""
 
 
 FUSED = 0.7
-"""A component of which less than this share belongs to an instance is a scan that fused it with others [-]."""
+"""Share of a component's area below which an instance was fused with others by the scan [-]."""
 
 DENSE_FACES = 2000
-"""A body of at least this many faces is a scan or finely made [-]."""
+"""Least number of faces of a body that is a scan or finely modelled [-]."""
 
 SPECK_FACES = 16
-"""Loose patches of fewer faces are what a scan tears off, not things [-]."""
+"""Number of faces below which loose patches are fragments of a scan, not things [-]."""
 
 MAP_CELLS = 64
 """Cells of the height map along the longer side of an instance [-]."""
 AGAINST = 0.25
-"""A thing stands against a wall that is nearer than this [m]."""
+"""Largest distance between a thing and the wall against which it stands [m]."""
 
 SMALLEST = 0.4
-"""A small thing of no known kind turns no side to the wall [m]."""
+"""Size below which a thing of unknown kind turns no side to the wall [m]."""
 
 WITHOUT_FRONT = frozenset({Category.LAMP, Category.STOOL, Category.FLAT, Category.STRUCTURE, Category.PLANT})
-"""Categories that have no front."""
+"""Categories without a front."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -53,15 +53,15 @@ class SurfacePiece:
 
     index: int
     faces: NDArray[np.int64]
-    """Face numbers within the surface."""
+    """Indices of the faces within the surface."""
     low: NDArray[np.float64]
     """Lower extent [m], shape (3,)."""
     high: NDArray[np.float64]
     """Upper extent [m], shape (3,)."""
     area: float
-    """[m^2]."""
+    """Area [m^2]."""
     up_area: float
-    """Area that looks up [m^2]."""
+    """Upward area [m^2]."""
 
     @property
     def size(self) -> NDArray[np.float64]:
@@ -79,31 +79,31 @@ class InstanceSurface:
     """The faces of one instance in its box frame."""
 
     corners: NDArray[np.float64]
-    """Shape (k, 3, 3) [m]."""
+    """Corners of the faces [m], shape (k, 3, 3)."""
     center: NDArray[np.float64]
-    """Shape (k, 3) [m]."""
+    """Centres of the faces [m], shape (k, 3)."""
     normal: NDArray[np.float64]
     area: NDArray[np.float64]
     lab: NDArray[np.float64]
     pairs: NDArray[np.int64]
-    """Neighbouring faces, numbers within the surface, shape (e, 2)."""
+    """Neighbouring faces, as indices within the surface, shape (e, 2)."""
     piece: NDArray[np.int64]
-    """Number of the piece of each face, shape (k,)."""
+    """Index of the piece of each face, shape (k,)."""
     size: NDArray[np.float64]
     """Extents of the instance [m], shape (3,)."""
     frame: OrientedBox
-    """The box whose frame this is."""
+    """The box that defines the frame."""
     open_up: NDArray[np.bool_]
-    """Faces that look up and have nothing of the instance above them, shape (k,)."""
+    """Mask of the upward faces with nothing of the instance above them, shape (k,)."""
 
     @property
     def up(self) -> NDArray[np.bool_]:
-        """Faces that look up, shape (k,)."""
+        """Mask of the upward faces, shape (k,)."""
         return np.asarray(self.normal[:, 2] > UPWARD)
 
     @property
     def down(self) -> NDArray[np.bool_]:
-        """Faces that look down, shape (k,)."""
+        """Mask of the downward faces, shape (k,)."""
         return np.asarray(self.normal[:, 2] < -UPWARD)
 
     def pieces(self) -> list[SurfacePiece]:
@@ -115,17 +115,17 @@ class InstanceSurface:
 
     def _piece(self, index: int, faces: NDArray[np.int64]) -> SurfacePiece:
         points = self.corners[faces].reshape(-1, 3)
-        # Spikes of a scan: the outermost half per cent of many corners says nothing.
+        # Spikes of a scan: the outermost half per cent of many corners has no meaning.
         low, high = np.percentile(points, [0.5, 99.5], axis=0) if len(faces) > 200 else (points.min(0), points.max(0))
         up_area = float(self.area[faces][self.up[faces]].sum())
         return SurfacePiece(index, faces, low, high, float(self.area[faces].sum()), up_area)
 
     def with_pieces(self, piece: NDArray[np.int64]) -> "InstanceSurface":
-        """The same instance cut differently."""
+        """The same instance divided differently."""
         return replace(self, piece=renumbered(piece))
 
     def split_by_color(self, faces: NDArray[np.int64], *, smallest: float = 0.01) -> "InstanceSurface":
-        """The same instance with the given faces cut into patches of one colour each."""
+        """The same instance with the given faces divided into patches of one colour each."""
         pairs = pairs_among(self.pairs, faces, len(self.area))
         region = color_regions(self.lab[faces], self.area[faces], pairs, smallest=smallest)
         piece = self.piece.copy()
@@ -155,8 +155,8 @@ def instance_surface(table: FaceTable, faces: NDArray[np.int64], box: OrientedBo
 def _outward(
     normal: NDArray[np.float64], component: NDArray[np.int64], highest: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """-1 for faces of components that are wound inwards, else 1, shape (k,): from above one sees the upper sides of
-    level faces. Of a component without any the rest of the thing decides."""
+    """-1 for faces of components that are wound inwards, else 1, shape (k,): from above the upper sides of level faces
+    are visible. For a component without level faces the rest of the thing decides."""
     level = highest[np.abs(normal[highest, 2]) > UPWARD]
     number = renumbered(component)
     vote = np.bincount(number[level], np.sign(normal[level, 2]), int(number.max(initial=-1)) + 1)
@@ -164,7 +164,8 @@ def _outward(
 
 
 def _pieces(table: FaceTable, faces: NDArray[np.int64], area: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Piece of each of the faces, shape (k,): components, those that reach far beyond these faces cut in grooves."""
+    """Index of the piece of each face, shape (k,): components, with those that reach far beyond these faces cut in
+    grooves."""
     component = table.component[faces]
     count = int(table.component.max(initial=-1)) + 1
     inside = np.bincount(component, area, count)
@@ -176,7 +177,7 @@ def _pieces(table: FaceTable, faces: NDArray[np.int64], area: NDArray[np.float64
 
 
 def _without_specks(piece: NDArray[np.int64], center: NDArray[np.float64]) -> NDArray[np.int64]:
-    """In a dense scan, loose patches of a few faces belong to the piece that is nearest, shape (k,)."""
+    """Pieces where, in a dense scan, loose patches of a few faces belong to the nearest piece, shape (k,)."""
     speck = np.bincount(piece)[piece] < SPECK_FACES
     if len(piece) < DENSE_FACES or not speck.any() or speck.all():
         return piece
@@ -187,9 +188,10 @@ def _without_specks(piece: NDArray[np.int64], center: NDArray[np.float64]) -> ND
 
 
 def _open_above(corners: NDArray[np.float64], area: NDArray[np.float64]) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
-    """Faces most of which are the highest thing at their place, shape (k,), and the highest face at each place.
+    """Mask of the faces that are mostly the highest surface at their place, shape (k,), and the highest face at each
+    place.
 
-    A height map: points on all faces, their highest per cell of a grid. A face is open if half its points come within
+    Uses a height map: points on all faces, the highest per cell of a grid. A face is open if half its points are within
     a cell's width of the map.
     """
     low, size = corners.reshape(-1, 3).min(axis=0), np.ptp(corners.reshape(-1, 3), axis=0)
@@ -208,16 +210,16 @@ def _open_above(corners: NDArray[np.float64], area: NDArray[np.float64]) -> tupl
 
 @dataclass(eq=False, slots=True)
 class PartMap:
-    """Names of the faces of one instance; a rule fills it and hands it back."""
+    """Names of the faces of one instance, filled and returned by a rule."""
 
     names: NDArray[np.object_]
     """Part name per face, shape (k,)."""
     confidence: float = 0.5
-    """0..1, how well the rule's picture of the thing fits."""
+    """Fit of the rule to the thing, 0..1."""
     front: NDArray[np.float64] | None = None
-    """Horizontal unit vector in the instance's frame, shape (3,)."""
+    """Horizontal unit vector out of the front, in the instance's frame, shape (3,)."""
     separate: frozenset[str] = field(default_factory=frozenset)
-    """Names of which every connected patch is a part of its own."""
+    """Names whose connected patches are separate parts."""
 
     @classmethod
     def filled(cls, count: int, name: str) -> "PartMap":
@@ -230,7 +232,7 @@ SIDES = (np.array([1.0, 0, 0]), np.array([-1.0, 0, 0]), np.array([0, 1.0, 0]), n
 
 
 def facing_away_from_wall(thing: Instance, walls: list[Instance]) -> NDArray[np.float64] | None:
-    """Horizontal unit vector away from the nearest wall, by the longest side that stands against one."""
+    """Horizontal unit vector away from the nearest wall, from the longest side that stands against one."""
     small = 2.0 * float(thing.box.half_extents.max()) < SMALLEST
     if category_of(thing.label) in WITHOUT_FRONT or (small and category_of(thing.label) is Category.OTHER):
         return None
@@ -245,7 +247,7 @@ def facing_away_from_wall(thing: Instance, walls: list[Instance]) -> NDArray[np.
 
 
 def _near(point: NDArray[np.float64], outward: NDArray[np.float64], wall: Instance) -> bool:
-    """Whether a wall lies close behind a point, seen along `outward`."""
+    """Return whether a wall lies close behind a point, seen along `outward`."""
     local = wall.box.to_local(point[None])[0]
     direction = wall.box.axes.T @ outward
     axis = int(np.argmin(wall.box.half_extents[:2]))

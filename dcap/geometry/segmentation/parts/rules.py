@@ -1,4 +1,4 @@
-"""From one instance's faces to named parts with boxes: the rule of its category, or the names of its nodes."""
+"""From the faces of one instance to named parts with boxes, by the rule of its category or the names of its nodes."""
 
 from collections.abc import Callable, Sequence
 
@@ -63,16 +63,16 @@ RULES: dict[Category, Callable[[InstanceSurface], PartMap]] = {
 """The part rule of each category."""
 
 SMALLEST_PATCH = 2e-3
-"""Patches of one name below this share of the instance's area join their neighbour [-]."""
+"""Share of the instance's area below which patches of one name join their neighbour [-]."""
 
 STACK_GAP = 0.35
-"""Patches above each other and nearer than this share of the thing's depth are two sides of one part [-]."""
+"""Largest gap, over the thing's depth, between patches above each other that are two sides of one part [-]."""
 
 THINNEST = 5e-4
-"""Half thickness that the box of a sheet is given [m], so that no box is without volume."""
+"""Half thickness of the box of a sheet [m], so that no box is without volume."""
 
 AXES_TIE = 1.06
-"""A part's box keeps the instance's axes unless a turned one has a footprint smaller by this factor [-]."""
+"""Factor by which a turned box must have a smaller footprint to replace the instance's axes [-]."""
 
 ONLY_SCENE_THINGS = frozenset(
     {
@@ -87,7 +87,7 @@ ONLY_SCENE_THINGS = frozenset(
         Category.BASIN,
     }
 )
-"""Categories whose rules are for furniture: as an object to be placed such a thing is one body."""
+"""Categories whose rules are for furniture; an object to be placed with such a category is one body."""
 
 
 def find_parts(
@@ -102,9 +102,9 @@ def find_parts(
 ) -> tuple[NDArray[np.int32], tuple[Part, ...], OrientedBox, NDArray[np.float64] | None]:
     """Parts of one instance.
 
-    `axes` (3, 3) is the annotated orientation, None to find it; `node_words` names the part of each face as its node
-    says (empty where it does not); `annotated` are parts that are known, a number per face and their names, which then
-    only lack boxes. Returns the part of each face (k,), the parts, the box and the front (world).
+    `axes` (3, 3) is the annotated orientation, or None to find it; `node_words` names the part of each face according
+    to its node (or is empty); `annotated` are known parts, an index per face and their names, which only lack boxes.
+    Returns the part of each face (k,), the parts, the box and the front (world).
     """
     box = _box_of(table.corners[faces].reshape(-1, 3), axes, tie=1.0)
     surface = instance_surface(table, faces, box)
@@ -127,7 +127,7 @@ def _rule(label: str, *, as_object: bool) -> Callable[[InstanceSurface], PartMap
 
 
 def _named_by_nodes(surface: InstanceSurface, node_words: Sequence[str]) -> PartMap | None:
-    """Parts by node names, where they name two parts or more and nearly all of the surface."""
+    """Parts by node names, if these name at least two parts and nearly all of the surface."""
     if not node_words:
         return None
     names = np.array(node_words, dtype=object)
@@ -140,7 +140,7 @@ def _named_by_nodes(surface: InstanceSurface, node_words: Sequence[str]) -> Part
 
 
 def _grouped(surface: InstanceSurface, parts: PartMap) -> tuple[NDArray[np.int64], list[str]]:
-    """Part number per face and the name of each part; larger parts come first."""
+    """Part index of each face and the name of each part, larger parts first."""
     kinds = sorted(set(parts.names))
     code = np.array([kinds.index(name) for name in parts.names], dtype=np.int64)
     same = code[surface.pairs[:, 0]] == code[surface.pairs[:, 1]]
@@ -163,13 +163,14 @@ def _grouped(surface: InstanceSurface, parts: PartMap) -> tuple[NDArray[np.int64
 def _main_code(
     region: NDArray[np.int64], code: NDArray[np.int64], area: NDArray[np.float64], kinds: int
 ) -> NDArray[np.int64]:
-    """Each region takes the name that most of its area carries, shape (k,)."""
+    """Name code of each face after each region has taken the name of most of its area, shape (k,)."""
     votes = np.bincount(region * kinds + code, area + 1e-15, (int(region.max()) + 1) * kinds).reshape(-1, kinds)
     return np.asarray(np.argmax(votes, axis=1)[region], dtype=np.int64)
 
 
 def _stacks(surface: InstanceSurface, faces: NDArray[np.int64], region: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Patches that overlap from above and lie close together are one part: the two sides of a board, shape (k,)."""
+    """Regions where patches that overlap from above and lie close together are one part, such as the two sides of a
+    board, shape (k,)."""
     patches, number = np.unique(region[faces], return_inverse=True)
     points = [surface.corners[faces[number == i]].reshape(-1, 3) for i in range(len(patches))]
     low, high = np.array([p.min(axis=0) for p in points]), np.array([p.max(axis=0) for p in points])
@@ -185,7 +186,7 @@ def _stacks(surface: InstanceSurface, faces: NDArray[np.int64], region: NDArray[
 
 
 def _box_of(points: NDArray[np.float64], axes: NDArray[np.float64] | None, *, tie: float) -> OrientedBox:
-    """Box of points along given axes, or along the best ones where those are clearly better."""
+    """Box of points along the given axes, or along the best axes if those are clearly better."""
     best = min_area_box(points)
     chosen = best
     if axes is not None:
@@ -198,12 +199,13 @@ def _box_of(points: NDArray[np.float64], axes: NDArray[np.float64] | None, *, ti
 
 
 def node_words(names: Sequence[str], face_node: NDArray[np.int32], faces: NDArray[np.int64]) -> list[str]:
-    """The part that the node of each face names, '' where it names none."""
+    """The part named by the node of each face, '' if there is none."""
     return _spread([part_word(name.rsplit("/", 1)[-1]) for name in names], face_node, faces)
 
 
 def object_node_words(names: Sequence[str], face_node: NDArray[np.int32], faces: NDArray[np.int64]) -> list[str]:
-    """As `node_words`, but any telling name is a part: the nodes of one object can be nothing else."""
+    """The same as `node_words`, but any meaningful name is a part, because nodes of a single object can only be
+    parts."""
     own = [name.rsplit("/", 1)[-1] for name in names]
     return _spread([part_word(n) or (readable(n) if says_something(n) else "") for n in own], face_node, faces)
 

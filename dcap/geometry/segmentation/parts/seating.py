@@ -1,4 +1,4 @@
-"""Parts of what one sits on: sofa (base, seat cushion, back, arm), chair (seat, back, leg), stool (seat, leg).
+"""Parts of seats: sofa (base, seat cushion, back, arm), chair (seat, back, leg), stool (seat, leg).
 
 The seat is the level with most upward area in the middle; the back is the side that rises above it over most of its
 width; arms rise on the two sides next to it.
@@ -11,7 +11,7 @@ from dcap.geometry.segmentation.faces import level_of
 from dcap.geometry.segmentation.parts.instance_surface import SIDES, InstanceSurface, PartMap, SurfacePiece
 
 SEAT_BAND = 0.06
-"""Sitting surfaces lie within this share of the height above and below the level [-]."""
+"""Tolerance of the level of sitting surfaces, over the height [-]."""
 
 
 def _seat_level(surface: InstanceSurface) -> float:
@@ -23,7 +23,7 @@ def _seat_level(surface: InstanceSurface) -> float:
 
 
 def _back_side(surface: InstanceSurface, level: float) -> NDArray[np.float64] | None:
-    """Outward direction of the side whose outer third holds most area well above the seat."""
+    """Outward direction of the side whose outer third has most area well above the seat."""
     height = float(surface.size[2]) - level
     if height < 0.12 * surface.size[2]:
         return None
@@ -33,7 +33,7 @@ def _back_side(surface: InstanceSurface, level: float) -> NDArray[np.float64] | 
         axis = int(np.argmax(np.abs(side)))
         outer = high & (surface.center @ side > 0.15 * surface.size[axis])
         width = float(np.ptp(surface.center[outer, 1 - axis])) / float(surface.size[1 - axis]) if outer.any() else 0.0
-        # Towards the side, and spread along it: what an arm is not.
+        # Towards the side, and spread along it, unlike an arm.
         scores.append(
             float((surface.area[outer] * np.abs(surface.center[outer] @ side)).sum()) / surface.size[axis] * width
         )
@@ -62,21 +62,22 @@ def sofa_parts(surface: InstanceSurface) -> PartMap:
 
 
 def _seat_bottom(surface: InstanceSurface, level: float, height: float) -> float:
-    """Underside of the seat cushions [m]: of the piece whose top is the seat, else a cushion's usual thickness."""
+    """Underside of the seat cushions [m]: of the piece whose top is the seat, else by the usual thickness of a
+    cushion."""
     cushions = _cushions(surface, level, height)
     return float(cushions[0].low[2]) if cushions else level - 0.18 * height
 
 
 def _cushions(surface: InstanceSurface, level: float, height: float) -> list[SurfacePiece]:
-    """The seat cushions, the largest first; none where they are not most of what one sits on: a scan tears crumbs off a
-    seat that is one with its front."""
+    """The seat cushions, the largest first; empty if they are not most of the seat: a scan tears fragments off a seat
+    that is one piece with its front."""
     found = [piece for piece in surface.pieces() if _is_seat_piece(surface, piece, level, height)]
     seat = surface.area * (surface.open_up & (np.abs(surface.center[:, 2] - level) < SEAT_BAND * height))
     return found if sum(seat[one.faces].sum() for one in found) > 0.5 * seat.sum() else []
 
 
 def _is_seat_piece(surface: InstanceSurface, piece: SurfacePiece, level: float, height: float) -> bool:
-    """A cushion: its top at the level, not rising above it, in the middle band."""
+    """Return whether a piece is a cushion: its top at the level, not rising above it, in the middle band."""
     flat = piece.size[2] < 0.45 * height and abs(float(piece.high[2]) - level) < 0.12 * height
     return bool(flat and piece.up_area > 0.04 * np.prod(surface.size[:2]) and piece.low[2] > 0.1 * level)
 
@@ -110,7 +111,8 @@ def _sofa_faces(
     seat_bottom: float,
     back: NDArray[np.float64] | None,
 ) -> NDArray[np.object_]:
-    """Names of the faces of one piece that is shell, arms and back at once, and the seat where no cushion is apart."""
+    """Names of the faces of a piece that is shell, arms and back in one, and also the seat if no cushion is
+    separate."""
     names = np.full(len(faces), "base", dtype=object)
     if back is None:
         return names
@@ -125,10 +127,10 @@ def _sofa_faces(
     if not _cushions(surface, level, height):
         names[above & ~arm & ~rear & (center[:, 2] < level + 0.06 * height) & (normal[:, 2] > -0.5)] = "seat cushion"
     names[arm] = "arm"
-    # Where back and arm meet, what is higher than the arms is back.
+    # Where back and arm meet, faces higher than the arms are back.
     arm_top = _arm_top(center, arm & ~rear, height)
     names[rear & (~arm | (center[:, 2] > arm_top))] = "back"
-    names[(names == "base") & (center[:, 2] > level + SEAT_BAND * height)] = "back"  # of a corner sofa's other wing
+    names[(names == "base") & (center[:, 2] > level + SEAT_BAND * height)] = "back"  # on a corner sofa's other wing
     return names
 
 
@@ -137,7 +139,7 @@ def _arm_top(center: NDArray[np.float64], arm: NDArray[np.bool_], height: float)
 
 
 def _inner_edges(surface: InstanceSurface, level: float, axis: int, back: NDArray[np.float64]) -> tuple[float, float]:
-    """Where the arms begin, from the middle sideways, and where the back begins, rearward [m]."""
+    """Beginning of the arms, sideways from the middle, and of the back, rearward [m]."""
     height, width, depth = float(surface.size[2]), float(surface.size[1 - axis]), float(surface.size[axis])
     seat = surface.open_up & (np.abs(surface.center[:, 2] - level) < SEAT_BAND * height)
     points = surface.corners[seat].reshape(-1, 3)
@@ -175,7 +177,7 @@ def chair_parts(surface: InstanceSurface) -> PartMap:
 
 
 def stool_parts(surface: InstanceSurface) -> PartMap:
-    """Name the faces of a stool: its top is the seat."""
+    """Name the faces of a stool, whose top is the seat."""
     parts = PartMap.filled(len(surface.area), "leg")
     z, height = surface.center[:, 2], float(surface.size[2])
     chosen = surface.open_up & (z > 0.5 * height)
@@ -195,7 +197,8 @@ def stool_parts(surface: InstanceSurface) -> PartMap:
 
 
 def underside(surface: InstanceSurface, level: float, reach: float) -> float:
-    """Height where the slab whose top is `level` ends below: its downward faces, else half of `reach` under it [m]."""
+    """Height of the lower side of the slab with its top at `level`: by its downward faces, else half of `reach` under
+    it [m]."""
     z = surface.center[:, 2]
     below = surface.down & (z < level - 0.02 * reach) & (z > level - reach)
     found = level_of(z[below], surface.area[below], 0.15 * reach)

@@ -1,4 +1,4 @@
-"""Parts of lamps, bathtubs and of the small things that are placed: dumbbells, shoes, laptops, plush toys."""
+"""Parts of lamps, bathtubs and small things to place: dumbbells, shoes, laptops, plush toys."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +9,7 @@ from dcap.geometry.segmentation.parts.instance_surface import InstanceSurface, P
 
 
 def lamp_parts(surface: InstanceSurface) -> PartMap:
-    """Name the faces of a standing lamp by how far they reach from its axis: shade above, base below, pole between."""
+    """Name the faces of a standing lamp by their distance from its axis: shade above, base below, pole between."""
     parts = PartMap.filled(len(surface.area), "pole")
     height, radius = float(surface.size[2]), 0.5 * float(surface.size[:2].max())
     shade_low, base_high = _lamp_bands(surface, height)
@@ -38,7 +38,7 @@ def _lamp_bands(surface: InstanceSurface, height: float) -> tuple[float, float]:
 def _lamp_piece(
     surface: InstanceSurface, piece: SurfacePiece, shade_low: float, base_high: float, radius: float
 ) -> NDArray[np.object_] | str:
-    """Name of a piece, or names of its faces where it runs through several bands."""
+    """Name of a piece, or names of its faces if it extends over several bands."""
     z = surface.center[piece.faces, 2]
     reach = 0.5 * float(piece.size[:2].max())
     height = float(surface.size[2])
@@ -94,7 +94,7 @@ def dumbbell_parts(surface: InstanceSurface) -> PartMap:
 
 
 def shoe_parts(surface: InstanceSurface) -> PartMap:
-    """Name the faces of a shoe: the sole is the lowest fifth, or the material that makes up the ground face."""
+    """Name the faces of a shoe: the sole is the lowest fifth, or the material that touches the ground."""
     parts = PartMap.filled(len(surface.area), "upper")
     z = surface.center[:, 2]
     parts.names[z < 0.2 * surface.size[2]] = "sole"
@@ -111,7 +111,7 @@ def shoe_parts(surface: InstanceSurface) -> PartMap:
 
 
 def laptop_parts(surface: InstanceSurface) -> PartMap:
-    """Name the faces of a laptop: the slab that lies is the base, the slab that stands is the screen."""
+    """Name the faces of a laptop: the lying slab is the base, the standing slab is the screen."""
     z, height = surface.center[:, 2], float(surface.size[2])
     pieces = surface.pieces()
     parts = PartMap.filled(len(surface.area), "base")
@@ -153,7 +153,7 @@ def plant_parts(surface: InstanceSurface) -> PartMap:
 
 
 def flat_parts(surface: InstanceSurface) -> PartMap:
-    """A rug or a picture is one part."""
+    """Name all faces of a rug or a picture as one part."""
     parts = PartMap.filled(len(surface.area), "body")
     parts.confidence = 0.9
     return parts

@@ -1,4 +1,4 @@
-"""Parts of what one puts things on: table (top, leg), cabinet (top, surface), shelf (board, side), window (sill)."""
+"""Parts of things that carry others: table (top, leg), cabinet (top, surface), shelf (board, side), window (sill)."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,11 +8,11 @@ from dcap.geometry.segmentation.parts.instance_surface import InstanceSurface, P
 from dcap.geometry.segmentation.parts.seating import underside
 
 SEVERAL = 0.2
-"""Boards whose heights span this share of a thing's height are several [-]."""
+"""Share of a thing's height spanned by boards from which they count as several [-]."""
 SILL = 0.3
-"""Below this share of a window's height lies its sill [-]."""
+"""Share of a window's height below which its sill lies [-]."""
 SILL_DEPTH = 0.5
-"""Share of a window's depth and width from which on what lies level in it is its sill [-]."""
+"""Least share of a window's depth and width for a level surface in it to be its sill [-]."""
 
 
 def _top_level(surface: InstanceSurface) -> float:
@@ -34,7 +34,7 @@ def _top_level(surface: InstanceSurface) -> float:
 
 
 def table_parts(surface: InstanceSurface) -> PartMap:
-    """Name the faces of a table or desk; what stands on the top counts as top only if it is joined to it."""
+    """Name the faces of a table or desk; things on the top only count as top if they are joined to it."""
     parts = PartMap.filled(len(surface.area), "leg")
     level = _top_level(surface)
     if np.isnan(level):
@@ -78,7 +78,7 @@ def cabinet_parts(surface: InstanceSurface) -> PartMap:
 
 
 def basin_parts(surface: InstanceSurface) -> PartMap:
-    """Name the faces of a washstand: what stands on its top is the basin, or the tap if it is narrow."""
+    """Name the faces of a washstand: a piece on its top is the basin, or the tap if it is narrow."""
     parts = cabinet_parts(surface)
     for piece in surface.pieces():
         if (parts.names[piece.faces] == "item").all():
@@ -87,7 +87,7 @@ def basin_parts(surface: InstanceSurface) -> PartMap:
 
 
 def other_parts(surface: InstanceSurface) -> PartMap:
-    """A thing of no known kind: a level top if that covers most of its footprint, and its surface."""
+    """Name the faces of a thing of unknown kind: a level top if it covers most of the footprint, and its surface."""
     parts = cabinet_parts(surface)
     top = parts.names == "top"
     if surface.area[top & surface.open_up].sum() < 0.75 * float(np.prod(surface.size[:2])):
@@ -96,7 +96,7 @@ def other_parts(surface: InstanceSurface) -> PartMap:
 
 
 def shelf_parts(surface: InstanceSurface) -> PartMap:
-    """Name the faces of a shelf: every level slab is a board of its own, the rest sides."""
+    """Name the faces of a shelf: every level slab is a separate board, the rest are sides."""
     parts = PartMap.filled(len(surface.area), "side")
     parts.separate = frozenset({"board"})
     gap = 0.2 * float(surface.size[:2].min())
@@ -112,14 +112,15 @@ def shelf_parts(surface: InstanceSurface) -> PartMap:
 
 
 def storage_parts(surface: InstanceSurface) -> PartMap:
-    """Scanners call shelves and cupboards "storage": boards at several heights make a shelf."""
+    """Name the faces of "storage", the scanners' word for shelves and cupboards: boards at several heights make a
+    shelf."""
     shelf = shelf_parts(surface)
     boards = surface.center[(shelf.names == "board") & surface.up, 2]
     return shelf if len(boards) and np.ptp(boards) > SEVERAL * float(surface.size[2]) else cabinet_parts(surface)
 
 
 def window_parts(surface: InstanceSurface) -> PartMap:
-    """Name the faces of a window: the broadest level surface low in it, with what is below, is its sill, the rest
+    """Name the faces of a window: the broadest level surface low in it, with everything below, is its sill, the rest
     frame."""
     parts = PartMap.filled(len(surface.area), "body")
     low = np.flatnonzero(surface.center[:, 2] < SILL * surface.size[2] + surface.corners[..., 2].min())
@@ -137,7 +138,7 @@ def window_parts(surface: InstanceSurface) -> PartMap:
 
 
 def _in_slabs(surface: InstanceSurface, faces: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Faces of one fused piece that lie between the upper and lower face of a board, shape (k,)."""
+    """Mask of the faces of one fused piece that lie between the upper and lower face of a board, shape (k,)."""
     z_low, z_high = surface.corners[faces][..., 2].min(axis=1), surface.corners[faces][..., 2].max(axis=1)
     slack = 0.004 * float(surface.size.max())
     inside = np.zeros(len(faces), dtype=bool)
@@ -160,7 +161,7 @@ def _slabs(surface: InstanceSurface, faces: NDArray[np.int64]) -> list[tuple[flo
 
 
 def _overlap(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
-    """Whether two horizontal extents (2, 2) share at least half of the smaller one along both axes."""
+    """Return whether two horizontal extents (2, 2) share at least half of the smaller one along both axes."""
     shared = np.minimum(a[1], b[1]) - np.maximum(a[0], b[0])
     return bool((shared > 0.5 * np.minimum(a[1] - a[0], b[1] - b[0])).all())
 

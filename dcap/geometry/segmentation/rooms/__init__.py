@@ -1,1 +1,1 @@
-"""Rooms without annotations: their shell, and what stands or hangs in it, told apart by statics."""
+"""Rooms without annotations: their shell, and the things that stand or hang in it, separated by statics."""

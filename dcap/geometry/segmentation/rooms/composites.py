@@ -1,7 +1,7 @@
-"""Things that belong together because of what they are: pillows to their bed, books to their row, legs to their table.
+"""Things that belong together by kind: pillows to their bed, books to their row, legs to their table.
 
-Statics takes a room apart into what stands by itself; a pillow does, and yet it is part of the bed. In: the label of
-each thing, its measures and what touches what. Out: composites with their members, by ATTACHMENT_RULES.
+Statics divides a room into things that stand by themselves; a pillow does, and yet it is part of the bed. In: the label
+of each thing, its measures and the contacts. Out: composites with their members, by ATTACHMENT_RULES.
 """
 
 from collections.abc import Sequence
@@ -17,32 +17,33 @@ ANY = "*"
 SLACK = 0.02
 """Tolerance for counting a thing as inside a box [m]."""
 FLOATING = 0.12
-"""Parts that float no farther than this above, below or around something go with it [m]: a shade and its lamp."""
+"""Largest distance of floating parts above, below or around something with which they belong together [m]: a shade and
+its lamp."""
 
 
 class Attachment(StrEnum):
-    """How a part is joined to its whole."""
+    """Relation that joins a part to its whole."""
 
     ON = "on"
     """The whole carries it."""
     TOUCHING = "touching"
     UNDER = "under"
-    """It touches the whole, and that is above it."""
+    """It touches the whole from below."""
     INSIDE = "inside"
     """It is within the box of the whole."""
     AROUND = "around"
-    """It is above, below or around the whole, and may not touch it."""
+    """It is above, below or around the whole, possibly without contact."""
 
 
 @dataclass(frozen=True, slots=True)
 class AttachmentRule:
-    """A thing of one label belongs to a thing of another."""
+    """A thing with one label belongs to a thing with another."""
 
     part: str
     whole: str
     attachment: Attachment
     becomes: str = ""
-    """Name of the whole with the part; empty: as before."""
+    """Name of the whole with the part; empty: unchanged."""
 
 
 ATTACHMENT_RULES = (
@@ -91,23 +92,23 @@ ONLY_PARTS = frozenset(
         "tap",
     }
 )
-"""Labels of what is no thing by itself."""
+"""Labels of parts that are not things on their own."""
 
 
 @dataclass(frozen=True, slots=True)
 class CompositeThing:
-    """Things that are one."""
+    """Several things that form one."""
 
     label: str
-    """Empty where nothing is known."""
+    """Label; empty if nothing is known."""
     main: int
-    """Number of the thing that gives the whole its name."""
+    """Index of the thing that gives the whole its name."""
     members: tuple[int, ...]
-    """Numbers of all its things, in order."""
+    """Indices of all its things, in order."""
 
 
 def composites(labels: Sequence[str], traits: Sequence[Traits], segments: Segments) -> list[CompositeThing]:
-    """Join things by their labels (empty: unknown); the composites come in the order of their main things."""
+    """Join things by their labels (empty: unknown); the composites are in the order of their main things."""
     owner = list(range(len(labels)))
     name = list(labels)
     for i in range(len(labels)):
@@ -122,7 +123,7 @@ def composites(labels: Sequence[str], traits: Sequence[Traits], segments: Segmen
 
 
 def _called(name: Sequence[str], root: int, members: tuple[int, ...]) -> str:
-    """Name of a whole: that of its main thing or, where that is only a part, of the first member that is a thing."""
+    """Name of a whole: the name of its main thing or, if that is only a part, of the first member that is a thing."""
     return next((name[i] for i in (root, *members) if name[i] and name[i] not in ONLY_PARTS), "")
 
 
@@ -135,7 +136,8 @@ def _root(owner: list[int], i: int) -> int:
 def _whole_of(
     i: int, labels: Sequence[str], traits: Sequence[Traits], segments: Segments
 ) -> tuple[AttachmentRule | None, int]:
-    """The first rule by which a thing belongs to a larger one of its kind, or to another thing, and to which."""
+    """The first rule by which a thing belongs to a larger one of its kind, or to another thing, and the index of that
+    thing."""
     for rule in ATTACHMENT_RULES:
         if rule.part not in (ANY, labels[i]):
             continue
@@ -153,7 +155,7 @@ def _whole_of(
 
 
 def _strength(attachment: Attachment, i: int, j: int, traits: Sequence[Traits], segments: Segments) -> float:
-    """How strongly two things are joined in that way, 0: not at all."""
+    """Strength of this relation between two things, 0: none."""
     if attachment is Attachment.ON:
         return float(_carried(i, j, traits))
     a, b = segments.alive[i], segments.alive[j]
@@ -176,7 +178,7 @@ def _strength(attachment: Attachment, i: int, j: int, traits: Sequence[Traits], 
 
 
 def _carried(i: int, j: int, traits: Sequence[Traits]) -> bool:
-    """Whether one thing rests on another one, directly or by way of things between them."""
+    """Return whether one thing rests on another one, directly or on things between them."""
     seen = {i}
     while (holder := traits[i].holder) >= 0 and holder not in seen:
         if holder == j:

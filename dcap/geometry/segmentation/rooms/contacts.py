@@ -1,9 +1,9 @@
-"""Contacts: segments of a scene, sampled, and the places where two of them are close.
+"""Contacts: sampled segments of a scene, and the places where two of them are close.
 
-A scanned surface as surfels: small discs, one per voxel and side, whatever the triangles are like.
+A scanned surface as surfels: small discs, one per voxel and side, independent of the triangles.
 
-Scans have slivers, holes, doubled sheets and millions of faces. What is asked of them here (what looks up, what is
-near, how large is it) is asked of at most one disc per voxel and side [P00], with normals averaged over neighbours.
+Scans have slivers, holes, doubled sheets and millions of faces. Queries here (upward surfaces, neighbours, areas) use
+at most one disc per voxel and side [P00], with normals averaged over neighbours.
 
 [P00] Pfister, Zwicker, van Baar, Gross: Surfels: surface elements as rendering primitives. SIGGRAPH 2000.
 """
@@ -19,31 +19,32 @@ from dcap.arrays import Array, IntArray
 from dcap.geometry.segmentation.faces import FaceTable, surface_points
 
 SPACING = 0.015
-"""Distance of the points that stand for surfaces [m]."""
+"""Spacing of the points that represent surfaces [m]."""
 REACH = 0.02
-"""Surfaces nearer than this touch [m]: more than the spacing of the points, and what scans leave between things."""
+"""Largest distance of touching surfaces [m]: more than the spacing of the points, and than the gaps in scans between
+things."""
 FEW = 3
-"""Fewer pairs of points are no contact [-]."""
+"""Least number of pairs of points in a contact [-]."""
 UP = 0.7
-"""A surface with a normal of at least this z carries what stands on it [-]."""
+"""Least normal z of a surface that carries things [-]."""
 PARALLEL = 0.95
 """Cosine of the angle between normals of one plane [-]."""
 FLUSH = 0.004
-"""Surfaces nearer than this to a common plane are flush [m]."""
+"""Largest distance of flush surfaces from a common plane [m]."""
 ON_TOP = 0.03
-"""Segments that begin no deeper than this below the top of another one are above it [m]."""
+"""Largest depth below the top of another segment at which a segment above it may begin [m]."""
 SINK = 0.012
-"""Segments that stand on something are nowhere deeper below its surface than this [m]: noise, and soft covers."""
+"""Largest depth below the surface of its support at which a segment on it may lie [m]: noise, and soft covers."""
 VOXEL = 0.02
-"""Edge of a voxel [m]: what scans resolve, and finer than what carries."""
+"""Edge of a voxel [m]: the resolution of scans, and finer than carrying surfaces."""
 NEAR = 2.25 * VOXEL
-"""Surfels this near are neighbours [m]: the next but one voxel, so that a missing one is bridged."""
+"""Largest distance of neighbouring surfels [m]: the next voxel but one, to bridge a missing voxel."""
 SIDE = 0.5
-"""Least normal z of a surfel that looks up, its negative of one that looks down [-]."""
+"""Least normal z of an upward surfel, and its negative for a downward one [-]."""
 SAME_SIDE = 0.3
-"""Cosine from which on a neighbour's normal is averaged with one's own [-]."""
+"""Least cosine for a neighbour's normal to be included in an average [-]."""
 ROUNDS = 2
-"""Of averaging [-]."""
+"""Rounds of averaging [-]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -53,43 +54,43 @@ class Touch:
     a: IntArray
     """Points of the first segment, shape (k,)."""
     b: IntArray
-    """Points of the second one, shape (k,)."""
+    """Points of the second segment, shape (k,)."""
 
     def turned(self) -> "Touch":
-        """Seen from the other side."""
+        """The same contact seen from the other segment."""
         return Touch(self.b, self.a)
 
 
 @dataclass(eq=False, slots=True)
 class Segment:
-    """A connected patch of surface, or several that belong together; merging changes it."""
+    """A connected patch of surface, or several that belong together; merging modifies it."""
 
     faces: IntArray
     points: IntArray
     area: float
-    """[m^2]."""
+    """Area [m^2]."""
     center: Array
     """Centre of the area [m], shape (3,)."""
     low: Array
     high: Array
     touches: dict[int, Touch] = field(default_factory=dict)
-    """By number of the other segment."""
+    """Contacts by index of the other segment."""
 
 
 @dataclass(eq=False, slots=True)
 class Segments:
-    """All segments by number, over one set of points."""
+    """All segments by index, over a common set of points."""
 
     position: Array
-    """[m], shape (n, 3)."""
+    """Positions of the points [m], shape (n, 3)."""
     normal: Array
     """Unit normals, shape (n, 3)."""
     weight: Array
-    """Area that a point stands for [m^2], shape (n,)."""
+    """Area represented by each point [m^2], shape (n,)."""
     alive: dict[int, Segment]
 
     def merge(self, keep: int, gone: int) -> None:
-        """Make two segments one, under the first number."""
+        """Merge two segments into one, under the first index."""
         a, b = self.alive[keep], self.alive.pop(gone)
         whole = a.area + b.area
         a.center = (a.center * a.area + b.center * b.area) / max(whole, 1e-30)
@@ -109,9 +110,10 @@ class Segments:
             neighbour.touches[keep] = joined.turned()
 
     def standing(self, name: int, other: int) -> NDArray[np.bool_]:
-        """Which of the touching pairs are the first segment standing on the second, shape (k,).
+        """Mask of the touching pairs at which the first segment stands on the second, shape (k,).
 
-        They are above it, where it looks up or, since what it carries hides that, at its very top.
+        There the first segment is above the second, where that faces up, or at its very top, since carried things hide
+        the upward surface.
         """
         touch = self.alive[name].touches[other]
         above = self.position[touch.a, 2] >= self.position[touch.b, 2] - SINK
@@ -120,21 +122,21 @@ class Segments:
         return np.asarray(above & (on_top | (self.normal[touch.b, 2] > UP)))
 
     def sideways(self, touch: Touch) -> NDArray[np.bool_]:
-        """Which of the pairs lie against each other sideways, shape (k,)."""
+        """Mask of the pairs that lie against each other sideways, shape (k,)."""
         a, b = self.normal[touch.a, 2], self.normal[touch.b, 2]
         return np.asarray((np.abs(a) <= UP) & (np.abs(b) <= UP))
 
     def flush(self, touch: Touch) -> NDArray[np.bool_]:
-        """Which of the pairs lie in one plane, shape (k,)."""
+        """Mask of the pairs that lie in one plane, shape (k,)."""
         a, b = self.normal[touch.a], self.normal[touch.b]
         apart = np.einsum("ki,ki->k", self.position[touch.a] - self.position[touch.b], b)
         return np.asarray((np.einsum("ki,ki->k", a, b) > PARALLEL) & (np.abs(apart) < FLUSH))
 
 
 def segments_of(table: FaceTable, segment: IntArray) -> Segments:
-    """Sample the faces with `segment` >= 0, shape (m,), and find what touches."""
+    """Sample the faces with `segment` >= 0, shape (m,), and find their contacts."""
     used = np.flatnonzero(segment >= 0)
-    if not len(used):  # a bare room, or one of which everything is known
+    if not len(used):  # an empty room, or one with only known things
         return Segments(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), {})
     position, owner = surface_points(table.corners[used], table.area[used], SPACING)
     face = used[owner]
@@ -179,7 +181,7 @@ def _touch(segments: Segments, number: IntArray) -> None:
 
 
 def plan_hull(points: Array) -> ConvexHull | None:
-    """The convex hull of points seen from above; None where they lie on a line."""
+    """The convex hull of points seen from above; None if they lie on a line."""
     if len(points) < 3:
         return None
     try:
@@ -195,9 +197,9 @@ def plan_area(points: Array) -> float:
 
 
 def patch_area(points: Array) -> float:
-    """Area of the convex hull of points, seen along the direction in which they extend least [m^2].
+    """Area of the convex hull of points, seen along the direction of their least extent [m^2].
 
-    What bodies that touch hide from cameras is missing in scans: the rim of a contact stands for all of it.
+    Touching bodies hide their contact from cameras, so it is missing in scans: its rim represents all of it.
     """
     if len(points) < 3:
         return 0.0
@@ -207,7 +209,7 @@ def patch_area(points: Array) -> float:
 
 
 def inner_distance(points: Array, place: Array) -> float:
-    """How far inside the convex hull of points, seen from above, a place is [m]; negative: outside, or no hull."""
+    """Distance of a place inside the convex hull of points, seen from above [m]; negative: outside, or no hull."""
     hull = plan_hull(points)
     if hull is None:
         return -1.0
@@ -215,34 +217,35 @@ def inner_distance(points: Array, place: Array) -> float:
 
 
 def all_of(parts: Iterable[IntArray]) -> IntArray:
-    """One array of several, empty for none."""
+    """The concatenation of several arrays, empty for none."""
     found = list(parts)
     return np.concatenate(found) if found else np.zeros(0, dtype=np.int64)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Surfels:
-    """Discs that stand for a surface."""
+    """Discs that represent a surface."""
 
     position: Array
-    """[m], shape (n, 3)."""
+    """Positions [m], shape (n, 3)."""
     normal: Array
     """Unit normals averaged over neighbours, shape (n, 3)."""
     area: Array
-    """[m^2], shape (n,)."""
+    """Areas [m^2], shape (n,)."""
     lab: Array
     """Mean colour in CIELAB, shape (n, 3)."""
     pairs: IntArray
-    """Neighbours, shape (e, 2)."""
+    """Pairs of neighbours, shape (e, 2)."""
     face: IntArray
-    """Faces that they stand for, one entry per sample of the surface, shape (k,)."""
+    """Faces represented by the surfels, one entry per sample of the surface, shape (k,)."""
     of_sample: IntArray
     """The surfel of each sample, shape (k,)."""
     sample_area: Array
-    """Area that a sample stands for [m^2], shape (k,)."""
+    """Area represented by a sample [m^2], shape (k,)."""
 
     def faces_of(self, owner: IntArray, count: int) -> IntArray:
-        """Owner of each of `count` faces by that of most of its surface, -1 for none; `owner` of shape (n,), -1: none.
+        """Owner of each of `count` faces, from the owner of most of its surface, -1 for none; `owner` of shape (n,),
+        -1: none.
 
         Shape (count,).
         """
@@ -290,7 +293,7 @@ def _mean(number: IntArray, weight: Array, values: Array) -> Array:
 
 
 def _averaged(normal: Array, area: Array, pairs: IntArray) -> Array:
-    """Normals averaged over neighbours that look the same way, shape (n, 3)."""
+    """Normals averaged over neighbours with similar normals, shape (n, 3)."""
     a, b = np.r_[pairs[:, 0], pairs[:, 1]], np.r_[pairs[:, 1], pairs[:, 0]]
     alike = np.einsum("ki,ki->k", normal[a], normal[b]) > SAME_SIDE
     a, b = a[alike], b[alike]

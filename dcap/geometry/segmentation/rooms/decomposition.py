@@ -1,9 +1,9 @@
-"""Things in a room without annotations: the shell, and what stands or hangs in it, not yet named.
+"""Things in a room without annotations: the shell, and the things that stand or hang in it, not yet named.
 
 Things of a room that a scan has fused with its floor, walls and clutter: unions of pieces around supporting patches.
 
-In: the faces that are not the shell's. Out: the faces of each thing with its rough shape. Which unions are things, the
-caller says; pieces that are in none are things of their own if they are large.
+In: the faces outside the shell. Out: the faces of each thing with its rough shape. The caller decides which unions are
+things; large pieces in no union are separate things.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,39 +22,39 @@ from dcap.geometry.segmentation.rooms.shell import LARGEST_FLUSH, ScannedShell, 
 from dcap.geometry.segmentation.rooms.unions import LONGEST, PieceGraph, RoughShape, piece_graph
 
 Likely = Callable[[Sequence[frozenset[int]], Sequence[RoughShape]], list[frozenset[int]]]
-"""From unions and their shapes those that are things, without overlap."""
+"""Function that selects, from unions and their shapes, disjoint ones that are things."""
 
 LEAST_LEFT = 0.1
-"""Surface of the smallest piece that is a thing although it looks like none [m^2]."""
+"""Least surface of a piece that counts as a thing although it does not look like one [m^2]."""
 
 HIGH = 2.0
-"""Height above the floor out of people's reach: things that begin higher get nothing put on or next to them [m]."""
+"""Height above the floor out of people's reach [m]: nothing is put on or next to things that begin higher."""
 
 FUSED = 0.05
-"""A component with more than this share of its area on the shell is fused with the room [-]."""
+"""Share of a component's area on the shell above which it is fused with the room [-]."""
 MOSTLY = 0.5
-"""Share of what is not the shell that hangs together with it in a room that was scanned as one surface [-]."""
+"""Least share of the faces outside the shell that is connected to it in a room scanned as one surface [-]."""
 MAIN = 0.2
-"""Share of the shell in what hangs together with it from which on that is the room, and not a box that stands in it
-[-]."""
+"""Least share of the shell in a component connected to it that is the room, not a box standing in it [-]."""
 HIGHEST = 0.75
-"""A component of more surface than any thing on a wall that is this share of the room's height is fused, too [-]."""
+"""Least share of the room's height of a fused component with more surface than any thing on a wall [-]."""
 BY_WALL = 0.15
-"""Things this near to a wall or the ceiling may hang there [m]: curtains do at a hand's breadth."""
+"""Largest distance from a wall or the ceiling of a thing that may hang there [m]: curtains are a hand's breadth
+away."""
 LEAST_THING = 0.015
 """Surface of the smallest thing [m^2]: a tea cup."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class FusedThing:
-    """A thing with what a scan tells of its shape."""
+    """A thing with the shape measures available from a scan."""
 
     faces: IntArray
     shape: RoughShape
     held_by: int
-    """Number of the thing that carries it; -1: none, or what `shape` says."""
+    """Index of the thing that carries it; -1: none, or as stated by `shape`."""
     likely: bool
-    """Whether it looks like a thing; else it is a piece that is too large to be nothing."""
+    """Whether it looks like a thing; otherwise it is a piece that is too large to ignore."""
 
 
 def fused_things(table: FaceTable, faces: IntArray, shell: ScannedShell, likely: Likely) -> list[FusedThing]:
@@ -84,7 +84,7 @@ def fused_things(table: FaceTable, faces: IntArray, shell: ScannedShell, likely:
 
 
 def _left(graph: PieceGraph, chosen: Sequence[frozenset[int]], area: NDArray[np.float64]) -> list[frozenset[int]]:
-    """Large pieces that are in no chosen union; what is longer than any thing, or high up, is a scrap of the shell."""
+    """Large pieces that are in no chosen union; a piece longer than any thing, or high up, is a scrap of the shell."""
     taken = frozenset[int]().union(*chosen)
     alone = {i: graph.shape(frozenset([i])) for i in graph.pieces if i not in taken and area[i] > LEAST_LEFT}
     return [frozenset([i]) for i, one in alone.items() if one.length < LONGEST and (one.bottom or 0.0) < HIGH]
@@ -92,20 +92,20 @@ def _left(graph: PieceGraph, chosen: Sequence[frozenset[int]], area: NDArray[np.
 
 @dataclass(frozen=True, eq=False, slots=True)
 class DecomposedRoom:
-    """A room taken apart."""
+    """A room divided into things."""
 
     shell: ScannedShell
     things: tuple[IntArray, ...]
-    """Faces of each thing, largest surface first."""
+    """Faces of each thing, in order of decreasing surface."""
     fused: tuple[FusedThing, ...] = ()
-    """The same things where a scan has fused most of the room; else nothing."""
+    """The same things if a scan has fused most of the room; else empty."""
 
 
 def decompose_room(table: FaceTable, inside: Mask, likely: Likely) -> DecomposedRoom:
-    """Take the faces in `inside`, shape (m,), apart; crumbs are left out.
+    """Divide the faces in `inside`, shape (m,), into things; fragments are left out.
 
-    Where most of what is not the shell hangs together with it, be that in one surface or in the many of a scan that was
-    written cell by cell, things are unions of pieces that are `likely`; else they are components, cut in grooves where
+    If most of the faces outside the shell are connected to it, whether in one surface or in the many of a scan written
+    cell by cell, things are unions of pieces that are `likely`; otherwise they are components, cut in grooves where
     they are fused, and grouped by statics.
     """
     shell = find_shell(table, inside)
@@ -121,8 +121,7 @@ def decompose_room(table: FaceTable, inside: Mask, likely: Likely) -> Decomposed
 
 
 def _segments(table: FaceTable, rest: Mask, shell: ScannedShell) -> IntArray:
-    """Segment of each face, -1 where it is the shell's, shape (m,): components, those of a fused scan cut in
-    grooves."""
+    """Segment of each face, -1 for the shell, shape (m,): components, with those of a fused scan cut in grooves."""
     fused = _hangs_together(table, shell)
     alone, cut = np.flatnonzero(rest & ~fused[table.component]), np.flatnonzero(rest & fused[table.component])
     piece = np.full(len(rest), -1, dtype=np.int64)
@@ -133,8 +132,8 @@ def _segments(table: FaceTable, rest: Mask, shell: ScannedShell) -> IntArray:
 
 
 def _hangs_together(table: FaceTable, shell: ScannedShell) -> Mask:
-    """Which components are fused with the shell, shape (components,): none where those that are more than shell hold
-    little of it, as a box does that stands in an empty room."""
+    """Mask of the components that are fused with the shell, shape (components,): all false if the components beyond the
+    shell contain little of it, like a box in an empty room."""
     count = int(table.component.max(initial=-1)) + 1
     on_shell = np.bincount(table.component, table.area * shell.any, count)
     area = np.bincount(table.component, table.area, count)
@@ -144,7 +143,7 @@ def _hangs_together(table: FaceTable, shell: ScannedShell) -> Mask:
 
 
 def _room_large(table: FaceTable, rest: Mask) -> Mask:
-    """Which components are larger than any thing, shape (components,)."""
+    """Mask of the components that are larger than any thing, shape (components,)."""
     count = int(table.component.max(initial=-1)) + 1
     low, high = np.full(count, np.inf), np.full(count, -np.inf)
     np.minimum.at(low, table.component, table.corners[..., 2].min(axis=1))

@@ -1,9 +1,9 @@
-"""Segments that make up one thing, by statics: what cannot stand by itself is part of what holds it.
+"""Segments that form one thing, by statics: a segment that cannot stand by itself is part of its holder.
 
-A segment belongs to a neighbour if it covers most of what it stands on (a mattress on its frame, a top on its legs), if
-a good part of its surface lies sideways against it (the front of a drawer), or if it would fall without it: nothing
-below it, or too narrow a foot. What stands steadily on a larger surface is a thing of its own (a lamp on a table), and
-so is what hangs on a wall.
+A segment belongs to a neighbour if it covers most of its support (a mattress on its frame, a top on its legs), if a
+good part of its surface lies sideways against it (the front of a drawer), or if it would fall without it: nothing below
+it, or too narrow a foot. A segment that stands steadily on a larger surface is a separate thing (a lamp on a table),
+and so is one that hangs on a wall.
 """
 
 from dataclasses import dataclass
@@ -23,71 +23,71 @@ from dcap.geometry.segmentation.rooms.contacts import (
 )
 
 ON_FLOOR = 0.03
-"""Segments this near to the floor stand on it [m]."""
+"""Largest distance of a segment on the floor from it [m]."""
 CRUMB = 0.01
-"""Surface of the largest crumb [m^2]."""
+"""Surface of the largest fragment [m^2]."""
 COVERED = 0.55
-"""Share of a carrying surface from which on what covers it belongs to what it covers [-]."""
+"""Covered share of a support from which the covering segment belongs to it [-]."""
 AGAINST = 0.2
-"""Share of a segment's surface that lies sideways against another one from which on they are one [-]."""
+"""Least share of a segment's surface that lies sideways against another segment for both to be one [-]."""
 WEDGED = 0.03
-"""Less than this share is chance [-]."""
+"""Share below which such contact is a coincidence [-]."""
 STEADY = np.tan(np.deg2rad(8.0))
-"""Segments that tip over when they lean by less do not stand by themselves [-]."""
+"""Least lean at which a segment that stands by itself may tip over [-]."""
 LEVEL = 0.02
-"""Points of a carrying surface lie within this of its level [m]."""
+"""Tolerance of points of a carrying surface around its level [m]."""
 HANGING = 0.4
-"""Share of a segment's surface that is near the wall it hangs at [-]."""
+"""Least share of a hanging segment's surface near its wall [-]."""
 FOOT = 0.2
-"""Segments that stand on a smaller share of their own plan do not stand there but touch it [-]."""
+"""Share of its own plan below which a segment touches its support but does not stand on it [-]."""
 FALLING = 0.1
-"""Certainty that a small falling segment belongs to its holder [-]: less than of the reasons that can be measured."""
+"""Certainty that a small falling segment belongs to its holder [-]: less than that of measurable reasons."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Surroundings:
-    """Floor and walls, which can hold a segment as well."""
+    """Floor and walls, which can also hold a segment."""
 
     floor: float
-    """Height [m]; nan where there is none."""
+    """Height of the floor [m]; nan if there is none."""
     near_wall: Mask
-    """Points that are near walls or the ceiling, shape (n,)."""
+    """Mask of the points near walls or the ceiling, shape (n,)."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SegmentContact:
-    """A segment and one neighbour."""
+    """Contact of a segment with one neighbour."""
 
     belongs: float
-    """How certainly the segment continues or covers the neighbour, 0: it does not."""
+    """Certainty that the segment continues or covers the neighbour, 0: it does not."""
     against: float
     """Share of the segment's surface that lies sideways against the neighbour [-]."""
     mutual: float
-    """Mean of that share and the neighbour's [-]."""
+    """Mean of that share and the neighbour's corresponding share [-]."""
     points: IntArray
-    """Of the segment, shape (k,)."""
+    """Points of the segment, shape (k,)."""
     on: Mask
-    """Pairs in which the segment stands on the neighbour, shape (k,)."""
+    """Mask of the pairs in which the segment stands on the neighbour, shape (k,)."""
     under: Mask
-    """Pairs in which the neighbour stands on the segment, shape (k,)."""
+    """Mask of the pairs in which the neighbour stands on the segment, shape (k,)."""
 
     @property
     def stands(self) -> bool:
-        """Whether most of the contact is the segment standing on the neighbour."""
+        """Whether in most of the contact the segment stands on the neighbour."""
         return float(self.on.mean()) > 0.5
 
     @property
     def carries(self) -> bool:
-        """Whether most of the contact is the neighbour standing on the segment."""
+        """Whether in most of the contact the neighbour stands on the segment."""
         return float(self.under.mean()) > 0.5
 
 
 SegmentContacts = dict[int, dict[int, SegmentContact]]
-"""Of each segment, by number of the neighbour; kept until one of the two is merged."""
+"""Contacts of each segment, by index of the neighbour; valid until one of the two is merged."""
 
 
 def grouped(segments: Segments, around: Surroundings) -> None:
-    """Merge segments until every one stands or hangs by itself; the most certain merge first."""
+    """Merge segments until every one stands or hangs by itself, the most certain merges first."""
     known: SegmentContacts = {name: {} for name in segments.alive}
     wanted = {name: _wish(segments, around, name, known[name]) for name in segments.alive}
     while True:
@@ -109,7 +109,8 @@ def grouped(segments: Segments, around: Surroundings) -> None:
 def _wish(
     segments: Segments, around: Surroundings, name: int, contacts: dict[int, SegmentContact]
 ) -> tuple[float, int]:
-    """How certainly a segment belongs to one of its neighbours, 0: to none, and to which; completes its contacts."""
+    """Certainty that a segment belongs to one of its neighbours, 0: to none, and the index of that neighbour; completes
+    its contacts."""
     segment = segments.alive[name]
     for other, touch in segment.touches.items():
         if other not in contacts and len(touch.a) >= FEW:
@@ -123,7 +124,7 @@ def _wish(
 
 
 def _contact(segments: Segments, name: int, other: int) -> SegmentContact:
-    """Contact of two segments. The one with more points above the other stands on it."""
+    """Contact of two segments; the one with more points above the other stands on it."""
     on, under = segments.standing(name, other), segments.standing(other, name)
     if on.sum() < under.sum():
         on = np.zeros_like(on)
@@ -135,7 +136,8 @@ def _contact(segments: Segments, name: int, other: int) -> SegmentContact:
 
 
 def _continuing(segments: Segments, name: int, other: int) -> float:
-    """Certainty that a crumb is a segment of the surface next to it: what shows of a board between the books on it."""
+    """Certainty that a fragment belongs to the surface next to it: the visible rest of a board between the books on
+    it."""
     segment, touch = segments.alive[name], segments.alive[name].touches[other]
     if segment.area > CRUMB or segment.area > segments.alive[other].area:
         return 0.0
@@ -144,7 +146,7 @@ def _continuing(segments: Segments, name: int, other: int) -> float:
 
 
 def _covering(segments: Segments, name: int, other: int, on: Mask) -> float:
-    """Certainty that a segment belongs to what it stands on, as it covers it; above 1, 0 if it does not."""
+    """Certainty that a segment belongs to its support because it covers it; above 1, or 0 if it does not."""
     if on.sum() < FEW:
         return 0.0
     touch = segments.alive[name].touches[other]
@@ -159,9 +161,10 @@ def _covering(segments: Segments, name: int, other: int, on: Mask) -> float:
 
 
 def _leaning(contacts: dict[int, SegmentContact]) -> tuple[float, int]:
-    """How certainly a segment belongs to what it lies against sideways, more for segments of like size, and to which.
+    """Certainty that a segment belongs to the neighbour that it lies against sideways, larger for segments of similar
+    size, and the index of the neighbour.
 
-    A good part of its surface must, against one neighbour or wedged between several.
+    A good part of its surface must lie against one neighbour, or be wedged between several.
     """
     leaning = {other: c for other, c in contacts.items() if c.against > WEDGED}
     if sum(c.against for c in leaning.values()) <= AGAINST:
@@ -170,7 +173,7 @@ def _leaning(contacts: dict[int, SegmentContact]) -> tuple[float, int]:
 
 
 def _stands(segments: Segments, around: Surroundings, segment: Segment, below: IntArray) -> bool:
-    """Whether a segment keeps upright on the floor and on its points that stand on others."""
+    """Return whether a segment stays upright on the floor and on its points that stand on others."""
     position = segments.position[segment.points]
     points = np.concatenate([position[position[:, 2] < around.floor + ON_FLOOR], segments.position[below]])
     if not len(points):
@@ -182,14 +185,14 @@ def _stands(segments: Segments, around: Surroundings, segment: Segment, below: I
 def _hangs(
     segments: Segments, around: Surroundings, segment: Segment, below: IntArray, contacts: dict[int, SegmentContact]
 ) -> bool:  # fmt: skip
-    """Whether a segment hangs at a wall: without a foot, and not held from both ends by another segment."""
+    """Return whether a segment hangs on a wall: without a foot, and not held at both ends by another segment."""
     if plan_area(segments.position[below]) > FOOT * plan_area(segments.position[segment.points]):
         return False
     return _by_wall(segments, around, segment) and not any(_clamps(segments, segment, c) for c in contacts.values())
 
 
 def _by_wall(segments: Segments, around: Surroundings, segment: Segment) -> bool:
-    """Whether a good part of a segment that does not reach the floor is near a wall or the ceiling."""
+    """Return whether a good part of a segment that does not reach the floor is near a wall or the ceiling."""
     if segment.low[2] < around.floor + ON_FLOOR:
         return False
     near = segment.points[around.near_wall[segment.points]]
@@ -197,7 +200,7 @@ def _by_wall(segments: Segments, around: Surroundings, segment: Segment) -> bool
 
 
 def _clamps(segments: Segments, segment: Segment, contact: SegmentContact) -> bool:
-    """Whether a neighbour holds a segment at both ends of its longer side."""
+    """Return whether a neighbour holds a segment at both ends of its longer side."""
     size = segment.high - segment.low
     axis = int(np.argmax(size[:2]))
     margin = 0.05 * size[axis] + LEVEL
@@ -210,10 +213,11 @@ def _clamps(segments: Segments, segment: Segment, contact: SegmentContact) -> bo
 def _holder(
     segments: Segments, around: Surroundings, name: int, contacts: dict[int, SegmentContact], *, falls_off: bool
 ) -> int:  # fmt: skip
-    """Segment that most likely holds one that falls (off what is below, or over on its foot); -1 if nothing does.
+    """Segment that most likely holds a falling one (off its support, or tipping over on its foot); -1 if there is none.
 
-    Rather what does not hang; for one that falls over rather what is not below it, for one that falls off rather what
-    it does not carry; then what touches it most in its lower half. A thing never belongs to a smaller one on top of it.
+    Segments that do not hang are preferred; for one that tips over those that are not below it, for one that falls off
+    those that it does not carry; then the one with most contact in its lower half. A thing never belongs to a smaller
+    one on top of it.
     """
     segment = segments.alive[name]
     rank = {

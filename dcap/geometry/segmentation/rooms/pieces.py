@@ -1,8 +1,9 @@
-"""Supporting patches and what belongs to each: how a fused scan falls into pieces that can carry something.
+"""Supporting patches and the surfaces below them: divides a fused scan into pieces that can carry something.
 
-Where a scan has made one surface of floor, furniture and clutter, the primitive that matters is the patch that looks up
-and could carry something. Every patch owns what hangs down from it: its sides and legs, reached over the surface
-without climbing. What no patch reaches that way (a thin back, a lamp) makes pieces of its own. Nothing is named here.
+In a scan that has made one surface of floor, furniture and clutter, the relevant primitive is the upward patch that
+could carry something. Every patch owns the surface that hangs down from it: its sides and legs, reached over the
+surface without climbing. Surfaces that no patch reaches (a thin back, a lamp) form separate pieces. Nothing is named
+here.
 """
 
 from dataclasses import dataclass
@@ -18,61 +19,63 @@ from dcap.geometry.segmentation.faces import connected_regions
 from dcap.geometry.segmentation.rooms.contacts import VOXEL, Surfels
 
 LEVEL = 0.8
-"""Least normal z of what carries [-]: 37 degrees from the vertical."""
+"""Least normal z of a carrying surface [-]: 37 degrees from the vertical."""
 SLOPE = 0.4
-"""Steepest step from one surfel of a patch to the next [-], in addition to NOISE."""
+"""Largest slope between neighbouring surfels of a patch [-], in addition to NOISE."""
 NOISE = 0.008
-"""Height by which neighbouring surfels of one level may differ [m]: what phones and headsets leave."""
+"""Largest difference in height between neighbouring surfels of one level [m]: the noise of phones and headsets."""
 LEAST_PATCH = 0.02
 """Smallest patch, seen from above [m^2]: a stack of books."""
 FLOORING = 0.06
-"""Surfels that look up this near to the floor are the floor, or lie flat on it [m]."""
+"""Largest height above the floor of upward surfels that are the floor, or lie flat on it [m]."""
 LEAST_FLAT = 0.25
-"""Smallest thing that lies flat on the floor [m^2]: a bath mat."""
+"""Smallest area of a thing that lies flat on the floor [m^2]: a bath mat."""
 RAISED = 0.005
-"""So far above the floor at least [m]."""
+"""Least height above the floor of such a thing [m]."""
 REACH = 1.6
-"""Longest way from a patch to what hangs down from it [m]: from a desk's top to its feet and a bit."""
+"""Longest path from a patch to a surface that hangs down from it [m]: from a desk's top to its feet, with some
+margin."""
 CLIMB = 4.0
-"""A metre up counts as so many metres of way more [-]."""
+"""Additional length of a path per metre of climb [-]."""
 ABOVE = 0.05
-"""Surfels higher than this above a patch do not hang down from it [m]."""
+"""Height above a patch beyond which surfels do not hang down from it [m]."""
 OUTWARD = (0.06, 0.10)
-"""Surfels that hang down lie no farther outside their patch: constant [m] and share of the height below it [-]."""
+"""Largest distance of hanging surfels outside their patch: a constant [m] and a share of the height below it [-]."""
 LEAST_REST = 0.02
 """Surface of the smallest piece without a patch [m^2]."""
 SIDEWAYS = 0.6
-"""Least normal z of what is taken for floor near the floor [-]."""
+"""Least normal z of floor in the vicinity of the floor [-]."""
 SMOOTH = 0.7
-"""Cosine between the normals of neighbours in one piece without a patch [-]: the front of a wardrobe ends at the wall
-next to it."""
+"""Least cosine between the normals of neighbours in one piece without a patch [-]: the front of a wardrobe ends at the
+wall next to it."""
 APART = 0.10
-"""Levels of one rough patch that differ by this much are the tops of two things, or of a thing and its back [m]."""
+"""Least difference between levels of one rough patch that are the tops of two things, or of a thing and its back
+[m]."""
 BAND = 0.02
-"""Step of height in which such levels are looked for [m]."""
+"""Step of height in the search for such levels [m]."""
 LEVEL_SHARE = 0.1
 """Least share of the patch in each of its levels, seen from above [-]."""
 VALLEY = 0.5
-"""Between two levels there is less at one height than this share of the smaller one [-]: else it is one slope."""
+"""Largest share, between two levels, of the smaller level at one height [-]: with more it is one slope."""
 ROUNDS = 3
-"""In which what one patch reached and may not keep is offered to the others [-]."""
+"""Rounds in which surfels that a patch reached but may not keep are offered to the others [-]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Pieces:
-    """Pieces that a fused scan falls into."""
+    """Pieces of a fused scan."""
 
     owner: IntArray
-    """Number of the piece of each surfel, -1 for none, shape (n,)."""
+    """Index of the piece of each surfel, -1 for none, shape (n,)."""
     patches: int
-    """The first so many pieces have a supporting patch, the largest first; the others have none."""
+    """Number of pieces with a supporting patch, which come first, the largest first."""
     count: int
     level: Array
     """Height of each patch: the 95th percentile of its surfels [m], shape (patches,)."""
 
 
 def carrying_pieces(surfels: Surfels, floor: float) -> Pieces:
-    """Patches with what hangs down from them, then what is left; `floor` is its height [m]."""
+    """Patches with the surfaces that hang down from them, then the rest; `floor` is its height [m]."""
     patch, count = _patches(surfels, floor)
     level = np.array([np.percentile(surfels.position[patch == i, 2], 95.0) for i in range(count)])
     owner = _hanging(surfels, patch, level)
@@ -84,7 +87,7 @@ def carrying_pieces(surfels: Surfels, floor: float) -> Pieces:
 
 
 def _patches(surfels: Surfels, floor: float) -> tuple[IntArray, int]:
-    """Number of the patch of each surfel, -1 for none, the largest first, and how many there are."""
+    """Index of the patch of each surfel, -1 for none, the largest first, and the number of patches."""
     z = surfels.position[:, 2]
     chosen = np.flatnonzero((surfels.normal[:, 2] > LEVEL) & (z > floor + RAISED))
     high = z[chosen] > floor + FLOORING
@@ -110,9 +113,9 @@ def _patches(surfels: Surfels, floor: float) -> tuple[IntArray, int]:
 
 
 def _levelled(position: Array, pairs: IntArray, region: IntArray) -> IntArray:
-    """The regions, shape (n,), cut where one of them has several levels: a ramp of a rough scan joins the back of a
-    sofa to the table next to it. What lies between two levels is no patch, and hangs from the higher one; what lies
-    below or above all goes with the one that it is nearest to over the surface."""
+    """The regions, shape (n,), cut where one of them has several levels: in a rough scan a ramp joins the back of a
+    sofa to the table next to it. Surfels between two levels are not a patch, and hang from the higher one; surfels
+    below or above all levels belong to the one nearest over the surface."""
     level = np.full(len(region), -1, dtype=np.int64)
     between = np.zeros(len(region), dtype=bool)
     count = 0
@@ -144,7 +147,7 @@ def _levelled(position: Array, pairs: IntArray, region: IntArray) -> IntArray:
 
 
 def _bands_of(position: Array) -> list[tuple[float, float]]:
-    """Bounds of height of each level, [low, high) in metres, where there are several; else nothing."""
+    """Bounds of each level, [low, high) in metres, if there are several; else empty."""
     z = position[:, 2]
     if len(z) < 2 or np.ptp(z) < APART:
         return []
@@ -167,7 +170,7 @@ def _bands_of(position: Array) -> list[tuple[float, float]]:
 
 
 def _plan_areas(position: Array, region: IntArray) -> Array:
-    """Area of each region seen from above [m^2]: by cells, so that rough surfaces do not count more."""
+    """Area of each region seen from above [m^2], by cells, so that rough surfaces do not count more."""
     cell = np.floor(position[:, :2] / (1.5 * VOXEL)).astype(np.int64)
     seen = np.unique(np.c_[region, cell], axis=0)
     count = np.bincount(seen[:, 0], minlength=int(region.max(initial=-1)) + 1)
@@ -200,7 +203,7 @@ def _hanging(surfels: Surfels, patch: IntArray, level: Array) -> IntArray:
 
 
 def _drop_far(surfels: Surfels, owner: IntArray, patch: IntArray, level: Array) -> None:
-    """Drop surfels too far outside the patch of their piece, seen from above: floor and wall that the scan fused."""
+    """Drop surfels too far outside the patch of their piece, seen from above: floor and wall fused by the scan."""
     order = np.argsort(owner, kind="stable")
     order = order[np.searchsorted(owner[order], 0) :]
     for i, mine in enumerate(np.split(order, np.searchsorted(owner[order], np.arange(1, len(level))))):
@@ -212,7 +215,7 @@ def _drop_far(surfels: Surfels, owner: IntArray, patch: IntArray, level: Array) 
 
 
 def _add_rest(surfels: Surfels, owner: IntArray, count: int, floor: float) -> int:
-    """Number what no patch owns by smooth pieces, the largest first; how many pieces there are then."""
+    """Number the surfels that no patch owns by smooth pieces, the largest first; returns the new number of pieces."""
     rest = (owner < 0) & (surfels.position[:, 2] > floor + FLOORING)
     a, b = surfels.pairs.T
     alike = np.einsum("ki,ki->k", surfels.normal[a], surfels.normal[b]) > SMOOTH

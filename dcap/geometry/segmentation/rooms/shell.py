@@ -1,7 +1,7 @@
-"""The shell of a room without annotations: floor, ceiling and walls, without what lies flat on them.
+"""The shell of a room without annotations: floor, ceiling and walls, without the things that lie flat on them.
 
 A rug, a picture or a door leaf is within centimetres of the surface that carries it. Patches of the shell's level that
-are raised or of another colour than most of it are things of their own.
+are raised, or differ in colour from most of it, are separate things.
 
 Floor, ceiling and walls of a scene: levels of horizontal area, annotated wall boxes, large vertical planes.
 """
@@ -18,44 +18,46 @@ from dcap.geometry.segmentation.rooms.contacts import plan_hull
 from dcap.scene.types.boxes import OrientedBox
 
 LEVEL_BAND = 0.03
-"""A floor is no more uneven than this [m]: scan noise and a skirting's edge."""
+"""Largest unevenness of a floor [m]: scan noise and a skirting's edge."""
 
 PLANE_BAND = 0.05
-"""A wall's faces lie within this distance of its plane or annotated box [m]."""
+"""Largest distance of a wall's faces from its plane or annotated box [m]."""
 
 WALL_AREA = 1.2
 """Least area of a vertical plane that is a wall [m^2]."""
 
 WALL_SHARE = 0.25
-"""... and least share of the largest wall's area: the front of a wardrobe is smaller [-]."""
+"""... and least share of the largest wall's area [-]: the front of a wardrobe is smaller."""
 
 PLAN_STEP = 0.1
-"""Cells in which the plan of a scene is measured [m]."""
+"""Size of the cells for measuring the plan of a scene [m]."""
 
 MAX_WALLS = 40
-"""Planes that are tried [-]."""
+"""Maximum number of planes that are tried [-]."""
 
 RAISED = 0.005
-"""A patch this much off the level of the shell is a thing [m]: a thin rug, beyond the noise of scans."""
+"""Least distance of a patch from the level of the shell for it to be a thing [m]: a thin rug, above the noise of
+scans."""
 FACING = 0.7
 """Cosine of the angle between a patch and its level [-]."""
 LEAST_PATCH = 0.02
-"""A smaller patch is noise or dirt [m^2]."""
+"""Area below which a patch is noise or dirt [m^2]."""
 COMPACT = 0.6
-"""A thing fills this share of its convex hull [-]; what runs around the room does not."""
+"""Least share of its convex hull filled by a thing [-]; a patch that runs around the room fills less."""
 DEEPEST_FRONT = 0.9
-"""Furniture is at most this deep [m]."""
+"""Largest depth of furniture [m]."""
 LARGEST_FLUSH = 12.0
-"""Surface of the largest thing on a wall, both sides of a wide window [m^2]; more is a room that the scan fused."""
+"""Surface of the largest thing on a wall, both sides of a wide window [m^2]; a larger one is a room fused by the
+scan."""
 SKIRTING = 0.16
-"""A patch of wall that ends this low is its skirting [m]."""
+"""Largest height of the top of a patch of wall that is its skirting [m]."""
 CRUMBS = 1e-4
-"""Patches below this share of the level's area join their neighbours [-]."""
+"""Share of the level's area below which patches join their neighbours [-]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Levels:
-    """Heights of floor and ceiling; nan where there is none."""
+    """Heights of floor and ceiling; nan if there is none."""
 
     floor: float
     ceiling: float
@@ -73,14 +75,14 @@ def find_levels(table: FaceTable) -> Levels:
 
 
 def _level(z: NDArray[np.float64], area: NDArray[np.float64], chosen: NDArray[np.bool_], footprint: float) -> float:
-    """The level of the chosen faces if it covers a fifth of the footprint."""
+    """The level of the chosen faces if it covers a fifth of the footprint; else nan."""
     found = level_of(z[chosen], area[chosen], LEVEL_BAND)
     near = chosen & (np.abs(z - found) < LEVEL_BAND)
     return found if area[near].sum() > 0.2 * footprint else float("nan")
 
 
 def floor_faces(table: FaceTable, levels: Levels) -> NDArray[np.bool_]:
-    """Faces of the floor: level and at its height, or below it, shape (m,)."""
+    """Mask of the floor's faces: level and at its height, or below it, shape (m,)."""
     if np.isnan(levels.floor):
         return np.zeros(len(table.area), dtype=bool)
     z = table.center[:, 2]
@@ -89,7 +91,7 @@ def floor_faces(table: FaceTable, levels: Levels) -> NDArray[np.bool_]:
 
 
 def ceiling_faces(table: FaceTable, levels: Levels) -> NDArray[np.bool_]:
-    """Faces of the ceiling: level and at its height, or above it, shape (m,)."""
+    """Mask of the ceiling's faces: level and at its height, or above it, shape (m,)."""
     if np.isnan(levels.ceiling):
         return np.zeros(len(table.area), dtype=bool)
     z = table.center[:, 2]
@@ -100,9 +102,9 @@ def ceiling_faces(table: FaceTable, levels: Levels) -> NDArray[np.bool_]:
 def wall_number(
     table: FaceTable, walls: list[OrientedBox], chosen: NDArray[np.bool_], inside_things: NDArray[np.bool_]
 ) -> NDArray[np.int64]:
-    """Number of the wall of each chosen face, -1 for none: by annotated boxes if there are any, else by planes, (m,).
+    """Index of the wall of each chosen face, -1 for none: by annotated boxes if there are any, else by planes, (m,).
 
-    Planes are found on faces that are not `inside_things`, so that the front of a wardrobe is none.
+    Planes are found on faces outside `inside_things`, so that the front of a wardrobe is not a wall.
     """
     if walls:
         return _walls_by_box(table, walls, chosen)
@@ -110,7 +112,7 @@ def wall_number(
 
 
 def _walls_by_box(table: FaceTable, walls: list[OrientedBox], chosen: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """The wall box whose surface is nearest, within `PLANE_BAND`."""
+    """Index of the nearest wall box, within `PLANE_BAND`."""
     number = np.full(len(table.area), -1, dtype=np.int64)
     nearest = np.full(len(table.area), PLANE_BAND)
     index = np.flatnonzero(chosen)
@@ -126,7 +128,7 @@ def _walls_by_box(table: FaceTable, walls: list[OrientedBox], chosen: NDArray[np
 def _walls_by_plane(
     table: FaceTable, upright: NDArray[np.bool_], inside_things: NDArray[np.bool_]
 ) -> NDArray[np.int64]:
-    """Greedy vertical planes, largest first, as long as they are large and nearly room-high."""
+    """Vertical planes found greedily, largest first, as long as they are large and nearly room-high."""
     number = np.full(len(table.area), -1, dtype=np.int64)
     height = float(np.ptp(table.center[:, 2]))
     angle = np.degrees(np.arctan2(table.normal[:, 1], table.normal[:, 0]))
@@ -156,20 +158,20 @@ def _walls_by_plane(
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ScannedShell:
-    """Which faces are the room's own."""
+    """Masks of the faces that belong to the shell of a room."""
 
     floor: Mask
-    """Shape (m,)."""
+    """Mask of the floor, shape (m,)."""
     ceiling: Mask
     wall: NDArray[np.int64]
-    """Number of the wall of each face, -1 for none, shape (m,)."""
+    """Index of the wall of each face, -1 for none, shape (m,)."""
     planes: Array
     """Unit normal into the room and offset of each wall, normal . x = offset, shape (walls, 4)."""
     levels: Levels
 
     @property
     def any(self) -> Mask:
-        """Faces of floor, ceiling and walls, shape (m,)."""
+        """Mask of floor, ceiling and walls, shape (m,)."""
         return np.asarray(self.floor | self.ceiling | (self.wall >= 0))
 
     def distance(self, points: Array) -> Array:
@@ -199,7 +201,7 @@ def find_shell(table: FaceTable, inside: Mask) -> ScannedShell:
 
 
 def _without_fronts(table: FaceTable, wall: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Planes that have a larger one close behind them are fronts of furniture, shape (m,)."""
+    """Walls without planes that have a larger one close behind them, which are fronts of furniture, shape (m,)."""
     wall = np.where(wall >= 0, np.unique(wall, return_inverse=True)[1].reshape(-1) - int((wall < 0).any()), -1)
     count = int(wall.max(initial=-1)) + 1
     planes = [_plane(table, wall == i) for i in range(count)]
@@ -216,7 +218,7 @@ def _without_fronts(table: FaceTable, wall: NDArray[np.int64]) -> NDArray[np.int
 
 
 def _whole(table: FaceTable, wall: NDArray[np.int64]) -> NDArray[np.int64]:
-    """A component that is mostly no wall, none of it is: the frame of a picture and what it shows, shape (m,)."""
+    """Walls without components that are mostly not wall: the frame of a picture with the picture, shape (m,)."""
     on_wall = np.bincount(table.component, table.area * (wall >= 0))
     whole = np.bincount(table.component, table.area)
     small = whole < LARGEST_FLUSH
@@ -224,7 +226,7 @@ def _whole(table: FaceTable, wall: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _plane(table: FaceTable, faces: Mask) -> Array:
-    """Mean normal, level, and median offset of a wall's faces, shape (4,)."""
+    """Mean normal, horizontal, and median offset of a wall's faces, shape (4,)."""
     normal = np.average(table.normal[faces], axis=0, weights=table.area[faces] + 1e-15)
     normal[2] = 0.0
     normal /= max(float(np.linalg.norm(normal)), 1e-12)
@@ -235,9 +237,9 @@ def _plane(table: FaceTable, faces: Mask) -> Array:
 
 
 def _patches(table: FaceTable, level: Mask, plane: Array) -> Mask:
-    """Faces of a level that belong to compact patches off it or of another colour, shape (m,).
+    """Mask of the faces of a level in compact patches that are off it or of another colour, shape (m,).
 
-    The other side of a floor or wall that has one is no patch.
+    The other side of a two-sided floor or wall is not a patch.
     """
     near = np.abs(table.center @ plane[:3] - plane[3]) < PLANE_BAND
     faces = np.flatnonzero(level & near & (table.normal @ plane[:3] > FACING))
@@ -262,7 +264,8 @@ def _patches(table: FaceTable, level: Mask, plane: Array) -> Mask:
 
 
 def _compact(table: FaceTable, faces: NDArray[np.int64], patches: list[Mask], normal: Array) -> Mask:
-    """Faces in patches that fill, together with those inside of them, most of their convex hull, shape (k,)."""
+    """Mask of the faces in patches that fill most of their convex hull, together with the patches inside them, shape
+    (k,)."""
     across = np.array([normal[1], -normal[0], 0.0]) if abs(normal[2]) < 0.5 else np.array([1.0, 0.0, 0.0])
     axes = np.stack([across, np.cross(normal, across)], axis=1)
     middle = table.center[faces] @ axes
@@ -279,7 +282,7 @@ def _compact(table: FaceTable, faces: NDArray[np.int64], patches: list[Mask], no
 
 
 def _skirting(table: FaceTable, rest: Mask, planes: Array, levels: Levels) -> Mask:
-    """Low strips along the walls, shape (m,)."""
+    """Mask of low strips along the walls, shape (m,)."""
     if not len(planes) or np.isnan(levels.floor):
         return np.zeros_like(rest)
     near = np.abs(table.center @ planes[:, :3].T - planes[:, 3]).min(axis=1) < PLANE_BAND
@@ -289,7 +292,7 @@ def _skirting(table: FaceTable, rest: Mask, planes: Array, levels: Levels) -> Ma
 
 
 def _nearest_wall(table: FaceTable, wall: NDArray[np.int64], planes: Array) -> NDArray[np.int64]:
-    """The wall in whose plane each face of a wall lies, shape (m,)."""
+    """Index of the wall in whose plane each face of a wall lies, shape (m,)."""
     faces = np.flatnonzero(wall >= 0)
     result = wall.copy()
     if len(faces):

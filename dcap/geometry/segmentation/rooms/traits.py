@@ -1,6 +1,6 @@
-"""Measures of an unnamed thing in a room: how large it is, how it is built, what holds it.
+"""Measures of an unnamed thing in a room: its size, its build, its holder.
 
-In: a room taken apart. Out: one `Traits` per thing, in the same order. Nothing is named here.
+In: a room divided into things. Out: one `Traits` per thing, in the same order. Nothing is named here.
 """
 
 from dataclasses import dataclass, replace
@@ -16,25 +16,25 @@ from dcap.geometry.segmentation.rooms.decomposition import DecomposedRoom, Fused
 from dcap.scene.types.boxes import OrientedBox, min_area_box
 
 FLOOR, WALL, CEILING, NOTHING = "floor", "wall", "ceiling", "nothing"
-"""Parts of the room that may hold a thing, or none."""
+"""Parts of the room that may hold a thing, or nothing."""
 ON_FLOOR = 0.04
-"""Things that begin this near to the floor stand on it [m]."""
+"""Largest distance from the floor of a thing that stands on it [m]."""
 NEAR_WALL = 0.15
-"""Things with a point this near to a wall hang there, if they stand nowhere [m]."""
+"""Largest distance from a wall of a thing that hangs there, if it stands nowhere [m]."""
 CELL = 0.04
-"""Cell in which outlines are counted [m]: more than the distance of the points that stand for surfaces."""
+"""Size of the cells for measuring outlines [m]: larger than the spacing of the points that represent surfaces."""
 CELLS = 24
-"""... and at most this many along the longer side of an outline [-]."""
+"""... and maximum number of cells along the longer side of an outline [-]."""
 LEVEL_BAND = 0.03
-"""Points of one level lie within this height [m]."""
+"""Height within which points are on one level [m]."""
 LEVEL_SHARE = 0.3
-"""A level covers this share of the thing's plan at least [-]."""
+"""Least share of the thing's plan covered by a level [-]."""
 LOOKS_UP = 0.75
-"""A surface with a normal of at least this z looks up [-]."""
+"""Least normal z of an upward surface [-]."""
 NEIGHBOURS = 9
-"""Points over whose normals roughness is measured [-]."""
+"""Number of points for measuring roughness by their normals [-]."""
 SLICES = 16
-"""Slices of height in which the outline is measured [-]."""
+"""Number of slices of height for measuring the outline [-]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -42,49 +42,49 @@ class Traits:
     """Measures of one thing. Lengths in metres, heights above the floor, shares 0..1."""
 
     box: OrientedBox
-    """Smallest upright box around it."""
+    """Smallest upright box around the thing."""
     length: float
     """Longer horizontal side of the box."""
     width: float
-    """Shorter horizontal side."""
+    """Shorter horizontal side of the box."""
     height: float
     bottom: float
     top: float
     level_height: float
-    """Height of the main upward surface; nan where nothing looks up."""
+    """Height of the main upward surface; nan if there is none."""
     level_area: float | None
-    """Its area [m^2]; None, as the next one, where a scan has not seen the top."""
+    """Area of that surface [m^2]; None, like the next one, if a scan has not seen the top."""
     rise: float | None
-    """How far the thing rises above its main upward surface."""
+    """Height by which the thing rises above its main upward surface."""
     levels: int
-    """Upward surfaces that cover a good part of the plan."""
+    """Number of upward surfaces that cover a good part of the plan."""
     closed: float | None
-    """Share of its outline seen from the side that is filled, the smaller of the two sides; None, as are the next ones
-    without a value, where a fused scan shows too little of it."""
+    """Filled share of its outline seen from the side, the smaller of both sides; None, like the following ones, if a
+    fused scan shows too little of it."""
     covered: float
-    """Share of the plan's rectangle that is filled, seen from above."""
+    """Filled share of the plan's rectangle, seen from above."""
     waist: float | None
-    """Breadth where it is narrowest over where it is widest."""
+    """Ratio of the smallest to the largest breadth."""
     rough: float | None
-    """0: smooth surfaces, towards 2/3: leaves."""
+    """Roughness; 0: smooth surfaces, towards 2/3: leaves."""
     holder: int
-    """Number of the thing that it stands on or touches most, -1: none."""
+    """Index of the thing on which it stands or that it touches most, -1: none."""
     held_by: str
-    """FLOOR, WALL, CEILING, NOTHING, or empty: the holder."""
+    """FLOOR, WALL, CEILING, NOTHING, or empty if it is `holder`."""
     wall_gap: float
     """Distance of its nearest point to a wall; inf without walls."""
     carries: int
-    """How many things stand on it."""
+    """Number of things that stand on it."""
     color: tuple[float, float, float]
     """Mean sRGB colour, 0..1."""
     varied: float
-    """Distance from its mean colour that a twentieth of its surface exceeds [CIELAB units]."""
+    """Distance from its mean colour that is exceeded by a twentieth of its surface [CIELAB units]."""
     balance: float | None
     """Height of the middle of the surface within the box: 0 at its bottom, 1 at its top."""
 
 
 def describe_things(table: FaceTable, room: DecomposedRoom, segments: Segments) -> tuple[Traits, ...]:
-    """Measure all things of a room; `segments` are what `thing_segments` makes of them."""
+    """Measure all things of a room; `segments` come from `thing_segments`."""
     if room.fused:
         holder = [(one.held_by, one.shape.held_by or NOTHING if one.held_by < 0 else "") for one in room.fused]
     else:
@@ -95,7 +95,7 @@ def describe_things(table: FaceTable, room: DecomposedRoom, segments: Segments) 
 
 
 def _as_fused(traits: Traits, thing: FusedThing) -> Traits:
-    """With the measures that a fused scan tells more surely, without those that it does not tell."""
+    """Traits with the measures that a fused scan gives more reliably, and without those that it does not give."""
     shape = thing.shape
     bottom, level, area, rise = shape.bottom or 0.0, float("nan"), None, None
     if shape.top_seen:
@@ -144,7 +144,7 @@ def _traits(
 
 
 def _floor(table: FaceTable, room: DecomposedRoom) -> float:
-    """Height of the floor, of the lowest point where there is none [m]."""
+    """Height of the floor, or of the lowest point without a floor [m]."""
     level = room.shell.levels.floor
     return float(table.corners[..., 2].min()) if np.isnan(level) else level
 
@@ -155,7 +155,7 @@ def _color(table: FaceTable, faces: IntArray) -> tuple[float, float, float]:
 
 
 def _varied(table: FaceTable, faces: IntArray) -> float:
-    """Distance from the mean colour that a twentieth of the surface exceeds [CIELAB units]."""
+    """Distance from the mean colour that is exceeded by a twentieth of the surface [CIELAB units]."""
     weight = table.area[faces] + 1e-15
     away = np.linalg.norm(table.lab[faces] - np.average(table.lab[faces], axis=0, weights=weight), axis=1)
     order = np.argsort(away, kind="stable")
@@ -172,7 +172,7 @@ def _wall_gap(room: DecomposedRoom, position: Array) -> float:
 
 
 def _holder(segments: Segments, room: DecomposedRoom, i: int) -> tuple[int, str]:
-    """Holder of a thing, on, at or against which it rests: (number of a thing or -1, name of a part of the room)."""
+    """Holder of a thing, on, at or against which it rests: (index of a thing or -1, name of a part of the room)."""
     one, levels = segments.alive[i], room.shell.levels
     position = segments.position[one.points]
     if not np.isnan(levels.floor) and one.low[2] < levels.floor + ON_FLOOR:
@@ -191,7 +191,7 @@ def _holder(segments: Segments, room: DecomposedRoom, i: int) -> tuple[int, str]
 
 
 def _levels(height: Array, area: Array, plan: float) -> tuple[Array, Array]:
-    """Heights and areas of the upward surfaces, the heaviest windows of height first taken, each of shape (k,)."""
+    """Heights and areas of the upward surfaces, in order of decreasing area, each of shape (k,)."""
     heights, areas = [], []
     order = np.argsort(height, kind="stable")
     z, weight = height[order], area[order].copy()
@@ -210,7 +210,7 @@ def _levels(height: Array, area: Array, plan: float) -> tuple[Array, Array]:
 
 
 def _filled(points: Array) -> float:
-    """Share of the cells of the bounding rectangle of points (n, 2) that hold one."""
+    """Share of the cells of the bounding rectangle of points (n, 2) that contain a point."""
     low, size = points.min(axis=0), np.ptp(points, axis=0)
     cell = max(CELL, float(size.max()) / CELLS)
     count = np.maximum(np.rint(size / cell).astype(np.int64), 1)

@@ -1,8 +1,8 @@
-"""Which pieces of a fused scan may be one thing: connected unions, and what can be measured of each.
+"""Connected unions of the pieces of a fused scan that may be one thing, and their measures.
 
 In: the pieces of `pieces`. Out: unions of pieces that touch, no longer than a thing in a room, with rough measures, and
-the choice of unions without overlap that are worth most together. What a union is worth is said by the caller: here
-nothing is named. Undersides and backs are missing in scans: what has nothing below it but the floor stands on it.
+the choice of disjoint unions with the largest total worth. The caller defines the worth of a union: nothing is named
+here. Undersides and backs are missing in scans: a union with only the floor below it stands on the floor.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,41 +18,41 @@ from dcap.geometry.segmentation.rooms.pieces import Pieces
 from dcap.scene.types.boxes import min_area_box
 
 CELL = 1.5 * VOXEL
-"""Cell in which what is seen from above is counted [m]."""
+"""Size of the cells for counting surfaces visible from above [m]."""
 BAND = 0.015
-"""Step of height in which levels are looked for [m]."""
+"""Step of height in the search for levels [m]."""
 THICK = 3
-"""Bands that one level may fill [-]: surfaces of scans are rough, and cushions are not flat."""
+"""Number of bands that one level may fill [-]: surfaces of scans are rough, and cushions are not flat."""
 LEVEL_SHARE = 0.15
-"""Share of the plan from which on what looks up at one height is a level [-]: books hide the boards of a shelf."""
+"""Least share of the plan that faces up at one height for a level [-]: books hide the boards of a shelf."""
 STRAY = 0.5
-"""So much of a piece, at either end of each axis, may be stray [per cent]."""
+"""Share of a piece, at either end of each axis, that may be stray [per cent]."""
 TOUCHING = 8
-"""Fewer surfels of a piece next to another one are no contact [-]."""
+"""Least number of surfels of a piece next to another one in a contact [-]."""
 MOST_PIECES = 6
-"""Pieces of one union [-]: a seat, a back, two arms, two cushions."""
+"""Maximum number of pieces of one union [-]: a seat, a back, two arms, two cushions."""
 NEXT = 5
-"""Neighbours that a union is extended by: those that touch it most [-]."""
+"""Number of neighbours by which a union is extended: those with most contact [-]."""
 MOST_UNIONS = 4000
 SLACK = 0.05
 """Tolerance for counting a piece as inside a union's bounds [m]."""
 LONGEST = 4.0
-"""Of one thing [m]: a long sofa."""
+"""Largest length of one thing [m]: a long sofa."""
 LYING = 0.08
-"""Pieces that rise no higher above the floor lie on it like rugs: they are part of nothing, and things on them stand on
-the floor [m]."""
+"""Largest height above the floor of pieces that lie on it like rugs: they are part of nothing, and things on them stand
+on the floor [m]."""
 COVERED = 0.3
-"""Share of its plan over a lower patch from which on a piece stands there [-]."""
+"""Least share of its plan over a lower patch for a piece to stand on it [-]."""
 SINK = 0.08
-"""So deep below a patch may what stands on it begin [m]: cushions give way, and patches are rough."""
+"""Largest depth below a patch at which a thing on it may begin [m]: cushions yield, and patches are rough."""
 LOW_ENOUGH = 1.2
-"""Unions that begin lower than this above the floor, with nothing below them, stand on the floor [m]."""
+"""Height above the floor below which unions with nothing below them stand on the floor [m]."""
 BY_WALL = 0.15
-"""Unions this near to a wall may hang there [m]."""
+"""Largest distance from a wall of unions that may hang there [m]."""
 ONE_COLOUR = 1.0
-"""Colours that differ by less are one [CIELAB units]."""
+"""Difference below which colours are equal [CIELAB units]."""
 EYES = 1.5
-"""The top of what is higher than people hold a camera is not seen [m]."""
+"""Height of a hand-held camera, above which the top of a thing is not visible [m]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -60,72 +60,73 @@ class RoughShape:
     """Measures of a union of pieces in a scan. Lengths in metres, heights above the floor."""
 
     length: float
-    """Longer side of its upright rectangle."""
+    """Longer side of the upright rectangle around it."""
     width: float
     bottom: float | None
-    """None where it stands on the floor: feet are hardly ever seen."""
+    """Height of the bottom; None if it stands on the floor: feet are hardly ever visible."""
     top: float
     level_height: float | None
-    """Height of the level with most surface seen from above; None where nothing looks up."""
+    """Height of the level with most surface visible from above; None if nothing faces up."""
     level_area: float
-    """Seen from above [m^2]."""
+    """Area of that level, seen from above [m^2]."""
     buried: float
-    """Share of that level over which the surface goes on upwards as something else [-]."""
+    """Share of that level over which the surface continues upwards as something else [-]."""
     cut: float
-    """Length along which its surface goes on next to it as a patch, or what hangs from one, that is not in it [m]."""
+    """Length of the border along which its surface continues as a patch, or a surface hanging from one, outside the
+    union [m]."""
     levels: int
-    """Heights at which a good part of the plan looks up."""
+    """Number of heights at which a good part of the plan faces up."""
     wall_gap: float | None
-    """To the nearest wall; None without walls."""
+    """Distance to the nearest wall; None without walls."""
     holder: int
-    """The piece that it stands on, -1: none."""
+    """Index of the piece on which it stands, -1: none."""
     held_by: str
-    """floor, wall, ceiling, nothing, or empty: the holder."""
+    """floor, wall, ceiling, nothing, or empty if it is `holder`."""
     color: tuple[float, float, float] | None
-    """Mean sRGB colour, 0..1; None where the scan has but one."""
+    """Mean sRGB colour, 0..1; None if the scan has only one colour."""
 
     @property
     def top_seen(self) -> bool:
-        """Whether a camera that people hold has seen its top: else the level is that of some board below it."""
+        """Whether a hand-held camera has seen its top; otherwise the level is that of some board below it."""
         return self.top <= EYES
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Piece:
-    """Measures of a piece that are kept so that unions are measured fast."""
+    """Measures of a piece, stored so that unions are measured fast."""
 
     corners: Array
     """Corners of its convex hull seen from above, without strays, shape (h, 2)."""
     low: float
     high: float
     windows: IntArray
-    """Lowest bands of the levels in which something looks up, shape (b,)."""
+    """Lowest bands of the levels with upward surfaces, shape (b,)."""
     areas: Array
-    """Area of each, seen from above [m^2], shape (b,)."""
+    """Area of each level, seen from above [m^2], shape (b,)."""
     heights: Array
-    """Mean height of each above the floor [m], shape (b,)."""
+    """Mean height of each level above the floor [m], shape (b,)."""
     wall_gap: float
     cells: int
-    """It is seen from above in so many cells."""
+    """Number of cells that it covers, seen from above."""
     area: float
-    """[m^2]."""
+    """Area [m^2]."""
     lab: Array
     """Mean colour in CIELAB, shape (3,)."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PieceGraph:
-    """Pieces and what touches what."""
+    """Pieces and their contacts."""
 
     pieces: dict[int, _Piece]
     touching: dict[int, dict[int, int]]
-    """Surfels in contact, by the numbers of the two pieces."""
+    """Number of surfels in contact, by the indices of the two pieces."""
     over: dict[int, dict[int, int]]
-    """Cells of a piece that are over the patch of another one, by the numbers of the two."""
+    """Number of cells of a piece over the patch of another one, by the indices of the two."""
     patches: int
-    """The first so many pieces have a patch that carries."""
+    """Number of pieces with a carrying patch, which come first."""
     ceiling: float
-    """Above the floor [m]; inf where there is none."""
+    """Height of the ceiling above the floor [m]; inf if there is none."""
     colored: bool
     """Whether the scan has more than one colour."""
 
@@ -178,7 +179,7 @@ class PieceGraph:
         return self.over[piece].get(other, 0) > 0.5 * self.pieces[piece].cells
 
     def unions(self) -> list[frozenset[int]]:
-        """Connected unions of at most MOST_PIECES pieces, the smaller first, and these with all that lies within."""
+        """Connected unions of at most MOST_PIECES pieces, the smaller first, each also with all pieces inside it."""
         found: dict[frozenset[int], None] = {}
         frontier = [frozenset([i]) for i in self.pieces if self._extent(frozenset([i])) < LONGEST]
         while frontier and len(found) < MOST_UNIONS:
@@ -192,7 +193,7 @@ class PieceGraph:
         return list(found)
 
     def _closed(self, union: frozenset[int]) -> frozenset[int]:
-        """With all pieces that touch it and lie within its bounds: what stands on the boards of a shelf."""
+        """The union with all pieces that touch it and lie within its bounds: things on the boards of a shelf."""
         low, high = self._bounds(union)
         while more := [other for i in union for other in self.touching[i]
                        if other not in union and self._within(other, low, high)]:  # fmt: skip
@@ -265,7 +266,7 @@ def _color(members: Sequence[_Piece]) -> tuple[float, float, float]:
 
 
 def _outline(points: Array) -> Array:
-    """Corners of the convex hull of points (n, 2), the points themselves where they have none."""
+    """Corners of the convex hull of points (n, 2), or the points themselves if there is no hull."""
     try:
         return np.asarray(points[ConvexHull(points).vertices])
     except (QhullError, ValueError):
@@ -273,7 +274,7 @@ def _outline(points: Array) -> Array:
 
 
 def _windows(height: Array, plan: Array) -> tuple[IntArray, Array, Array]:
-    """Of what looks up, for every level of THICK bands: its lowest band, its area seen from above and mean height."""
+    """Lowest band, area seen from above and mean height of every level, of THICK bands, of the upward surface."""
     band = np.repeat(np.floor(height / BAND).astype(np.int64), THICK) - np.tile(np.arange(THICK), len(height))
     cell = np.repeat(np.floor(plan / CELL).astype(np.int64), THICK, axis=0)
     seen = np.unique(np.c_[band, cell], axis=0)
@@ -284,7 +285,8 @@ def _windows(height: Array, plan: Array) -> tuple[IntArray, Array, Array]:
 
 
 def _levels(members: Sequence[_Piece], plan: float) -> tuple[float | None, float, int]:
-    """Height and area of the level with most surface seen from above, and how many cover a good part of the plan."""
+    """Height and area of the level with most surface visible from above, and the number of levels that cover a good
+    part of the plan."""
     windows = np.concatenate([one.windows for one in members])
     if not len(windows):
         return None, 0.0, 0
@@ -304,7 +306,7 @@ def _levels(members: Sequence[_Piece], plan: float) -> tuple[float | None, float
 
 
 def _touching(surfels: Surfels, owner: IntArray, known: dict[int, _Piece]) -> dict[int, dict[int, int]]:
-    """Surfels of the smaller side of every contact."""
+    """Number of surfels on the smaller side of every contact."""
     a, b = owner[surfels.pairs].T
     apart = np.flatnonzero((a != b) & (a >= 0) & (b >= 0))
     result: dict[int, dict[int, int]] = {i: {} for i in known}
@@ -323,7 +325,7 @@ def _touching(surfels: Surfels, owner: IntArray, known: dict[int, _Piece]) -> di
 def _over(
     surfels: Surfels, pieces: Pieces, members: dict[int, IntArray], known: dict[int, _Piece], floor: float
 ) -> dict[int, dict[int, int]]:  # fmt: skip
-    """In how many cells each piece lies over a patch that is lower than it begins."""
+    """Number of cells in which each piece lies over a patch that is lower than its bottom."""
     cell = np.floor(surfels.position[:, :2] / CELL).astype(np.int64)
     cell -= cell.min(axis=0, initial=0)
     key = cell[:, 0] * (int(cell[:, 1].max(initial=0)) + 1) + cell[:, 1]
@@ -344,9 +346,9 @@ def _over(
 def worth_most(
     unions: Sequence[frozenset[int]], worth: Sequence[float], order: Callable[[frozenset[int]], object] = sorted
 ) -> list[frozenset[int]]:
-    """Unions without overlap whose worth adds up to as much as can be found by exchange; those worth nothing are out.
+    """Disjoint unions with the largest total worth found by exchange; unions without worth are left out.
 
-    Greedy, then every union that is worth more than those that it overlaps takes their place, until none does.
+    First greedily; then every union that is worth more than those that it overlaps replaces them, until none does.
     """
     value = {union: w for union, w in zip(unions, worth, strict=True) if w > 0.0}
     ranked = sorted(value, key=lambda union: (-value[union], order(union)))
