@@ -105,11 +105,11 @@ class RestMonitor:
         )
 
     def complete(self) -> bool:
-        """Whether there is a complete window to judge."""
+        """Return whether there is a complete window to judge."""
         return len(self.signals) >= self.steps
 
     def quiet(self) -> bool:
-        """Whether no signal was above its threshold over a complete window."""
+        """Return whether no signal was above its threshold over a complete window."""
         return self.complete() and not self.rows().exceeded
 
     def creeping(self) -> bool:

@@ -138,7 +138,7 @@ def carrier_masks(
 
 
 def names_part(base: Instance, index: int, intent: Intent) -> bool:
-    """Whether the prompt names this part."""
+    """Return whether the prompt names this part."""
     return base.parts[index].name == intent.region.part
 
 

@@ -83,7 +83,7 @@ layoutgpt_task = stage(layoutgpt)
 
 
 class HolodeckConfig(BaseModel, frozen=True, extra="forbid"):
-    """Language client, and limits of the search; the source's numbers but for the last two."""
+    """Language client, and limits of the search; the source's numbers except for the last two."""
 
     language: LanguageConfig = LanguageConfig()
     attempts: PositiveInt = 10

@@ -41,7 +41,7 @@ PER_CELL = 2.0  # particles through a cell
 
 
 class DropConfig(BaseModel, frozen=True, extra="forbid"):
-    """How the drop is simulated and judged."""
+    """Settings for simulating and judging the drop."""
 
     solver: SolverConfig = SolverConfig()
     threads: NonNegativeInt = 0

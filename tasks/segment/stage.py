@@ -31,7 +31,7 @@ from tasks.segment.room_labels import known_scene, labelled_room
 
 
 class SegmentConfig(BaseModel, frozen=True, extra="forbid"):
-    """How small a thing may be, and who is asked what things and parts are that the source does not name."""
+    """Smallest things, and the language client for names that the source does not give."""
 
     language: LanguageConfig = LanguageConfig()
     min_faces: PositiveInt = 2

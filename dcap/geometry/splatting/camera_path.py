@@ -61,7 +61,7 @@ BOX_POINTS = np.array([(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z i
 
 
 class PathConfig(BaseModel, frozen=True, extra="forbid"):
-    """How many pictures, and of what kind."""
+    """Number and kind of the pictures."""
 
     views: PositiveInt = 300
     """Cameras."""

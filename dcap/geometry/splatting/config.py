@@ -7,7 +7,7 @@ from pydantic import BaseModel, Field, PositiveFloat, PositiveInt
 
 
 class SurfaceConfig(BaseModel, frozen=True, extra="forbid"):
-    """How finely a surface is looked for."""
+    """Resolution of the search for a surface."""
 
     places: PositiveInt = 18
     """Places of the cameras; inside a room six pictures each."""

@@ -292,7 +292,7 @@ def cost_by_reservation(file: IO[str]) -> dict[str, float]:
 
 
 def is_alive(process: int) -> bool:
-    """Whether a process of this machine runs."""
+    """Return whether a process of this machine runs."""
     try:
         os.kill(process, 0)
     except ProcessLookupError:

@@ -141,7 +141,7 @@ def figures() -> frozenset[str]:
 
 
 def is_figure(name: str) -> bool | None:
-    """Whether a name means a figure; None if the lexicon does not know it."""
+    """Return whether a name means a figure; None if the lexicon does not know it."""
     thing = thing_of(name)
     return None if thing is None else bool(figures() & set(lineage(thing.id)))
 
@@ -159,7 +159,7 @@ def faced_by_opening() -> frozenset[str]:
 
 
 def is_vessel(name: str) -> bool | None:
-    """Whether a name means a vessel; None if the lexicon does not know it."""
+    """Return whether a name means a vessel; None if the lexicon does not know it."""
     thing = thing_of(name)
     return None if thing is None else bool(vessels() & set(lineage(thing.id)))
 

@@ -145,7 +145,7 @@ class Token:
         return tuple(m.value for m in sorted(self.meanings) if m.kind == kind)
 
     def plural(self) -> bool:
-        """Whether it can only be a plural."""
+        """Return whether it can only be a plural."""
         nouns = [m for m in self.meanings if m.kind in ("thing", "part")]
         return bool(nouns) and all(m.plural for m in nouns)
 
@@ -301,7 +301,7 @@ def measure_at(words: list[str], begin: int) -> Token | None:
 
 
 def is_digits(word: str) -> bool:
-    """Whether a word is a number in digits."""
+    """Return whether a word is a number in digits."""
     return re.fullmatch(r"-?\d+(\.\d+)?", word) is not None
 
 

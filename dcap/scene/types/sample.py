@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True, slots=True)
 class SourceOptions:
-    """How to read a foreign file that does not say so itself."""
+    """Frame and names of a foreign file that does not state them itself."""
 
     up: str = "auto"
     """Axis of the file that points up: y, z, -y, -z or auto."""
