@@ -96,7 +96,7 @@ def start(threads: int = 0, arch: str = "cpu") -> None:
     except RuntimeError as error:
         raise ArchError(f"{arch}: Taichi cannot start it: {error}") from error
     if ti.lang.impl.current_cfg().arch != wanted:
-        raise ArchError(f"{arch}: TI_ARCH in the environment names another one and Taichi follows it; unset it")
+        raise ArchError(f"{arch}: TI_ARCH in the environment selects another one; unset it")
     _started["arch"] = arch
     if workers == len(cores) > 1:
         _pin_threads(_thread_ids() - earlier, cores)

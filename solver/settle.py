@@ -142,7 +142,7 @@ class ImplicitDrop(Simulation):
         _, _, kicked = kick(self, self.monitor, end.state, end.control, progress)
         if not kicked.stable:
             return replace(end, verdict=Verdict.NO_EQUILIBRIUM), rows, kicked
-        self.warnings.append("the first rest state was unstable under the kick; this is the one it fell into")
+        self.warnings.append("the first rest state was unstable under the kick; this is the state reached after it")
         return end, rows, kicked
 
     def _result(

@@ -74,7 +74,7 @@ def read_camera(path: Path, target: NDArray[np.float64]) -> Camera:
     turn = pose[:3, :3]
     if not np.isfinite(pose).all() or np.abs(turn @ turn.T - np.eye(3)).max() > TURNED or np.linalg.det(turn) < 0.0:
         raise InputError(
-            f"--camera {path}: world_from_camera is no rigid motion; its first three columns must be a rotation"
+            f"--camera {path}: world_from_camera is not a rigid motion; its first three columns must be a rotation"
         )
     if np.abs(pose[3] - (0.0, 0.0, 0.0, 1.0)).max() > TURNED:
         raise InputError(f"--camera {path}: the last row of world_from_camera is {pose[3].tolist()}, expected 0 0 0 1")
@@ -99,4 +99,4 @@ def check_pixels(path: Path, found: CameraFile) -> None:
             )
     for name, value in (found.model_extra or {}).items():
         if name in DISTORTION and np.any(np.asarray(value, dtype=object) != 0):
-            raise InputError(f"--camera {path}: {name} is not 0; undistort the photo first, maps are of a pinhole")
+            raise InputError(f"--camera {path}: {name} is not 0; undistort the photo first, maps need a pinhole camera")

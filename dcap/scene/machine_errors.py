@@ -125,7 +125,7 @@ def _room(path: str) -> str:
     places += [("DCAP_DATA", data)] if data else []
     places += [("TMPDIR", Path(tempfile.gettempdir())), ("the working directory", Path(os.curdir))]
     told = [f"{free_space(place) / 2**20:.0f} MiB in {name} ({place})" for name, place in places]
-    return f"free are {', '.join(told)}; make room, or set DCAP_DATA, TMPDIR or --out to another disk"
+    return f"free space: {', '.join(told)}; make room, or set DCAP_DATA, TMPDIR or --out to another disk"
 
 
 def free_space(path: Path) -> int:
@@ -145,7 +145,7 @@ def _of_the_server() -> str:
 
 def _of_log_in() -> str:
     """Requirements of a server that rejects our log-in."""
-    wants = f"does not take what {LOGIN} says" if os.environ.get(LOGIN) else "wants a log-in"
+    wants = f"rejects the value of {LOGIN}" if os.environ.get(LOGIN) else "requires authentication"
     return f"the Prefect server {team_server() or 'of this program'} {wants}; set {LOGIN}=NAME:PASSWORD"
 
 

@@ -59,7 +59,7 @@ SHORT_WORD = 4
 def unfit(text: str, most: int, *, lines: bool = False) -> str:
     """Reason why a person's text is not accepted, to follow its name; empty if it is. A sentence may have `lines`."""
     if len(text) > most:
-        return f"has {len(text)} characters, at most {most} are taken; say it shorter"
+        return f"has {len(text)} characters, at most {most} are allowed; shorten it"
     found = (CONTROL if lines else CONTROL_OR_END).search(text)
     if found:
         return f"has the control character {found.group()!r} at place {found.start() + 1}; remove it"

@@ -276,7 +276,7 @@ def factorised(matrix: NDArray[np.float64], frames: int) -> tuple[NDArray[np.flo
                 return np.asarray(factor[0]), bool(factor[1])
     raise UnstableStep(
         f"the stiffness of the coarse lattice ({split // 3} nodes, {frames} moving frames) is not positive definite, "
-        f"not even where all of it is {LIFTS[-1]:.0%} larger"
+        f"even after making all of it {LIFTS[-1]:.0%} larger"
     )
 
 

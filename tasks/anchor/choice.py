@@ -167,7 +167,7 @@ def choice_of(scene: Segmentation, base: Instance, intent: Intent, reply: Anchor
     if len(reply.references) > 1 and "between" not in names:
         areas[:0] = both(areas)  # "next to the lamp and the book": where the two meet, if they do
     if not areas and all(horizontal_gap(base.box, box) < NEIGHBOUR for group in groups for box in group):
-        taken = f"{intent.region.words!r} is taken to say which {base.label} is meant"
+        taken = f"{intent.region.words!r} is interpreted as selecting the {base.label}"
         names, note = (), Caution(Cause.WHICH, taken)
         areas = regions(frame, (), [], reach)
     if not areas:

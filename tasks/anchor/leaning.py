@@ -96,14 +96,14 @@ def leaning_start(
             axis = np.array([*(np.sin(tilt) * side.toward), np.cos(tilt)])
             noted = replace(choice, note=note_of(intent.orientation.lean, on, squat=squat))
             return LeaningStart(noted, start, tilted, search, Lean(on, tilt, axis))
-        why = "there is no free place before it"
+        why = "there is no free place in front of it"
     return not_leaning(base, reply.part_index, intent, why)
 
 
 def note_of(asked: str, on: str, *, squat: bool) -> str:
     """Note on deviations from the requested leaning."""
-    other = f"{on} is leaned on: there is no free place before {asked}" if on != asked else ""
-    upright = f"it is too thick for its height to lean: it stands by itself, right against {on}" if squat else ""
+    other = f"leaning on {on}: there is no free place in front of {asked}" if on != asked else ""
+    upright = f"it is too thick for its height to lean: it stands on its own, right against {on}" if squat else ""
     return Caution(Cause.NOT_MET, "; ".join(note for note in (other, upright) if note))
 
 

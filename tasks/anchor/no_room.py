@@ -164,7 +164,7 @@ def is_level(thing: Instance) -> bool:
 
 def seen_from(words: str, thing: Instance, frame: ViewerFrame) -> Caution:
     """The point of view from which the words are understood, and how to state another one."""
-    where = f"{words!r} is taken as seen from the {axis_word(frame.front)} side of the {thing.label} (world axes, z up)"
+    where = f"{words!r} is read as seen from the {axis_word(frame.front)} side of the {thing.label} (world axes, z up)"
     return Caution(
-        Cause.WHICH, f'{where}, which has no front; "on the side nearest the ..." or --at X,Y say it otherwise'
+        Cause.WHICH, f'{where}, which has no front; "on the side nearest the ..." or --at X,Y state it differently'
     )

@@ -75,7 +75,7 @@ def layoutgpt(
         return box
     reason = f"LayoutGPT with {len(request.exemplars)} exemplars wrote: {box.text}"
     found = proposed_anchor(scene, item.mesh, proposed_pose(box, plan, asset), "as the layout says", reason)
-    unread = (Caution(Cause.ASSUMED, f"{name} is no example: it cannot be read") for name in left_out)
+    unread = (Caution(Cause.ASSUMED, f"{name} is not used as an example: it cannot be read") for name in left_out)
     return replace(found, notes=tuple(unread))
 
 

@@ -91,7 +91,7 @@ def able(model: Model, config: SolverConfig) -> tuple[SolverConfig, tuple[str, .
     """The configuration, switched to tl if mls has no material to simulate, and a note on the switch."""
     if config.method != "mls" or model.soft_bodies:
         return config, ()
-    instead = Caution(Cause.NOT_MET, "solver mls: everything is rigid, so that tl settled it")
+    instead = Caution(Cause.NOT_MET, "solver mls: everything is rigid, so method tl was used")
     return config.model_copy(update={"method": "tl"}), (instead,)
 
 

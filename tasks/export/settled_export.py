@@ -337,10 +337,10 @@ def export_scene(
     touched = [samples(one.surface.submesh(near.faces(one.surface))) for one in settled.bodies[1:]]
     points = np.concatenate([*touched, np.zeros((0, 3))])
     thing = free_body(item, anchor, materials, settled.bodies[0], particles.bodies[0], points)
-    simulated = "; it was simulated as a soft one" if thing.soft else ""
+    simulated = "; it was simulated as a soft body" if thing.soft else ""
     notes = (
         f"the object ({thing.label}) is a rigid body in the shape in which it settled{simulated}",
-        f"it collides as {len(thing.pieces)} convex pieces; away from what it touches they may fill hollows a little",
+        f"it collides as {len(thing.pieces)} convex pieces; away from its contact they may fill hollows slightly",
         f"near the object the fixed scene collides as its settled surface, within {1e3 * deviation:.3f} mm",
         "things out of reach of the object collide as one convex hull per part",
     )

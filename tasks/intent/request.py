@@ -76,7 +76,7 @@ def settle_choice(reply: IntentReply, request: IntentRequest, *, ask: bool) -> t
         if ask:
             raise LanguageError(question(found, request))
         others = ", ".join(one.id for one in found[1:])
-        taken = f"{found[0].label}: several may be meant, {found[0].id} is taken (also {others})"
+        taken = f"{found[0].label}: several may be meant; using {found[0].id} (also {others})"
         notes.append(Caution(Cause.WHICH, taken))
     return tuple(notes)
 

@@ -180,7 +180,7 @@ def mass_of(
     clamped = "" if used == factor else f", clamped from {factor:.3g} (mass_factor {config.mass_factor:g})"
     weight = reply.mass * used
     note = f"mass {weight:.3g} kg: {reply.mass:.3g} kg at the usual size, scaled {kind} by {used:.3g}{clamped}"
-    return weight, Caution(Cause.ASSUMED, f"{note}; --mass to say it") if clamped else note
+    return weight, Caution(Cause.ASSUMED, f"{note}; set it with --mass") if clamped else note
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -202,5 +202,5 @@ def place_of(reply: IntentReply, pointed: Pointed | None) -> WantedPlace:
         return WantedPlace(said, None, () if pointed is None else pointed.notes)
     words = reply.region_words or reply.part
     told = reply.regions or reply.part or reply.constraints or reply.lean_on
-    lost = (Caution(Cause.NOT_MET, f"--at decides where: {words!r} is not followed"),) if told else ()
+    lost = (Caution(Cause.NOT_MET, f"--at determines the place: {words!r} is ignored"),) if told else ()
     return WantedPlace(RegionRequest("", (), (), ""), pointed.point, (*pointed.notes, *lost))

@@ -61,7 +61,9 @@ def drift(particles: Particles, settled: Settled, config: DriftConfig) -> Drift:
     from solver.onward import PlacedBodies, onward  # loads Taichi, which costs seconds
 
     if not settled.nodes and (shapes := [one.name for one in settled.bodies if gave_way(one)]):
-        return unknown(f"the method keeps no displacements inside of {', '.join(shapes)}, so no dent to go on from")
+        return unknown(
+            f"the method keeps no displacements inside {', '.join(shapes)}, so there is no dent to continue from"
+        )
     model = solver_model(particles, (0.0, 0.0, -GRAVITY))
     solver = config.solver.model_copy(update={"threads": config.threads})
     rest = {one.name: one.world_from_start for one in settled.bodies}

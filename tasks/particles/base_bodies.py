@@ -199,8 +199,8 @@ def note_cells(setup: DropSetup, for_contact: Cells, cells: Cells) -> None:
     budget = setup.config.base_cells
     if cells.count > max(budget, for_contact.count):
         setup.notes.append(
-            f"{setup.anchor.base_id}: {cells.count} cells instead of {for_contact.count}, to be finer through what is "
-            f"thin, beyond the budget of {budget} cells (ParticlesConfig.base_cells)"
+            f"{setup.anchor.base_id}: {cells.count} cells instead of {for_contact.count}, to resolve thin parts, "
+            f"beyond the budget of {budget} cells (ParticlesConfig.base_cells)"
         )
 
 
@@ -215,8 +215,8 @@ def note_thin(setup: DropSetup, layers: BaseLayers, thin: list[UnderResolved]) -
     why = {
         Limit.BUDGET: f"to meet the budget of {setup.config.base_cells} cells (ParticlesConfig.base_cells)",
         Limit.FINEST: f"as none is finer than {1e3 * setup.config.finest_cell:.2g} mm (ParticlesConfig.finest_cell)",
-        Limit.PIECES: f"as each that the contact needs is cut into {MOST_PIECES} at most; finer ones at the contact "
-        "(ParticlesConfig.cell) are finer there too",
+        Limit.PIECES: f"as a cell of the contact is cut into at most {MOST_PIECES}; use finer cells at the contact "
+        "(ParticlesConfig.cell)",
     }
     for part, one in worst.items():
         setup.notes.append(

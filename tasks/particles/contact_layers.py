@@ -89,7 +89,7 @@ def thick_enough(setup: DropSetup, layers: BaseLayers, index: int, bottom: float
     if top - bottom >= least:
         return bottom
     taken = (
-        f"{layers.base.id}: {layers.base.parts[index].name} shows no thickness and is taken as {least} m thick "
+        f"{layers.base.id}: {layers.base.parts[index].name} shows no thickness and is assumed to be {least} m thick "
         "(ParticlesConfig.least_thickness)"
     )
     setup.notes.append(Caution(Cause.ASSUMED, taken))

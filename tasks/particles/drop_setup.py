@@ -125,7 +125,7 @@ class DropSetup:
         for row, taken in zip(rows, stiffness_of(rows), strict=True):
             if row.model is BodyModel.MPM and taken < row.material.youngs_modulus:
                 self.notes.append(
-                    f"{body}: {row.part} ({row.material.id}) is taken as {taken:.3g} Pa stiff instead of "
+                    f"{body}: {row.part} ({row.material.id}) is simulated with {taken:.3g} Pa instead of "
                     f"{row.material.youngs_modulus:.3g} Pa: {MOST_CONTRAST:g} times its softest part"
                 )
 
@@ -193,7 +193,7 @@ def mended_here(surface: MendedSurface, mesh: Mesh) -> list[str]:
             "and are left out"
         )
     if surface.turned:
-        notes.append(f"{surface.turned} faces of the scan were inside out and are turned")
+        notes.append(f"{surface.turned} faces of the scan were inside out and are reversed")
     return notes
 
 

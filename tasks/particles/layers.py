@@ -81,8 +81,8 @@ class Cover:
 SHOWN, CLOSED, UNEVEN, UNSEEN = (
     "as its edge shows",
     "as its closed surface shows",
-    "as is usual: no even step is seen along its edge",
-    "as is usual: nothing is seen beside it that it lies on",
+    "the usual thickness: no even step is visible along its edge",
+    "the usual thickness: its support is not visible next to it",
 )
 
 

@@ -107,7 +107,7 @@ def ground_setup(own: DropSetup, things: list[FreeThing], freed: FreedThings) ->
         lead = replace(by_id[root].setup, borne=by_id[root].setup.borne + own.intent.mass)
         beside = [one for one in on_it if one.body != root]
         own.notes[:] = [one for one in own.notes if not one.startswith(f"{own.anchor.base_id} is cut ")]
-        own.notes.append(f"{freed.ground} is cut around what takes part and clamped at the cut")
+        own.notes.append(f"{freed.ground} is cut around the bodies that take part and clamped at the cut")
     setups = [own, *(one.setup for one in things)]
     crop, reach = setups[0].crop, setups[0].contact_region
     for one in setups[1:]:
@@ -179,10 +179,10 @@ def particles(
     setup = drop_setup(scene, shape.item, intent, anchor, materials, config, ended)
     setup.notes += [about("object", note) for note in shape.notes]
     if config.coarser > 1.0:
-        setup.notes.append(f"cells are {config.coarser:.3g} times larger: on the smaller ones the drop broke down")
+        setup.notes.append(f"cells are {config.coarser:.3g} times larger, because the drop failed with smaller ones")
     if ended is not None:
         setup.notes.append(
-            "dropped again from its start: it had ended where contact was not foreseen; cells are fine there too"
+            "dropped again from its start, as it came to rest outside the predicted contact; cells are fine there too"
         )
     if freed is not None and freed.notes:
         setup.notes += freed.notes

@@ -86,11 +86,11 @@ def name_of(owner: Instance, asked: Noun | None, option: str) -> Name:
     if asked is None or fits(asked, owner.label):
         return Name(owner.label, renamed=False)
     if owner.structure or owner.confidence >= SURE:
-        said = f"the sentence says {asked.text!r}, but {option} lies on {owner.label} ({owner.id}): {option} decides"
+        said = f"the sentence says {asked.text!r}, but {option} lies on {owner.label} ({owner.id}); using {option}"
         return Name(owner.label, renamed=False, notes=(Caution(Cause.NOT_MET, said),))
     label = asked.name or asked.thing.replace("_", " ")
     guess = f"{owner.label!r} ({owner.confidence:.0%})"
-    taken = f"what {option} lies on was taken for {guess}; it is called {label!r} as in the sentence"
+    taken = f"the thing under {option} was labelled {guess}; it is now called {label!r} as in the sentence"
     return Name(label, renamed=True, notes=(Caution(Cause.WHICH, taken),))
 
 
@@ -197,7 +197,7 @@ def highest(scan: Scan, scene: Segmentation, caster: Raycaster, point: Array, te
         if hit.normal[0, 2] >= LEVEL and carries(scene, face):
             return Meeting(face, hit.position[0])
         start = hit.position[0] + STEP * DOWN
-    raise InputError(f"{text}: nothing there looks up; {in_words(scan)}; give a point over a surface")
+    raise InputError(f"{text}: there is no upward surface; {in_words(scan)}; give a point over a surface")
 
 
 def carries(scene: Segmentation, face: int) -> bool:
@@ -244,7 +244,7 @@ def at_point(scan: Scan, scene: Segmentation, at: tuple[float, ...], prompt: str
     else:
         given = scan.world_from_file[:3, :3] @ np.array(at) + scan.world_from_file[:3, 3]
         if given[2] - met.position[2] > ABOVE:
-            above = f"--at is {given[2] - met.position[2]:.2f} m above what is below it; the object goes down there"
+            above = f"--at is {given[2] - met.position[2]:.2f} m above a surface; the object is placed on that surface"
             notes.append(Caution(Cause.NOT_MET, above))
     if owner < 0:
         patch = patch_at(scene, met.face, met.position)
@@ -301,7 +301,7 @@ def in_box(scan: Scan, scene: Segmentation, support: tuple[float, ...], prompt: 
     center, ends = in_file(scan, scene.mesh.triangles.mean(axis=1)), np.array(support).reshape(2, 3)
     inside = ((center >= ends[0]) & (center <= ends[1])).all(axis=1)
     if not inside.any():
-        raise InputError(f"{text} holds nothing of the scene: {in_words(scan)}; give a box of the file's own frame")
+        raise InputError(f"{text} contains nothing of the scene: {in_words(scan)}; give a box of the file's own frame")
     normal = scene.mesh.face_normals
     area = 0.5 * np.linalg.norm(normal, axis=1)
     structure = np.array([one.structure for one in scene.instances] + [False])[scene.face_instance]
@@ -313,7 +313,9 @@ def in_box(scan: Scan, scene: Segmentation, support: tuple[float, ...], prompt: 
     if area[up & chosen].sum() < LEAST_AREA:
         chosen = inside & floors
     if area[up & chosen].sum() < LEAST_AREA:
-        raise InputError(f"{text} holds no surface that looks up and carries: {in_words(scan)}; give a box around one")
+        raise InputError(
+            f"{text} contains no upward surface that can carry an object: {in_words(scan)}; give a box around one"
+        )
     share = np.bincount(scene.face_instance[up & chosen] + 1, area[up & chosen], len(scene.instances) + 1)
     owner = int(np.argmax(share)) - 1
     one = scene.instances[owner] if owner >= 0 else None

@@ -47,7 +47,7 @@ def given_groups(
     """The labelled things; raises InputError if none of them is in the scene."""
     if labels.mesh and labels.mesh == faces_digest(scan.mesh):
         return by_faces(scan, table, labels)
-    other = Caution(Cause.ASSUMED, f"{labels.source} was made of another mesh: its boxes decide, not its faces")
+    other = Caution(Cause.ASSUMED, f"{labels.source} was made for another mesh; using its boxes, not its faces")
     found = by_boxes(scan, table, labels, taken_apart)
     return replace(found, notes=(*((other,) if labels.mesh else ()), *found.notes))
 

@@ -106,7 +106,7 @@ def test_a_data_folder_that_is_none_is_named(monkeypatch: pytest.MonkeyPatch) ->
     assert line.startswith("/etc/passwd/data/cache: Not a directory; DCAP_DATA (now /etc/passwd/data) must be")
 
 
-@pytest.mark.parametrize(("given", "why"), [("", "wants a log-in"), ("team:of-ours", "does not take")])
+@pytest.mark.parametrize(("given", "why"), [("", "requires authentication"), ("team:of-ours", "rejects the value")])
 def test_a_log_in_that_is_missing_or_wrong_is_asked_for(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, given: str, why: str
 ) -> None:
@@ -167,7 +167,7 @@ def test_python_gets_the_same_errors(monkeypatch: pytest.MonkeyPatch, tmp_path: 
 
     (tmp_path / "case.yaml").write_text("bodies: []")
     monkeypatch.setattr("flows.place_one.drop_case", fail)
-    with pytest.raises(dcap.MachineError, match="No space left on device; free are") as caught:
+    with pytest.raises(dcap.MachineError, match="No space left on device; free space:") as caught:
         dcap.drop(tmp_path / "case.yaml", out=tmp_path / "out")
     assert isinstance(caught.value.__cause__, OSError)
 
@@ -175,7 +175,7 @@ def test_python_gets_the_same_errors(monkeypatch: pytest.MonkeyPatch, tmp_path: 
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["place", "a", "b", "x" * 10_001], "PROMPT has 10001 characters, at most 10000 are taken"),
+        (["place", "a", "b", "x" * 10_001], "PROMPT has 10001 characters, at most 10000 are allowed"),
         (["place", "a", "b", "put\x00it"], "PROMPT has the control character '\\x00' at place 4"),
         (["place", "a", "b", "put\x1b[2J"], "control character '\\x1b'"),
         (["place", "a", "b", "put it", "--label", "t" * 1001], "has 1001 characters"),

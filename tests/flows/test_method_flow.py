@@ -160,7 +160,10 @@ def test_a_baseline_is_measured_as_it_proposes(tmp_path: Path, monkeypatch: pyte
     assert not final.displacement.any()
     warnings = tree["warnings"]
     assert isinstance(warnings, list)
-    assert {"broken.glb is no example: it cannot be read", "gone.glb is no example: it cannot be read"} <= set(warnings)
+    assert {
+        "broken.glb is not used as an example: it cannot be read",
+        "gone.glb is not used as an example: it cannot be read",
+    } <= set(warnings)
 
 
 @pytest.mark.slow

@@ -52,7 +52,7 @@ MISTAKES = [
         "- {id: Mug, room: r, object: o, prompt: x}\n- {id: mug, room: r, object: o, prompt: x}",
         "'Mug' and 'mug' would share the folder mug where case does not count",
     ),
-    (f"- {{id: {'a' * 1001}, room: r, object: o, prompt: x}}", "id has 1001 characters, at most 1000 are taken"),
+    (f"- {{id: {'a' * 1001}, room: r, object: o, prompt: x}}", "id has 1001 characters, at most 1000 are allowed"),
     ('- {id: "a\\nb", room: r, object: o, prompt: x}', "id has the control character .*n' at place 2"),
     ('- {id: "a\\0b", room: r, object: o, prompt: x}', "id has the control character .*x00' at place 2"),
     (f"- {{id: a, room: r, object: o, prompt: {'x' * 10001}}}", "prompt has 10001 characters"),

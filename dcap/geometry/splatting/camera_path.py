@@ -145,7 +145,7 @@ def standing_places(
         places = places[cells.clearance(places) > config.clearance]
         if len(places):
             return places, ()
-    note = "no free cell of occupancy.png has room for a camera: cameras stand where splats lie all around"
+    note = "no free cell of occupancy.png has room for a camera; placing cameras where splats lie all around"
     return inner_places(splats, CANDIDATES, config.seed), (note,)
 
 

@@ -77,7 +77,7 @@ def mesh_of_points(
     even = thinned(points.position, oriented.normal, points.color / 255.0, none, 0.75 * cell)
     mesh = reconstructed(even, config.model_copy(update={"cell": cell}), threads)
     thinning = (
-        f"{len(cloud)} points, {1e3 * spacing:.2g} mm apart once thinned out, off their surface by about "
+        f"{len(cloud)} points, {1e3 * spacing:.2g} mm apart after thinning, off their surface by about "
         f"{1e3 * scatter:.2g} mm; cells of the reconstruction {1e3 * cell:.2g} mm"
     )
     return mesh, (
@@ -142,7 +142,7 @@ def oriented_normals(
     if cloud.normal is not None and votes.any():
         agree = float((votes[votes != 0.0] > 0.0).mean())
         if max(agree, 1.0 - agree) >= AGREES:
-            turned = "" if agree > 0.5 else f", turned around: they did not point {toward}"
+            turned = "" if agree > 0.5 else f", reversed because they did not point {toward}"
             return Oriented(axis if agree > 0.5 else -axis, f"the file's normals are used{turned}")
     few_sign = spread_sides(votes, few.normal, coarse.near[:, 1 : BESIDE + 1])
     _, near = cKDTree(few.position).query(cloud.position, k=range(1, CARRIED + 1), workers=threads)

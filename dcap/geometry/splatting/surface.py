@@ -75,7 +75,7 @@ def surface_points(
     origin = best_origins(splatter, gap, config, progress)
     owner = np.flatnonzero(np.isfinite(origin[:, 0]))
     if not len(owner):
-        raise GeometryError("no surface: no splat has a visible share of any picture")
+        raise GeometryError("no surface: no splat is visible in any picture")
     found, level, position, normal = _crossings(splatter, owner, origin, near, gap, config)
     if not found.any():
         raise GeometryError(f"no surface: the density of the splats crosses {config.level} nowhere (level)")

@@ -197,12 +197,12 @@ class BatchQueue:
                     return
                 results = {one.custom_id: one.result for one in connection().messages.batches.results(path.stem)}
         except RefusedError as error:
-            self.tell(f"batch {path.stem}: {error}; giving it up")
+            self.tell(f"batch {path.stem}: {error}; giving up")
             self.give_up(questions, error, own=own)
             path.unlink(missing_ok=True)
             return
         except LanguageError as error:
-            self.tell(f"batch {path.stem}: {error}; looking at it again later")
+            self.tell(f"batch {path.stem}: {error}; retrying later")
             return
         for digest, question in questions.items():
             result = results.get(digest)

@@ -68,9 +68,7 @@ class ModelClient:
                 problem = f"the answer was cut off after {written(message)} tokens, thoughts included (--max-tokens)"
                 more = payload.with_more_room()
                 if more.tokens(self.max_tokens) == payload.tokens(self.max_tokens):
-                    raise LanguageError(
-                        f"{self.model}: {problem}, and longer ones are not asked for{self._aside(sent)}"
-                    )
+                    raise LanguageError(f"{self.model}: {problem}; longer answers are not requested{self._aside(sent)}")
                 payload = more
                 continue
             try:

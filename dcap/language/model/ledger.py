@@ -183,8 +183,8 @@ class Ledger:
             taken = sum(cost_by_reservation(file).values())
             if taken + needed > self.max_cost:
                 raise BudgetError(
-                    f"--max-cost {self.max_cost:g} USD: {taken:.4f} USD are spent or set aside, and the question "
-                    f"{question!r} may cost up to {needed:.4f}; raise --max-cost to go on"
+                    f"--max-cost {self.max_cost:g} USD: {taken:.4f} USD are spent or reserved, and the question "
+                    f"{question!r} may cost up to {needed:.4f}; raise --max-cost to continue"
                 )
             append(file, ReservationLine(name, os.getpid(), needed))
         return name

@@ -210,7 +210,7 @@ def choose(
 
 def seen_from(words: str, viewer: Vector, why: str) -> Caution:
     """Caution that a side was seen from a point of view nobody stated, with a way to state another."""
-    taken = f"{words!r} is taken as seen from {axis_word(viewer)} (world axes, z up), as {why}"
+    taken = f"{words!r} is read as seen from {axis_word(viewer)} (world axes, z up), as {why}"
     return Caution(Cause.WHICH, f"{taken}; name another by its id or by what is nearest to it")
 
 

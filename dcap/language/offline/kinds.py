@@ -120,9 +120,9 @@ def unknown_scale(longest: float) -> tuple[float, str]:
         return 1.0, "the mesh keeps its size"
     fitting = {name: unit for name, unit in TAKEN_AS_METRES.items() if low <= longest * unit <= high}
     if not fitting:
-        return TYPICAL_LENGTH / longest, f"nothing at home is {longest:.3g} m long, so {TYPICAL_LENGTH:g} m are assumed"
+        return TYPICAL_LENGTH / longest, f"nothing in a home is {longest:.3g} m long; assuming {TYPICAL_LENGTH:g} m"
     name = min(fitting, key=lambda name: abs(math.log(longest * fitting[name] / TYPICAL_LENGTH)))
-    return fitting[name], f"nothing at home is {longest:.3g} m long, so {name} are assumed"
+    return fitting[name], f"nothing in a home is {longest:.3g} m long; assuming {name}"
 
 
 def mismatch(theme: Noun | None, label: str, chosen: Thing) -> tuple[str, ...]:
@@ -130,7 +130,7 @@ def mismatch(theme: Noun | None, label: str, chosen: Thing) -> tuple[str, ...]:
     filed = thing_of(label)
     if theme is None or not theme.thing or filed is None or is_a(filed.id, chosen.id):
         return ()
-    told = f"the prompt says {theme.thing!r}, the file is named {label!r}; the prompt counts"
+    told = f"the prompt says {theme.thing!r}, the file is named {label!r}; using the prompt"
     return (Caution(Cause.ASSUMED, told),)
 
 

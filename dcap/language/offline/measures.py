@@ -46,7 +46,7 @@ def plain_measures(text: str) -> tuple[str, tuple[str, ...]]:
         value = amount(found["number"])
         if found["to"] is not None:
             value = 0.5 * (value + amount(found["to"]))
-            middle = f"{found[0].strip()!r} is taken as its middle, {value:.6g} {unit}"
+            middle = f"{found[0].strip()!r} is read as its middle, {value:.6g} {unit}"
             notes.append(Caution(Cause.ASSUMED, middle))
         elif found["half"] is not None:
             value += 0.5

@@ -200,7 +200,7 @@ def check(prompt: str, clauses: list[Clause]) -> None:
         raise LanguageError(f"prompt {prompt!r} {what}; {EXAMPLE}")
     if any(clause.hangs and any(place.relation == "source" for place in clause.places) for clause in clauses):
         raise LanguageError(
-            f"prompt {prompt!r} hangs something up: only what rests on a support can be placed; {EXAMPLE}"
+            f"prompt {prompt!r} hangs something up: only things that rest on a support can be placed; {EXAMPLE}"
         )
     moved = themes(clauses)
     plural = any(clause.theme is not None and clause.theme.plural for clause in clauses if clause.kind != "other")

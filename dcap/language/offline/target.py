@@ -156,7 +156,7 @@ def ground_support(target: Target, support: Place, reading: Reading, request: In
     chosen = choose(able, told, target.used, request.instances, request.room_center)
     target.base = chosen.best
     if noun.whichever and chosen.open:
-        target.notes.append(f"{noun.text}: {chosen.best.id} is taken, as any will do")
+        target.notes.append(f"{noun.text}: {chosen.best.id} is used, as any will do")
         chosen = replace(chosen, instances=chosen.instances[:1], scores=chosen.scores[:1])
     target.candidates = as_candidates(chosen)
     if chosen.note:
@@ -165,13 +165,13 @@ def ground_support(target: Target, support: Place, reading: Reading, request: In
     if is_wider(target.base, noun):
         target.notes.append(Caution(Cause.WHICH, f"using the {target.base.label} as {noun.text}"))
     if target.base in nameless(noun, request.instances):
-        taken = f"the scene is one thing that nothing names: it is taken for the {noun.thing}"
+        taken = f"the scene is a single unnamed thing, assumed to be the {noun.thing}"
         target.notes.append(Caution(Cause.WHICH, taken))
     if target.base.guesses:
         target.notes.append(by_shape_alone(noun.text, chosen))
     if is_shut(support, target.base):
         target.missing, target.base = f"open {support.nouns[0].text.removeprefix('the ')}", None
-        target.notes.append(f"the {chosen.best.label} is closed: what is put on it lies on top")
+        target.notes.append(f"the {chosen.best.label} is closed; things put on it lie on top")
         return
     only_a_part = noun is support.nouns[0] and not named(noun, request.instances)
     one_of_its_parts = len(found) == 1 and noun.sides and part_of(noun, target.base)  # "the second shelf"
@@ -318,7 +318,7 @@ def given_target(reading: Reading, request: IntentRequest) -> Target:
         return Target(base=base, not_understood=list(reading.not_understood))
     target = target_of(reading, replace(request, instances=with_one_support(base, main, request.instances)))
     if target.base is None:
-        told = f"the scene has no {target.missing}; what was pointed at decides"
+        told = f"the scene has no {target.missing}; using the thing pointed at"
         target.notes.append(Caution(Cause.NOT_MET, told))
         target.missing, target.part, target.regions, target.references = "", "", [], []
     elif target.base.id != base.id:

@@ -213,7 +213,7 @@ def check_links(folder: Path, name: str) -> None:
     way = [file, *file.parents[: len(Path(name).parts) - 1]]
     link = next((one for one in reversed(way) if not Path(os.path.realpath(one)).is_relative_to(home)), file)
     where = os.path.realpath(link)
-    raise InputError(f"{link}: a link to {where}, which is no file of the scene; put a copy in its place (cp -rL)")
+    raise InputError(f"{link}: a link to {where}, which is not a file of the scene; put a copy in its place (cp -rL)")
 
 
 def may_be_seen(name: Path) -> bool:

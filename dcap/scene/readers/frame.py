@@ -242,7 +242,7 @@ def _up_of_splats(raw: RawMesh) -> tuple[str, str]:
     found = [up for up in planes if up in grounds] or grounds or planes
     if len(found) == 1:
         return found[0], "the ground" if grounds else "the plane through the origin"
-    return "-y", "nothing but custom: neither a room nor a ground is seen"
+    return "-y", "convention alone, as neither a room nor a ground is recognised"
 
 
 class Role(StrEnum):
@@ -349,7 +349,7 @@ def _unit(raw: RawMesh, options: SourceOptions, role: Role, notes: list[str]) ->
         unit, source = METRES["m"], "estimate"
     elif extent <= limits.centimetres_up_to:
         unit, source = METRES["cm"], "estimate"
-        taken = f"{extent:.3g} units long and without a stated unit: taken as centimetres"
+        taken = f"{extent:.3g} units long and without a stated unit; assuming centimetres"
         notes.append(Caution(Cause.ASSUMED, f"{taken} ({option_name(role, 'unit')})"))
     else:
         raise InputError(f"{raw.path}: {_size_line(extent, role)}")

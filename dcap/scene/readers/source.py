@@ -297,9 +297,9 @@ def check_scale(path: Path, raw: RawMesh, frame: FileFrame, role: Role) -> FileF
     if not (ROOM_HEIGHT[0] <= size[2] <= ROOM_HEIGHT[1] and ROOM_BREADTH[0] <= size[:2].max() <= ROOM_BREADTH[1]):
         raise InputError(
             f"{path}: Gaussians have no unit, and as metres they would be {size[0]:.3g} x {size[1]:.3g} m and "
-            f"{size[2]:.3g} m high, which is no room; say the scale: {BY_HEIGHT}; or --unit m, cm, mm or in"
+            f"{size[2]:.3g} m high, which is not a room; state the scale: {BY_HEIGHT}; or --unit m, cm, mm or in"
         )
-    told = f"Gaussians without a unit: taken as metres, for they are a room {size[2]:.2f} m high (--unit, --height-of)"
+    told = f"Gaussians carry no unit; assuming metres, as the room is {size[2]:.2f} m high (else: --unit, --height-of)"
     return replace(frame, notes=(*frame.notes, Caution(Cause.ASSUMED, told)))
 
 
@@ -315,7 +315,7 @@ def _meshed(
     mesh, notes = mesher(bare.transformed(frame.world_from_file))
     notes = (f"no mesh: the surface is reconstructed from {kind} ({len(mesh.faces)} faces)", *notes)
     if isinstance(bare, PointCloud) and frame.unit_source == "estimate" and frame.unit_metres == 1.0:
-        notes = (f"no unit in the file: its numbers are taken as metres ({option_name(role, 'unit')})", *notes)
+        notes = (f"no unit in the file; assuming metres ({option_name(role, 'unit')})", *notes)
     return mesh, notes
 
 

@@ -159,7 +159,7 @@ def checked(path: Path, files: Iterable[tuple[str, Path]]) -> dict[str, Path]:
 def check_name(path: Path, name: str) -> None:
     """Refuse a name that is not text, or that could be read as two lines of a list or as a path on another system."""
     if "\\" in name or any(category(one) in NO_TEXT for one in name):
-        raise InputError(f"{path}: the file name {name!r} has characters that are no text, or a backslash; rename it")
+        raise InputError(f"{path}: the file name {name!r} has characters that are not text, or a backslash; rename it")
 
 
 def check_size(path: Path, size: int) -> None:

@@ -77,7 +77,7 @@ def test_what_stands_by_itself_is_set_upright_against_it_and_that_is_told() -> N
     assert found.lean is not None
     assert found.lean.angle == 0.0
     assert 3.0 - mesh.bounds[1, 1] == pytest.approx(GAP, abs=1e-4)
-    assert "stands by itself" in found.notes[0]
+    assert "stands on its own" in found.notes[0]
 
 
 def test_nothing_leans_on_what_is_lower_than_its_middle() -> None:

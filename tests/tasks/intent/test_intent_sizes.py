@@ -49,7 +49,7 @@ def test_an_unknown_thing_in_centimetres_becomes_one_of_a_home():
     """A zorb of 24 m is one of 24 cm, and the notes say what was assumed."""
     found = asked(block("zorb", 24.0, 20.0, 18.0))
     assert found.scale == 0.01
-    assert any("not in the lexicon" in note and "centimetres are assumed" in note for note in found.notes)
+    assert any("not in the lexicon" in note and "assuming centimetres" in note for note in found.notes)
 
 
 def answered(**changes: object) -> tuple[IntentReply, IntentRequest]:

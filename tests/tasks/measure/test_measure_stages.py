@@ -149,7 +149,7 @@ def test_a_dent_of_which_nothing_is_kept_is_not_simulated_on():
     dented = replace(body, surface=pressed, displacement=pressed.vertices - body.surface.vertices)
     nothing = cast(Particles, None)
     told = drift(nothing, replace(found, bodies=(dented,)), DriftConfig())
-    assert "keeps no displacements inside of object" in told.reason
+    assert "keeps no displacements inside object" in told.reason
     assert (told.seconds, told.broken) == (0.0, False)
 
 

@@ -129,7 +129,7 @@ def test_points_become_a_clean_mesh(tmp_path: Path) -> None:
     told = " ".join(scan.notes)
     for what in (
         "reconstructed from a point cloud",
-        "taken as metres",
+        "assuming metres",
         "taken as up",
         "no normals",
         "mm apart",

@@ -79,9 +79,9 @@ def test_points_are_in_the_files_own_frame(up: str, at: tuple[float, ...]) -> No
         (GivenPlace(at=(0.0, 0.0, -4.0)), "is under the floor"),
         (GivenPlace(at=(0.0, 0.0, 9.0)), "is above the scene"),
         (GivenPlace(at=(0.0, 3.05, 1.0)), "is inside of wall"),
-        (GivenPlace(at=(-2.0, 3.05)), "nothing there looks up"),
-        (GivenPlace(support=(40.0, 0.0, 0.0, 41.0, 1.0, 1.0)), "--support 40,0,0,41,1,1 holds nothing"),
-        (GivenPlace(support=(1.5, 0.5, 0.1, 2.5, 1.5, 0.3)), "no surface that looks up"),
+        (GivenPlace(at=(-2.0, 3.05)), "there is no upward surface"),
+        (GivenPlace(support=(40.0, 0.0, 0.0, 41.0, 1.0, 1.0)), "--support 40,0,0,41,1,1 contains nothing"),
+        (GivenPlace(support=(1.5, 0.5, 0.1, 2.5, 1.5, 0.3)), "no upward surface"),
     ],
 )
 def test_a_place_that_carries_nothing_is_one_line(place: GivenPlace, words: str) -> None:
@@ -109,7 +109,7 @@ def test_the_object_goes_to_the_point() -> None:
     assert (meant.base_id, spot.part) == ("table", "top")
     assert spot.world_from_object[:2, 3] == pytest.approx([1.75, 0.8], abs=0.02)
     assert spot.region == "at the point"
-    assert any("right edge" in note and "--at decides" in note for note in meant.notes)
+    assert any("right edge" in note and "--at determines" in note for note in meant.notes)
     _, meant, spot = placed(GivenPlace(at=(-2.0, -2.0, 0.0)), "put it there")
     assert (meant.base_id, spot.part) == ("floor", "floor")
 

@@ -61,7 +61,7 @@ def test_what_is_written_is_read_as_it_was(tmp_path: Path, faces: bool) -> None:
         assert sorted(p.name for p in bed.parts) == ["frame", "headboard", "mattress", "pillow", "pillow"]
         assert bed.confidence == 0.5
     else:
-        assert "made of another mesh" in scene.notes[0]
+        assert "made for another mesh" in scene.notes[0]
 
 
 def test_another_name(tmp_path: Path) -> None:

@@ -232,7 +232,7 @@ class _GltfBuilder:
         for root in self._roots():
             self._visit(root, np.eye(4), (), None, 0)
         if not self.faces:
-            raise InputError(f"{self.path}: no triangles in its scene: nothing to place on or to place")
+            raise InputError(f"{self.path}: the scene has no triangles; a surface is needed")
         painted = bool(self.looks.textures) or len(self.looks.materials) > 1
         painted = painted or any((c != 200).any() for c in self.face_color)
         colored = any(c is not None for c in self.colors)

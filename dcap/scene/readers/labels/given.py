@@ -141,7 +141,7 @@ def numbers(what: str, value: object, count: int) -> Array:
 def read_numpy(path: Path) -> VertexLabels:
     """A file of numpy."""
     if read_bytes(path, len(MAGIC)) != MAGIC:
-        raise FormatError(f"{path}: not an array of numpy: it does not begin as one")
+        raise FormatError(f"{path}: not a numpy array: wrong signature")
     try:
         # mapped: the size in the header is compared with the file before memory is allocated
         array = np.load(path, mmap_mode="r", allow_pickle=False)
@@ -189,7 +189,7 @@ def read_segments(path: Path, document: Mapping[str, object]) -> VertexLabels:
     mine = [one for one in mine if one.name == named_there] or mine
     if len(mine) != 1:
         listed = ", ".join(one.name for one in mine) or "none"
-        raise FormatError(f"{path}: needs one file with {wanted} beside it (*{end}), found {listed}")
+        raise FormatError(f"{path}: needs one file with {wanted} next to it (*{end}), found {listed}")
     other = read_json(mine[0])
     groups, segments = (document, other) if groups_given else (other, document)
     group_path, segment_path = (path, mine[0]) if groups_given else (mine[0], path)
@@ -277,7 +277,7 @@ def _of_json(path: Path, document: object) -> GivenLabels | VertexLabels:
     if isinstance(document, list) or (isinstance(document, dict) and isinstance(document.get("labels"), list)):
         return _of_interiorgs(path, document)
     if not isinstance(document, dict):
-        raise FormatError(f"{path}: {short(document)} is no file of labels ({KNOWN})")
+        raise FormatError(f"{path}: {short(document)} is not a file of labels ({KNOWN})")
     if "dcap_labels" in document or "things" in document:
         return read_things(path, document)
     if "vertex_instance" in document:

@@ -36,7 +36,7 @@ def read_things(path: Path, document: Mapping[str, object]) -> GivenLabels:
     read = [EntryReader(path, index, entry, str(up)).thing() for index, entry in enumerate(entries)]
     digest = str(mesh.get("digest", "")) if isinstance(mesh, dict) else ""
     if not digest and any(len(one.faces) for one in read):
-        raise FormatError(f"{path}: mesh.digest is missing: nobody can tell which faces are meant")
+        raise FormatError(f"{path}: mesh.digest is missing; it identifies the mesh of the faces")
     return GivenLabels(path.name, merged(path, read), CornerFrame.FILE, complete=True, mesh=digest)
 
 

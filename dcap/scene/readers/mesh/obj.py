@@ -61,7 +61,7 @@ def read_obj(path: Path, report: Report | None = None, *, all_maps: bool = False
     numbers = _numbers(report, data, "v", lines.vertex, 3)
     vertices = numbers[:, :3].copy()
     if not len(vertices) or not lines.face:
-        raise InputError(f"{path}: no faces ({len(vertices)} vertices): nothing to place on or to place")
+        raise InputError(f"{path}: no faces ({len(vertices)} vertices); a surface is needed")
     uv = _numbers(report, data, "vt", lines.texture, 1)
     faces, face_uv, owner = _faces(path, report, lines, vertices, len(uv))
     named = lines.switches["o"] or lines.switches["g"]

@@ -234,7 +234,7 @@ def _faces(
         faces.append(np.take_along_axis(polygons[owner], triples, axis=1))
         owners.append(numbers[owner])
     if not faces:
-        raise InputError(f"{path}: {len(lengths)} faces, none with three corners: nothing to place on or to place")
+        raise InputError(f"{path}: {len(lengths)} faces, none with three corners; a surface is needed")
     owner = np.concatenate(owners)
     order = np.argsort(owner, kind="stable")
     return np.concatenate(faces)[order], owner[order]

@@ -56,7 +56,7 @@ class RawMesh:
 
     def __post_init__(self) -> None:
         if not len(self.vertices) or not len(self.faces):
-            raise InputError(f"{self.path}: no faces ({len(self.vertices)} vertices): nothing to place on or to place")
+            raise InputError(f"{self.path}: no faces ({len(self.vertices)} vertices); a surface is needed")
         if not np.isfinite(self.vertices).all():
             bad = np.flatnonzero(~np.isfinite(self.vertices).all(axis=1))
             more = f" ({len(bad) - 1} more like it)" if len(bad) > 1 else ""

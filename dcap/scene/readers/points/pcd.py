@@ -82,7 +82,7 @@ def check_spread(path: Path, position: Array) -> None:
         moment = offset.T @ offset / count
     if not np.isfinite(moment).all():
         raise FormatError(
-            f"{path}: coordinates up to {np.abs(position).max():.3g}, which are no lengths; export it again"
+            f"{path}: coordinates up to {np.abs(position).max():.3g}, which are not lengths; export it again"
         )
     spread = np.sqrt(np.linalg.eigvalsh(moment).clip(0.0))
     if not spread[2] > 0.0:
@@ -90,7 +90,7 @@ def check_spread(path: Path, position: Array) -> None:
     if spread[0] <= FLAT * spread[2]:
         raise InputError(
             f"{path}: all {count} points lie in a plane (off it by {spread[0]:.2g} units, along it by "
-            f"{spread[2]:.2g}), which is no scene and no object; scan it from several sides, or give a mesh"
+            f"{spread[2]:.2g}), which is neither a scene nor an object; scan it from several sides, or give a mesh"
         )
 
 
@@ -129,7 +129,7 @@ def cloud_of_rows(path: Path, rows: Array, first: int = 3) -> tuple[PointCloud, 
         notes += (f"columns {at + 1} to {at + 3} taken as {kind}",)
         at += 3
     if ignored:
-        notes += (f"columns that say neither colours nor normals are ignored: {', '.join(map(str, ignored))}",)
+        notes += (f"columns that are neither colours nor normals are ignored: {', '.join(map(str, ignored))}",)
     cloud, more = cloud_of(path, rows[:, :3], color, normal)
     return cloud, notes + more
 
@@ -162,13 +162,13 @@ def read_pcd(path: Path) -> tuple[PointCloud, Notes]:
     if int(header["HEIGHT"][0]) > 1 and not measured.all():
         if not measured.any():
             raise InputError(f"{path}: none of its {count} points has a measurement (all are nan); export it again")
-        notes += (f"{count - int(measured.sum())} of {count} pixels have no measurement (nan): they are no points",)
+        notes += (f"{count - int(measured.sum())} of {count} pixels have no measurement (nan) and are skipped",)
         position = position[measured]
         color = None if color is None else color[measured]
         normal = None if normal is None else normal[measured]
     viewpoint = header.get("VIEWPOINT", UNMOVED)
     if [float(one) for one in viewpoint] != [float(one) for one in UNMOVED]:
-        notes += (f"the viewpoint {' '.join(viewpoint)} is not applied: points are taken as they stand",)
+        notes += (f"the viewpoint {' '.join(viewpoint)} is not applied: points are used unchanged",)
     cloud, more = cloud_of(path, position, color, normal)
     return cloud, notes + more
 

@@ -223,7 +223,9 @@ def read_deformation(folder: Path, entry: DeformationEntry) -> Deformation:
     vertex = read_tables(path, read_header(path), refusing(path))["vertex"]
     shift = np.stack([scalar(path, vertex, name) for name in SHIFT], axis=1).astype(np.float64)
     if not np.isfinite(shift).all():
-        raise FormatError(f"{path}: vertex {int(np.argmin(np.isfinite(shift).all(axis=1)))} has a shift that is none")
+        raise FormatError(
+            f"{path}: vertex {int(np.argmin(np.isfinite(shift).all(axis=1)))} has a shift that is not finite"
+        )
     return Deformation(entry.instance, tuple(entry.loads), Mesh.of(raw.vertices, raw.faces), shift)
 
 
@@ -271,12 +273,12 @@ def named_nodes(path: Path, facts: SceneFile, names: Sequence[str], labels: Sequ
         elif label is None or label == "":
             found.append("")
         elif top not in known:
-            raise FormatError(f"{path}: node {top!r} is no instance of {FACTS} beside it")
+            raise FormatError(f"{path}: node {top!r} is not an instance of {FACTS} next to it")
         else:
             found.append("/".join(name.split("/")[:2]))
     missing = {one.id for one in facts.instances if one.placed is not None} - {one.split("/")[0] for one in found}
     if missing:
-        raise FormatError(f"{path}: it has no node of {sorted(missing)[0]!r}, which {FACTS} beside it says was placed")
+        raise FormatError(f"{path}: it has no node of {sorted(missing)[0]!r}, which {FACTS} lists as placed")
     return found
 
 

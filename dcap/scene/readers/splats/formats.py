@@ -52,7 +52,7 @@ def read_splat_records(path: Path, report: Report | None = None) -> Gaussians:
     """Read a file of records, in its own units and axes."""
     size = path.stat().st_size if path.is_file() else 0
     if size % RECORD.itemsize:
-        raise FormatError(f"{path}: {size} bytes are no whole number of records of {RECORD.itemsize} bytes")
+        raise FormatError(f"{path}: {size} bytes are not a whole number of records of {RECORD.itemsize} bytes")
     check_count(path, size // RECORD.itemsize)
     rows = np.frombuffer(read_bytes(path), RECORD)
     with np.errstate(invalid="ignore"):  # a size below zero is detected by its logarithm
@@ -75,7 +75,7 @@ def read_spz(path: Path, report: Report | None = None) -> Gaussians:
     if data[:4] == MAGIC:
         raise FormatError(f"{path}: SPZ of version 4 or later, packed by Zstandard; save it as version 3 or as PLY")
     if data[:2] != GZIP:
-        raise FormatError(f"{path}: no SPZ file: it begins with neither a gzip stream nor {MAGIC.decode()}")
+        raise FormatError(f"{path}: not an SPZ file: it begins with neither a gzip stream nor {MAGIC.decode()}")
     stream = zlib.decompressobj(wbits=31)
     head = _unpacked(path, stream, data, HEADER)
     version, count = (int.from_bytes(head[at : at + 4], "little") for at in (4, 8))

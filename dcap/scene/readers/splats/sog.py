@@ -74,7 +74,7 @@ def read_sog(path: Path, report: Report | None = None) -> Gaussians:
 def _beside(path: Path, name: str) -> bytes:
     found = find_file(path.parent, name)
     if found is None:
-        raise FormatError(f"{path}: {name} is missing beside it")
+        raise FormatError(f"{path}: {name} is missing next to it")
     return read_bytes(path.parent / found)
 
 

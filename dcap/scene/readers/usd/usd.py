@@ -56,7 +56,7 @@ def read_usd(path: Path, report: Report | None = None) -> RawMesh:
             capture_output=True, check=False, timeout=MOST_SECONDS,
         )  # fmt: skip
     except subprocess.TimeoutExpired:
-        raise FormatError(f"{path}: the USD library waits for what does not come: {MOST_SECONDS} s") from None
+        raise FormatError(f"{path}: the USD library did not finish within {MOST_SECONDS} s") from None
     if done.returncode == usd_stage.REFUSED:
         found = json.loads(done.stdout.splitlines()[-1])
         if report is not None:

@@ -250,7 +250,7 @@ def _meshes(path: Path, stage: Stage) -> list[Prim]:
         drawn = one.ComputePurpose() in (UsdGeom.Tokens.default_, UsdGeom.Tokens.render)
         (shown if visible and drawn else hidden).append(prim)
     if not shown and not hidden:
-        raise InputError(f"{path}: no mesh in it: nothing to place on or to place")
+        raise InputError(f"{path}: the stage has no mesh; a surface is needed")
     return shown or hidden
 
 

@@ -63,7 +63,7 @@ def test_a_mug_becomes_a_closed_mesh_with_its_outside_out(normals: str) -> None:
     assert away.mean() < 1.6e-4
     assert np.quantile(away, 0.99) < 1.6e-3
     told = " ".join(notes)
-    assert {"none": "no normals in the file", "given": "normals are used", "inside out": "turned around",
+    assert {"none": "no normals in the file", "given": "normals are used", "inside out": "reversed",
             "of either sign": "point both ways"}[normals] in told  # fmt: skip
 
 

@@ -66,4 +66,9 @@ def test_what_is_no_measure_stays(text: str) -> None:
 def test_a_range_is_told() -> None:
     """Its middle is taken, and the reading says so."""
     reading = read("put the mug on the table, 10-15 cm from the left edge")
-    assert reading.notes == ("'10-15 cm' is taken as its middle, 12.5 cm",)
+    assert reading.notes == ("'10-15 cm' is read as its middle, 12.5 cm",)
+
+
+def test_feet_that_one_stands_on_are_no_length() -> None:
+    """Number words before "feet" make a length only before a direction."""
+    assert not any(token.has("distance") for token in tokens_of("stand the bear on its two feet"))

@@ -88,7 +88,7 @@ WRONG: dict[str, tuple[object, str]] = {
     "list": ({"vertex_instance": [0, 1.5]}, "expected a list of whole numbers"),
     "unnamed": ({"vertex_instance": [0, 1], "labels": {"7": "sofa"}}, "thing 7, which no vertex .*; there are 0, 1"),
     "nothing": ({"vertex_instance": [-1, -1]}, "all numbers are below 0"),
-    "alone": ({"segIndices": [0, 1]}, r"needs one file with segGroups beside it \(\*.aggregation.json\), found none"),
+    "alone": ({"segIndices": [0, 1]}, r"needs one file with segGroups next to it \(\*.aggregation.json\), found none"),
     "dimensions": ({"objects": [{"category": {"sofa": {}}, "dimensions": [1, 2], "transform": IDENTITY}]},
                    "dimensions is \\[1, 2\\], expected 3 finite numbers"),
     "transform": ({"objects": [{"category": {"sofa": {}}, "dimensions": [1, 2, 1], "transform": [2.0] * 16}]},

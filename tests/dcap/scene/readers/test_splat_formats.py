@@ -112,9 +112,9 @@ def in_meta(change: Callable[[dict[str, Any]], object]) -> Encoder:
 
 
 BROKEN: dict[str, tuple[str, Encoder, str]] = {
-    "records": ("a.splat", lambda s: splat_records(s)[:-1], "no whole number of records of 32 bytes"),
+    "records": ("a.splat", lambda s: splat_records(s)[:-1], "not a whole number of records of 32 bytes"),
     "negative size": ("a.splat", lambda s: struct.pack("<6f8B", 0, 0, 0, -1, 1, 1, *[200] * 8), "the scale of splat 0"),
-    "no gzip": ("a.spz", lambda s: b"no gzip at all", "no SPZ file"),
+    "no gzip": ("a.spz", lambda s: b"no gzip at all", "not an SPZ file"),
     "new": ("a.spz", lambda s: b"NGSP" + bytes(28), "SPZ of version 4 or later, packed by Zstandard"),
     "version 1": ("a.spz", lambda s: gzip.compress(b"NGSP" + struct.pack("<IIBBBB", 1, 5, 0, 12, 0, 0)), "version 1"),
     "promises": (

@@ -167,7 +167,7 @@ def test_a_library_that_breaks_takes_nobody_along(
         ("5,7,3]", "5,7,-3]", "uses vertex -3 of 8"),
         ("</Prototype>", "@elsewhere.usd@", "usdcat --flatten"),
         ('def Xform "World"', "def Xform", "USD cannot read it"),
-        ("Mesh", "Cube", "no mesh in it"),
+        ("Mesh", "Cube", "the stage has no mesh"),
         ("(1,1,1)]", "(1,1,nan)]", "not finite"),
     ],
 )
