@@ -44,9 +44,11 @@ def plain_measures(text: str) -> tuple[str, tuple[str, ...]]:
             return found[0]
         unit = SHORT.get(found["unit"].casefold(), found["unit"].rstrip("."))
         value = amount(found["number"])
-        if found["to"] is not None:
-            value = 0.5 * (value + amount(found["to"]))
-            middle = f"{found[0].strip()!r} is read as its middle, {value:.6g} {unit}"
+        if first := found["first"]:
+            value *= unit_in_metres(first) / unit_in_metres(found["unit"])
+        if upper := found["to"] or found["and"]:
+            value = 0.5 * (value + amount(upper))
+            middle = f"{found[0].strip()!r} is taken as its middle, {value:.6g} {unit}"
             notes.append(Caution(Cause.ASSUMED, middle))
         elif found["half"] is not None:
             value += 0.5
@@ -102,7 +104,8 @@ def measure() -> re.Pattern[str]:
     words = alternatives([*units("length"), *units("unit")])
     signs = alternatives([sign for sign in SHORT if not sign.isalpha()])
     return re.compile(
-        rf"(?<![\w.,/-])(?P<number>{number})(?:\s*(?:-|\N{{EN DASH}}|\bto\b|\bor\b)\s*(?P<to>{number}))?"
+        rf"(?<![\w.,/-])(?P<between>between\s+)?(?P<number>{number})"
+        rf"(?(between)(?:\s*(?P<first>{words}))?\s+and\s+(?P<and>{number})|(?:\s*(?:-|\N{{EN DASH}}|\bto\b|\bor\b)\s*(?P<to>{number}))?)"
         rf"[\s-]*(?P<unit>(?:{words}|in)\b\.?|{signs})(?P<half>\s+and\s+a\s+half\b)?",
         re.IGNORECASE,
     )
@@ -110,11 +113,13 @@ def measure() -> re.Pattern[str]:
 
 @cache
 def chain() -> re.Pattern[str]:
-    """Pattern of two lengths that add up: 5 ft 6 in, 1 m and 20 cm."""
-    number = r"\d+(?:[.,]\d+)?"
+    """Two lengths that add up: 5 ft 6 in, 1 m and 20 cm."""
+    number = number_pattern()
     signs = alternatives([sign for sign in SHORT if not sign.isalpha()])
     unit = rf"(?:(?:{alternatives([*units('length'), 'in'])})\b\.?|{signs})"
-    return re.compile(rf"(?<![\w.,/-]){number}\s*{unit}\s*(?:and\s+)?{number}\s*{unit}", re.IGNORECASE)
+    return re.compile(
+        rf"(?<![\w.,/-])(?<!between\s){number}\s*{unit}\s*,?\s*(?:and\s+)?{number}\s*{unit}", re.IGNORECASE
+    )
 
 
 def alternatives(words: Iterable[str]) -> str:

@@ -34,6 +34,10 @@ LENGTHS = {
     ".5 m": 0.5,
     "twenty-five centimetres": 0.25,
     "one hundred and twenty mm": 0.12,
+    "one foot and three inches": 0.381,
+    "two feet, six inches": 0.762,
+    "between 10 and 15 cm": 0.125,
+    "between 5 mm and 1 cm": 0.0075,
     "10-15 cm": 0.125,
     "ten to fifteen cm": 0.125,
 }
