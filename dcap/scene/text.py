@@ -55,6 +55,9 @@ SHORT_RUN = 2.4
 SHORT_WORD = 4
 """Number of consecutive letters from which a piece with digits on both sides may be a word."""
 
+SEVERAL = frozenset(("two", "three", "four", "five", "six", "seven", "eight", "several", "many", "both", "and"))
+"""Words of names that speak of more than one thing: "two_sofas", "table_and_chairs"."""
+
 
 def unfit(text: str, most: int, *, lines: bool = False) -> str:
     """Reason why a person's text is not accepted, to follow its name; empty if it is. A sentence may have `lines`."""
@@ -107,6 +110,11 @@ def readable(name: str) -> str:
     """A name for people: its words, or the name itself if no words remain but it is not an id; empty for an id."""
     rest = HEX.sub(" ", name).lower().replace("_", " ").split()
     return " ".join(words_of(name)) or " ".join(piece for piece in rest if not is_id(piece))
+
+
+def names_several(name: str) -> bool:
+    """Whether a name speaks of more than one thing."""
+    return not SEVERAL.isdisjoint(words_of(name))
 
 
 def says_something(name: str) -> bool:

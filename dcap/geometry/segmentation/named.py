@@ -18,7 +18,7 @@ from dcap.geometry.segmentation.faces import FaceTable, connected_regions, plan_
 from dcap.geometry.segmentation.labels import Category, category_of, part_word, plain_structure
 from dcap.geometry.segmentation.rooms.contacts import segments_of
 from dcap.geometry.segmentation.rooms.shell import ScannedShell, wall_number
-from dcap.scene.text import readable, says_something
+from dcap.scene.text import names_several, readable, says_something
 from dcap.scene.types.scan import Scan
 
 COUNTER = re.compile(r"\.\d+$")
@@ -196,14 +196,14 @@ def shell_groups(shell: ScannedShell) -> list[Group]:
 
 
 def _is_room(table: FaceTable, faces: Index, label: str) -> bool:
-    """Return whether faces are a room: a floor under most of it, and large or walled; a label that names furniture does
-    not make a hall of a bed."""
+    """A floor under most of it, and large or walled; a label that names a piece of furniture does not make a hall
+    of a bed."""
     points = table.corners[faces].reshape(-1, 3)
     size = np.ptp(points, axis=0)
     small = bool(size[:2].max() < ROOM_SIZE)
     if small and (size[:2].min() < SMALL_ROOM[0] or size[2] < SMALL_ROOM[1] or not _is_walled(table, faces)):
         return False
-    furniture = category_of(label) not in (Category.OTHER, Category.STRUCTURE)
+    furniture = category_of(label) not in (Category.OTHER, Category.STRUCTURE) and not names_several(label)
     return _floored(table, faces) > FLOORED and not (furniture and size[:2].max() < 2.0 * ROOM_SIZE)
 
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dcap.scene.text import not_one_of, readable, says_something, words_of
+from dcap.scene.text import names_several, readable, says_something, words_of
 
 
 @given(st.uuids(), st.sampled_from(["{}", "{}_low", "ball {}", "ball_{}"]))
@@ -41,8 +41,9 @@ def test_an_id_has_no_readable_name():
     assert readable("0042") == "0042"
 
 
-def test_words_of_a_closed_list():
-    """The nearest one is named if one is near."""
-    words = ["offline", "openai"]
-    assert not_one_of("opnai", words) == "is not one of offline, openai; did you mean 'openai'?"
-    assert not_one_of("nobody", words) == not_one_of(7, words) == "is not one of offline, openai"
+@pytest.mark.parametrize(
+    ("name", "several"), [("two_sofas", True), ("TableAndChairs", True), ("sofa2", False), ("chest_of_drawers", False)]
+)
+def test_a_name_may_speak_of_several_things(name: str, several: bool):
+    """Counted or joined by "and"; a counter behind a name is none."""
+    assert names_several(name) == several
