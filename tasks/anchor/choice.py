@@ -30,7 +30,7 @@ from dcap.scene.types.choices import Intent, RegionConstraint
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Cause, Caution
 from dcap.scene.types.segmentation import Instance, Segmentation
-from tasks.anchor.constraints import EDGE, Bounds, constrained
+from tasks.anchor.constraints import RIM, Bounds, constrained
 from tasks.anchor.no_room import side_cautions
 from tasks.requests.surroundings import horizontal_gap, is_floor, part_frame, reference_boxes, reference_frame
 
@@ -217,7 +217,7 @@ def distances(limits: Sequence[RegionConstraint], references: Sequence[str]) -> 
     return [
         one.metres for one in limits
         if one.metres is not None and one.reference in references and one.kind in ("exactly", "at_least")
-        and EDGE not in one.regions
+        and not RIM.intersection(one.regions)
     ]  # fmt: skip
 
 

@@ -29,8 +29,9 @@ from dcap.scene.types.choices import RegionConstraint
 from dcap.scene.types.segmentation import Instance, Segmentation
 from tasks.requests.surroundings import PART, boxes_of, reference_frame
 
-EDGE = "edge"
-"""Region of a constraint whose reference determines the edge."""
+MIDDLES = frozenset({"center", "middle"})
+RIM = frozenset({"edge", "end"})
+"""Regions of a constraint whose reference says which edge."""
 TOLERANCE = 0.015
 """Tolerance of a distance [m]: places are searched on a grid."""
 AWAY, AWAY_FROM_EDGE = 0.5, 0.1
@@ -78,7 +79,7 @@ def cut_to(area: Region, one: RegionConstraint, bounds: Bounds) -> list[Region]:
         return [with_exclusions(area, [swept(ring, bounds.footprint) for ring in barred_rings(one, bounds)])]
     if one.kind == "not_in":
         return [with_exclusions(area, barred_areas(one, bounds))]
-    if not one.reference or EDGE in one.regions:
+    if not one.reference or RIM.intersection(one.regions):
         return from_edges(area, one, bounds)
     rings = [swept(ring, bounds.footprint) for ring in rings_of(one, bounds)]
     if one.kind in ("farthest", "nearest"):
@@ -112,16 +113,19 @@ def from_edges(area: Region, one: RegionConstraint, bounds: Bounds) -> list[Regi
     """An area at a distance from an edge, a corner or an end of the part, or from the edge at a thing; from all edges
     if no single edge is meant."""
     frame, sides = bounds.frame, [SIDES[name] for name in one.regions if name in SIDES]
+    if MIDDLES.intersection(one.regions) and one.metres is not None:  # from middle to middle
+        return from_things(area, one, [grown(frame.center[None], 0.0)])
     if "corner" in one.regions:
         spots = [frame.world(np.array(d, dtype=float))[None] for d in corner_directions(sides)]
         rings = [swept(np.repeat(spot, 3, axis=0), bounds.footprint) for spot in spots]
         return from_things(area, one, rings) if one.metres is not None else [with_exclusions(area, rings)]
     edges = [(x, 0) for x, _ in sides if x] + [(0, y) for _, y in sides if y]
     if one.reference and not edges and (boxes := boxes_of(bounds.scene, bounds.base, one.reference)):
-        edges = [edge_at(frame, boxes)]
+        edges = [edge_at(frame, boxes, one.regions)]
+    edges = edges or edge_directions(frame, [name for name in one.regions if name not in SIDES])
     if one.kind in ("exactly", "at_most"):
-        return [cut_to_band(area, [edge], one, bounds) for edge in edges or edge_directions(frame, [])]
-    return [cut_to_band(area, edges or edge_directions(frame, []), one, bounds)]
+        return [cut_to_band(area, [edge], one, bounds) for edge in edges]
+    return [cut_to_band(area, edges, one, bounds)]
 
 
 def cut_to_band(area: Region, edges: Sequence[tuple[int, int]], one: RegionConstraint, bounds: Bounds) -> Region:

@@ -90,6 +90,13 @@ def nothing_left(base: Instance, index: int, intent: Intent) -> Infeasible:
     return Infeasible(Reason.NO_SUPPORT_HIT, text, evidence)
 
 
+def overhead(base: Instance, intent: Intent) -> Infeasible:
+    """The refusal of a ceiling, of which a room shows the underside."""
+    evidence = BesideThePart(base=base.id, part=base.label, region="", references=(), beside_m=0.0)
+    text = f"{intent.object_name} cannot rest on the {base.label}: its side in the room looks down"
+    return Infeasible(Reason.NO_SUPPORT_HIT, text, evidence)
+
+
 def not_level(base: Instance, index: int, intent: Intent) -> Infeasible:
     """The refusal if only level faces may carry and there is none."""
     part = base.parts[index]

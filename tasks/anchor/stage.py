@@ -23,6 +23,7 @@ from dcap.geometry.placement.poses import center_of_mass
 from dcap.geometry.placement.search import SHARES, PlacementSearch
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.segmentation.faces import surface_pieces, surface_points
+from dcap.geometry.segmentation.labels import plain_structure
 from dcap.geometry.solid.mending import with_mended
 from dcap.language.connect import Client
 from dcap.language.protocol.client import LanguageConfig
@@ -34,7 +35,7 @@ from dcap.scene.types.outcome import Infeasible
 from dcap.scene.types.segmentation import Instance, Segmentation, SegmentedObject, SegmentedScene
 from tasks.anchor.choice import Choice, area_at, carrier_masks, carrying_at, choice_of, offset_note, owner, reply_at
 from tasks.anchor.leaning import leaning_start
-from tasks.anchor.no_room import facing_cautions, no_room, not_level, not_on_it, nothing_left
+from tasks.anchor.no_room import facing_cautions, no_room, not_level, not_on_it, nothing_left, overhead
 from tasks.anchor.request import anchor_request
 from tasks.cache import stage
 from tasks.requests.surroundings import part_frame
@@ -73,6 +74,8 @@ def anchor(
 ) -> Anchor | Infeasible:
     """Choose part and region, find a free spot, set the object over it."""
     base = instance_of(scene, intent.base_id)
+    if base.structure and intent.at is None and plain_structure(base.label) == "ceiling":
+        return overhead(base, intent)
     if not config.subparts:
         intent = aimed_at_middle(intent, base, Raycaster(scene.mesh))
     pose = np.eye(4)

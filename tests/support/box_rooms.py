@@ -11,7 +11,7 @@ from dcap.scene.types.segmentation import Instance, Part, Segmentation
 
 Corner = tuple[float, float, float]
 Solid = tuple[str, Mesh]
-STRUCTURE = ("floor", "wall", "window", "door")
+STRUCTURE = ("floor", "wall", "window", "door", "ceiling")
 
 
 def block(low: Corner, high: Corner) -> Mesh:

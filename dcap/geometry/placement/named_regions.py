@@ -124,7 +124,8 @@ def regions(
     if "edge" in names and opposite(sides):
         return [replace(strip(frame, SIDES[n], reach), name=f"{n} edge") for n in sides]
     if "edge" in names:
-        return [strip(frame, d, reach) for d in edge_directions(frame, [SIDES[n] for n in sides], references)]
+        edges = edge_directions(frame, names, references)
+        return [strip(frame, d, reach) for d in edges]
     if sides:
         return [half_region(frame, names)]
     if "center" in names or "middle" in names:
@@ -214,22 +215,26 @@ def horizontal_gaps(points: Array, box: OrientedBox) -> Array:
 
 
 def edge_directions(
-    frame: ViewerFrame, directions: Sequence[tuple[int, int]], references: Sequence[OrientedBox] = ()
+    frame: ViewerFrame, names: Sequence[str], references: Sequence[OrientedBox] = ()
 ) -> list[tuple[int, int]]:
-    """The requested edge, the edge that faces the references, or all four, the viewer's first, then the longer ones."""
+    """The asked edge, the one that looks at the references, or all of the asked length, the viewer's first, then the
+    longer ones."""
+    directions = [SIDES[n] for n in names if n in SIDES]
     if directions:
         return [(sum(d[0] for d in directions), sum(d[1] for d in directions))]
     if references:
-        return [edge_at(frame, references)]
-    if frame.half[0] >= frame.half[1]:
-        return [(0, 1), (1, 0), (-1, 0), (0, -1)]
-    return [(1, 0), (-1, 0), (0, 1), (0, -1)]
+        return [edge_at(frame, references, names)]
+    wide = bool(frame.half[0] >= frame.half[1])
+    left_and_right, front_and_back = [(1, 0), (-1, 0)], [(0, 1), (0, -1)]
+    if "end" in names or "long" in names:
+        return front_and_back if wide == ("long" in names) else left_and_right
+    return [(0, 1), (1, 0), (-1, 0), (0, -1)] if wide else [*left_and_right, *front_and_back]
 
 
-def edge_at(frame: ViewerFrame, references: Sequence[OrientedBox]) -> tuple[int, int]:
-    """The edge nearest to one of the references, seen from above; of two that meet in a corner the one that faces
-    it."""
-    sides, along = ((1, 0), (-1, 0), (0, 1), (0, -1)), np.linspace(-1.0, 1.0, 33)[:, None]
+def edge_at(frame: ViewerFrame, references: Sequence[OrientedBox], names: Sequence[str] = ()) -> tuple[int, int]:
+    """The edge of the asked length that comes nearest to one of these, seen from above; of two that meet in a corner
+    the one that looks at it."""
+    sides, along = edge_directions(frame, [n for n in names if n not in SIDES]), np.linspace(-1.0, 1.0, 33)[:, None]
 
     def away(side: tuple[int, int]) -> tuple[float, float]:
         points = frame.world(np.array(side, dtype=float) + along * np.array(side[::-1], dtype=float))
@@ -298,7 +303,7 @@ def beside_area(
     if relation == "between" and len(references) > 1:
         polygon = grown(np.array([box.center[:2] for box in references]), max(radius, 0.1))
     else:
-        polygon = grown(np.concatenate(rings), reach)
+        polygon = grown(np.concatenate(rings), 0.0 if relation == "under" else reach)  # its middle is under them
     target = middle
     if relation != "between" and not any(name in SIDES for name in names):
         target = middle + VIEWER * view.front

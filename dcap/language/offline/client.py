@@ -70,8 +70,9 @@ class OfflineClient:
 
 
 def intent(request: IntentRequest) -> IntentReply:
-    """The base, size, mass, orientation and region."""
-    reading = read(request.prompt, SceneWords.of((one.id, one.label) for one in request.instances))
+    """Which base, how big, how heavy, which orientation and region."""
+    words = SceneWords.of((one.id, one.label) for one in request.instances)
+    reading = read(request.prompt, words, request.item.label)
     target = given_target(reading, request) if request.given_base else target_of(reading, request)
     leaning = reading.pose == "leaning"
     prior = prior_of(reading.theme, request.item.label, request.item.size)

@@ -84,7 +84,8 @@ class Support:
 def outlines(request: OutlinesRequest) -> OutlinesReply:
     """The constraints of a sentence."""
     asked = IntentRequest(request.prompt, request.item, request.instances, request.room_center)
-    reading = read(request.prompt, SceneWords.of((one.id, one.label) for one in request.instances))
+    words = SceneWords.of((one.id, one.label) for one in request.instances)
+    reading = read(request.prompt, words, request.item.label)
     target = target_of(reading, asked)
     if target.base is None:
         return OutlinesReply(constraints=(), missing=target.missing or "support", did_you_mean=target.meant)

@@ -17,8 +17,8 @@ from dcap.language.offline.words import Token, TokenCursor
 MODIFIERS = ("det", "side", "colour", "quality", "number", "both")
 NOUNS = ("thing", "part", "region")
 SAYING = (*MODIFIERS[1:], *NOUNS, "pronoun", "one", "viewer", "id", "unknown")
-"""Kinds of tokens that can form a noun phrase on their own; an article cannot."""
-OUTER = frozenset({"edge", "end", "side", "head", "foot"})
+"""Kinds of tokens that can make a noun phrase alone; an article cannot."""
+OUTER = frozenset({"edge", "end", "long_edge", "side", "head", "foot"})
 """Regions at the rim of a surface."""
 STARTS = ("det", *SAYING)
 """Kinds of tokens with which a noun phrase may start."""
@@ -227,8 +227,8 @@ def thing_and_region(noun: Noun) -> bool:
 
 
 def several(one: Noun, other: Noun) -> Noun:
-    """A noun for two things to be moved."""
-    return replace(one, text=f"{one.text} and {other.text}", plural=True)
+    """Two things to be moved."""
+    return replace(one, text=f"{one.text} and {other.text}", name=f"{one.name} and {other.name}", plural=True)
 
 
 def belongs(theme: Noun | None, whole: Noun) -> bool:

@@ -18,6 +18,7 @@ placement.
 import math
 from dataclasses import dataclass, field, replace
 
+from dcap.language.offline.lexicon import label_words
 from dcap.language.offline.nouns import Noun
 from dcap.language.offline.words import Token, TokenCursor
 from dcap.scene.errors import LanguageError
@@ -190,8 +191,8 @@ class Clause:
         return self.kind not in ("pick", "other")
 
 
-def check(prompt: str, clauses: list[Clause]) -> None:
-    """Refuse a sentence that is not the placement of one thing."""
+def check(prompt: str, clauses: list[Clause], moved: str = "") -> None:
+    """Refuse what is not the placement of one thing; the file called `moved` is one, be it a plural ("candles")."""
     placing = [clause for clause in clauses if clause.says_where and not clause.negated]
     if not placing and any(clause.negated for clause in clauses):
         raise LanguageError(f"prompt {prompt!r} says only where not to put it; {EXAMPLE}")
@@ -202,10 +203,13 @@ def check(prompt: str, clauses: list[Clause]) -> None:
         raise LanguageError(
             f"prompt {prompt!r} hangs something up: only things that rest on a support can be placed; {EXAMPLE}"
         )
-    moved = themes(clauses)
-    plural = any(clause.theme is not None and clause.theme.plural for clause in clauses if clause.kind != "other")
-    if plural or any(not alike(moved[0], theme) for theme in moved[1:]):
-        listed = f" ({' and '.join(dict.fromkeys(theme.text for theme in moved))})" if moved else ""
+    named, file = themes(clauses), label_words(moved)
+    plural = any(
+        clause.theme is not None and clause.theme.plural and label_words(clause.theme.name) != file
+        for clause in clauses if clause.kind != "other"
+    )  # fmt: skip
+    if plural or any(not alike(named[0], theme) for theme in named[1:]):
+        listed = f" ({' and '.join(dict.fromkeys(theme.text for theme in named))})" if named else ""
         raise LanguageError(f"prompt {prompt!r} moves more than one thing{listed}; place one object at a time")
 
 

@@ -71,16 +71,20 @@ OF_A_LENGTH = frozenset({"source", "away", "near", "left_of", "right_of", "front
 SIDED = {"left_of": "left", "right_of": "right", "front_of": "front", "behind": "back"}
 """The side of a support meant by a relation to its middle."""
 MIDDLES = frozenset({"center", "middle"})
-ACROSS = frozenset({"corner", "end", "edge", "side"})
-"""Regions that can lie opposite a thing."""
+ACROSS = frozenset({"corner", "end", "edge", "long_edge", "side"})
+"""Regions of which one lies opposite a thing."""
+EDGES = frozenset({"edge", "end", "long_edge"})
+"""Regions of which a thing that they look at says which one is meant."""
+FAR_OR_NEAR = frozenset({"nearest", "farthest", "away", "opposite"})
+"""Relations that tell the ends of a thing apart."""
 SEEN = {"back": "farthest", "front": "nearest", "nearest": "nearest"}
 """Meaning of a side as seen from a stated viewpoint."""
 
 
-def read(prompt: str, scene: SceneWords = NO_SCENE) -> Reading:
-    """Read a prompt, with the words of a scene if given; raises LanguageError if it is not the placement of one
-    thing."""
-    tokens = given_last(tokens_of(prompt, scene))
+def read(prompt: str, scene: SceneWords = NO_SCENE, moved: str = "") -> Reading:
+    """Read a prompt, with the words of a scene and the name of the object's file if they are known; LanguageError if it
+    is not the placement of one thing."""
+    tokens, spare = first_choice(given_last(tokens_of(prompt, scene)))
     if not any(token.text != "," for token in tokens):
         raise LanguageError(f"the prompt is empty; {EXAMPLE}")
     reader = Reader(tokens)
@@ -89,10 +93,25 @@ def read(prompt: str, scene: SceneWords = NO_SCENE) -> Reading:
         forbids = token.has("negation") and index not in reader.kept and not is_aside(tokens, index)
         if token.has("choice") or forbids:
             raise LanguageError(f"prompt {prompt!r}: {token.text!r} is not understood; name one place to put it")
-    check(prompt, clauses)
+    check(prompt, clauses, moved)
     words = words_of(prompt, scene)
     mended = (Caution(Cause.WHICH, f"{typed!r} is read as {meant!r}") for typed, meant in words.mended.items())
-    return replace(reading_of(clauses, reader.lost()), notes=(*words.notes, *mended))
+    found = reading_of(clauses, reader.lost())
+    return replace(found, aside=(*found.aside, *spare), notes=(*words.notes, *mended, *map(not_tried, spare)))
+
+
+def first_choice(tokens: list[Token]) -> tuple[list[Token], tuple[str, ...]]:
+    """The tokens up to a second choice, and its words: "..., or else on the wardrobe"."""
+    at = next((i for i, token in enumerate(tokens) if token.has("alternative")), len(tokens))
+    if not any(token.has("relation") for token in tokens[:at]):
+        return tokens, ()
+    words = " ".join(token.text for token in tokens[at:])
+    return tokens[:at], (words,) if words else ()
+
+
+def not_tried(words: str) -> Caution:
+    """That a second choice has no effect."""
+    return Caution(Cause.NOT_UNDERSTOOD, f"{words!r} has no effect: only the first choice is tried")
 
 
 class Reader(KeptWords):
@@ -199,6 +218,9 @@ class Reader(KeptWords):
             self.facing(clause, self.cursor.index)
         elif here("relation"):
             self.place(clause)
+        elif here("restrict") and self.says_which_end(clause):
+            self.use()
+            self.last_place_ends = self.cursor.index
         elif here("restrict"):
             self.exclude |= self.use().value("restrict") == "not"
             self.restrict = True
@@ -206,6 +228,13 @@ class Reader(KeptWords):
             self.noun(clause)
         else:
             self.cursor.take()
+
+    def says_which_end(self, clause: Clause) -> bool:
+        """Whether "that is" explains an edge, an end, a corner or a side and no thing: "the end that is nearest the
+        door"."""
+        follows = bool(clause.places) and self.last_place_ends == self.cursor.index
+        plain = self.cursor.value("restrict") == "" and self.cursor.value("relation", ahead=1) in FAR_OR_NEAR
+        return follows and plain and clause.places[-1].nouns[0].region in ACROSS
 
     def leads_to_place(self, ahead: int) -> bool:
         """Return whether a place or a noun comes that many tokens further."""
@@ -341,8 +370,10 @@ class Reader(KeptWords):
         across = self.last_place_ends == right_before and clause.places[-1].nouns[0].region in ACROSS
         if relation in ("opposite", "away") and across:
             relation = "farthest"  # "the corner opposite the lamp"
-        if relation == "nearest" and self.is_measured_edge(clause, begin):  # "10 cm from the edge nearest the sofa"
-            self.says_edge(clause, begin, nouns[0])
+        toward = nouns[0].owner if nouns[0].region == "side" and not nouns[0].sides else None  # "on the window side"
+        toward = nouns[0] if relation == "nearest" else toward
+        if toward is not None and self.is_measured_edge(clause, begin):  # "10 cm from the edge nearest the sofa"
+            self.says_edge(clause, begin, toward)
             return
         clause.poses += [token] if token.has("pose") else []  # "leaning against the wall"
         nouns = [self.referred(noun, relation) for noun in nouns]
@@ -386,7 +417,11 @@ class Reader(KeptWords):
         mode = self.cursor.take().value("face") or "toward"
         if not at_noun(self.cursor) or clause.facing is not None:
             return
-        edge = bool(clause.places) and self.last_place_ends == begin and clause.places[-1].nouns[0].region == "edge"
+        edge = (
+            bool(clause.places)
+            and self.last_place_ends == begin
+            and clause.places[-1].nouns[0].region in EDGES - {"end"}
+        )
         noun = noun_phrase(self.cursor)
         self.keep(begin)
         if edge and mode == "toward":
@@ -397,13 +432,13 @@ class Reader(KeptWords):
     def is_measured_edge(self, clause: Clause, begin: int) -> bool:
         """Return whether a distance from an edge was stated right before."""
         last = clause.places[-1] if clause.places and self.last_place_ends == begin else None
-        return last is not None and last.measure is not None and last.nouns[0].region in ("edge", "end")
+        return last is not None and last.measure is not None and last.nouns[0].region in EDGES
 
     def says_edge(self, clause: Clause, begin: int, noun: Noun) -> None:
         """Attach the thing to the edge named last, which is the edge at this thing."""
         edge = clause.places[-1]
         text = f"{edge.text} {self.cursor.text(begin)}"
-        clause.places[-1] = replace(edge, nouns=(replace(edge.nouns[0], region="edge", toward=noun),), text=text)
+        clause.places[-1] = replace(edge, nouns=(replace(edge.nouns[0], toward=noun),), text=text)
         self.last_place_ends = self.cursor.index
 
     def noun(self, clause: Clause) -> None:

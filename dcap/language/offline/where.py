@@ -126,10 +126,11 @@ def region_words(target: Target, noun: Noun, request: IntentRequest, text: str) 
 def regions_of(noun: Noun, base: InstanceView | None) -> list[str]:
     """Sides and region of a noun as region names; the end of a bed is its foot."""
     names = [SIDE_REGIONS[side] for side in noun.sides if side in SIDE_REGIONS]
-    if noun.region == "end" and base is not None and "bed" in lineage(label_thing(base)):
+    bed = base is not None and "bed" in lineage(label_thing(base))
+    if noun.region == "end" and bed and noun.toward is None:
         names = [name for name in names if name in ("head", "foot")] or ["foot"]
     elif noun.region and noun.region != "side" and not (noun.region == "end" and names):  # the left end is the left
-        names.append(noun.region)
+        names += ["long", "edge"] if noun.region == "long_edge" else [noun.region]
     return names
 
 
@@ -143,7 +144,7 @@ def ground_further(target: Target, place: Place, request: IntentRequest) -> None
     elif place.relation in PLACEABLE:
         ground_on_again(target, place, request)
     elif (noun.region or noun.is_region) and (
-        noun.owner is None or noun.region in ("edge", "corner", "center", "middle")
+        noun.owner is None or noun.region in ("edge", "long_edge", "corner", "center", "middle")
     ):
         region_words(target, noun, request, place.text)
     else:
@@ -229,7 +230,7 @@ def references_of(noun: Noun, target: Target, request: IntentRequest, *, several
     chosen: Found = choose(
         [i for i in pool if gap(i, base) <= nearest + 0.05], noun, (), request.instances, request.room_center
     )
-    target.notes += chosen.cautions
+    target.notes += chosen.viewpoints
     told = target.reference_candidates[0].id if target.reference_candidates else ""
     if any(i.id == told for i in chosen.instances) and not noun.sides and not noun.colour:
         return [told]  # the thing that identified the base

@@ -34,8 +34,8 @@ Pose = Literal[
     "on_front", "leaning", "any",
 ]  # fmt: skip
 Region = Literal[
-    "center", "left", "right", "front", "back", "head", "foot", "edge", "corner", "end", "near", "next_to", "between",
-    "middle", "under", "any",
+    "center", "left", "right", "front", "back", "head", "foot", "edge", "long", "corner", "end", "near", "next_to",
+    "between", "middle", "under", "any",
 ]  # fmt: skip
 ConstraintKind = Literal["not_on", "not_in", "exactly", "at_least", "at_most", "farthest", "nearest", "away"]
 MEASURED = frozenset({"exactly", "at_least", "at_most"})

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from box_rooms import CUBE, HALL, ROOM
+from box_rooms import CUBE, HALL, ROOM, block, segmentation
 from stage_chain import Stages
 
 from dcap.geometry.placement.named_regions import ViewerFrame, edge_at
@@ -45,6 +45,50 @@ def test_distances_from_edges_are_free_gaps(words: str, axis: int, edge: float, 
     _, low, high = plan(f"put the cube on the bed, {words}")
     near = low[axis] - edge if edge < 0 else edge - high[axis]
     assert near == pytest.approx(metres, abs=SLACK)
+
+
+@pytest.mark.parametrize(
+    ("words", "axis", "half"),
+    [
+        ("a short edge", 0, 0.6), ("the shorter edge", 0, 0.6), ("an end", 0, 0.6), ("a long edge", 1, 0.4),
+        ("the end nearest the bench", 0, 0.6), ("the long edge nearest the door", 1, 0.4),
+        ("the end that is nearest the door", 0, 0.6), ("the long edge on the door side", 1, 0.4),
+    ],
+)  # fmt: skip
+def test_edges_are_told_by_their_length(words: str, axis: int, half: float) -> None:
+    """The table is 1.2 m along x and 0.8 m along y: its short edges lie at x, its long ones at y, whatever is near."""
+    _, low, high = plan(f"put the cube on the table, 12 cm from {words}", HALL)
+    assert min(half - high[axis], low[axis] + half) == pytest.approx(0.12, abs=SLACK)
+
+
+def test_the_end_nearest_a_thing_is_at_that_end() -> None:
+    """The door is at -x."""
+    _, low, _ = plan("put the cube on the table, 12 cm from the end that is nearest the door", HALL)
+    assert low[0] + 0.6 == pytest.approx(0.12, abs=SLACK)
+
+
+def test_a_distance_from_the_middle_is_that_of_the_middles() -> None:
+    """A free gap to a point that the object may cover says little."""
+    _, low, high = plan("put the cube on the table, 20 cm from its centre", HALL)
+    assert np.linalg.norm(0.5 * (low + high)) == pytest.approx(0.2, abs=SLACK)
+
+
+def test_under_a_thing_is_below_it_or_nowhere() -> None:
+    """The middle of the cube is below the table; the bench stands flat on the floor, and next to it is not under it."""
+    _, low, high = plan("put the cube under the table", HALL)
+    assert (np.abs(0.5 * (low + high)) <= (0.6, 0.4)).all()
+    found = OFFLINE.tried("put the cube under the bench", CUBE, HALL)
+    assert isinstance(found, Infeasible)
+
+
+def test_nothing_rests_on_a_ceiling() -> None:
+    """Its upper side is outside the room."""
+    below = {"floor": ("floor", None, [("floor", block((-2, -2, -0.1), (2, 2, 0.0)))]),
+             "ceiling": ("ceiling", None, [("ceiling", block((-2, -2, 2.5), (2, 2, 2.6)))])}  # fmt: skip
+    found = OFFLINE.tried("put the cube on the ceiling", CUBE, segmentation(below))
+    assert isinstance(found, Infeasible)
+    assert found.reason is Reason.NO_SUPPORT_HIT
+    assert "ceiling" in found.message
 
 
 @pytest.mark.parametrize("words", ["nearest the lamp", "facing the lamp", "closest to the lamp"])
