@@ -74,9 +74,9 @@ class Found:
     scores: tuple[float, ...]
     """Likelihood that each is meant, 0..1."""
     note: str = ""
-    """Explanation of the choice among several."""
-    cautions: tuple[Caution, ...] = ()
-    """Sides that decided the choice although their point of view is not stated."""
+    """How one was chosen among several."""
+    viewpoints: tuple[str, ...] = ()
+    """From where the sides were seen by which it was chosen; cautions where nothing says so."""
 
     @property
     def best(self) -> InstanceView:
@@ -183,7 +183,7 @@ def choose(
     if noun.sides and sum(one >= PLAUSIBLE * max(score.values()) for one in score.values()) < 2:
         score = dict.fromkeys(score, max(score.values(), default=0.0))  # the side distinguishes them, see `widened`
     notes: list[str] = []
-    guessed: list[Caution] = []
+    viewpoints: list[str] = []
 
     def weigh(factors: Sequence[float], note: str) -> None:
         if len(found) > 1 and any(factors):
@@ -195,17 +195,17 @@ def choose(
     for place in restrictions:
         if (factors := fits(found, place, instances, room_center)) is not None:
             weigh(factors, f"the one {place.text}")
-            guessed += guessed_side(found, place, instances, room_center)
+            viewpoints += viewpoint_of(found, place, instances, room_center)
     for side in noun.sides:
         best = max(score.values(), default=0.0)
         left = [i for i in found if score[i.id] >= PLAUSIBLE * best]
         picked = {i.id for i in by_side(left, side, room_center, instances)}
         weigh([float(i.id in picked) for i in found], f"the {side} one")
-        if len(left) > 1 and is_viewed(side) and common_front(left) is None:
-            guessed.append(seen_from(f"the {side} one", PLAN_VIEWER, ALIKE))
+        if len(left) > 1 and is_viewed(side):
+            viewpoints.append(seen_together(f"the {side} one", left))
     ordered = sorted(found, key=lambda i: (-round(score[i.id], 6), -round(float(np.prod(i.size)), 3), i.id))
     scores = tuple(round(score[i.id], 6) for i in ordered)
-    return Found(tuple(ordered), scores, "; ".join(notes), tuple(guessed))
+    return Found(tuple(ordered), scores, "; ".join(notes), tuple(viewpoints))
 
 
 def seen_from(words: str, viewer: Vector, why: str) -> Caution:
@@ -214,28 +214,41 @@ def seen_from(words: str, viewer: Vector, why: str) -> Caution:
     return Caution(Cause.WHICH, f"{taken}; name another by its id or by what is nearest to it")
 
 
+def seen_before(words: str, what: str) -> str:
+    """That a side is the one that a viewer of a front sees."""
+    return f"{words!r} is as seen by someone who looks at {what}"
+
+
+def seen_together(words: str, found: Sequence[InstanceView]) -> str:
+    """From where a side of several alike things is seen."""
+    front = common_front(found)
+    return seen_from(words, PLAN_VIEWER, ALIKE) if front is None else seen_before(words, "their fronts")
+
+
 def is_viewed(side: str) -> bool:
     """Return whether a side, or a number counted from the left or right, depends on the viewer."""
     counted = side.split()[0].isdigit() and not side.endswith(("from top", "from bottom"))
     return side in VIEWED or side == "last" or counted
 
 
-def guessed_side(
+def viewpoint_of(
     found: Sequence[InstanceView], place: Place, instances: Sequence[InstanceView], room_center: Sequence[float]
-) -> list[Caution]:
-    """Cautions for a place that is a side without a stated point of view; empty if a front determines it."""
+) -> list[str]:
+    """From where a place is seen that is a side of something, a caution where nothing says so; empty for others."""
     noun = place.nouns[0]
     if len(found) < 2:
         return []
     if place.relation == "which" or noun.is_region:
         viewed = bool(noun.sides) and is_viewed(noun.sides[0])
-        return [seen_from(place.text, PLAN_VIEWER, ALIKE)] if viewed and common_front(found) is None else []
+        return [seen_together(place.text, found)] if viewed else []
     others = [i for i in candidates(noun, instances) if i not in found]
     if place.relation not in SIDED_RELATIONS or not others:
         return []
     other = nearest_of(found[0], others)
-    if other.structure or other.front is not None:
+    if other.structure:
         return []  # doors and walls are seen from the room
+    if other.front is not None:
+        return [seen_before(place.text, f"the front of the {other.label}")]
     return [seen_from(place.text, viewer_of(other, room_center), f"the {other.label} has no front")]
 
 

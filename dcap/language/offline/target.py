@@ -16,6 +16,7 @@ from dcap.language.offline.ground import (
     candidates,
     carrier,
     choose,
+    describes,
     fits,
     floor_of,
     gap,
@@ -161,7 +162,7 @@ def ground_support(target: Target, support: Place, reading: Reading, request: In
     target.candidates = as_candidates(chosen)
     if chosen.note:
         target.notes.append(f"{noun.text}: {chosen.note}")
-    target.notes += chosen.cautions
+    target.notes += chosen.viewpoints
     if is_wider(target.base, noun):
         target.notes.append(Caution(Cause.WHICH, f"using the {target.base.label} as {noun.text}"))
     if target.base in nameless(noun, request.instances):
@@ -174,7 +175,8 @@ def ground_support(target: Target, support: Place, reading: Reading, request: In
         target.notes.append(f"the {chosen.best.label} is closed; things put on it lie on top")
         return
     only_a_part = noun is support.nouns[0] and not named(noun, request.instances)
-    one_of_its_parts = len(found) == 1 and noun.sides and part_of(noun, target.base)  # "the second shelf"
+    whole_one = support.topmost and describes(noun)  # "on top of the low shelf", but "on the second shelf"
+    one_of_its_parts = len(found) == 1 and noun.sides and part_of(noun, target.base) and not whole_one
     if only_a_part or one_of_its_parts or a_board:
         set_part(target, noun)
     elif support.relation == "in" and inside(target.base) and support.nouns[0].owner is None:
@@ -293,7 +295,7 @@ def ground_by_neighbour(target: Target, place: Place, reading: Reading, request:
         which = [p for p in reading.places if p is not place and p.restrict]
         chosen = choose(found, noun, which, request.instances, request.room_center)
         target.used, thing = which, chosen.best
-        target.notes += chosen.cautions
+        target.notes += chosen.viewpoints
         if not noun.plural and not is_any(thing):
             target.reference_candidates = as_candidates(chosen)
         of_it = noun is not place.nouns[0] and part_of(place.nouns[0], thing) and place.relation != "under"
@@ -301,7 +303,7 @@ def ground_by_neighbour(target: Target, place: Place, reading: Reading, request:
     elif found := owners(noun, request.instances):
         chosen = choose(found, noun, (), request.instances, request.room_center)
         target.base, target.candidates = chosen.best, as_candidates(chosen)
-        target.notes += chosen.cautions
+        target.notes += chosen.viewpoints
     if target.base is None:
         target.missing = noun.text if not found else "floor"
         target.meant = near_miss(noun, request.instances) if not found else ""

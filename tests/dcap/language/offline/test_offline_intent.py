@@ -11,6 +11,7 @@ from dcap.language.offline.pose_choice import chosen_part
 from dcap.language.protocol.questions import INTENT
 from dcap.language.protocol.requests import AnchorRequest, PartView
 from dcap.scene.errors import LanguageError
+from dcap.scene.types.outcome import cautions
 
 # prompt | base | part | which | regions | references | pose | facing
 SENTENCES = """
@@ -85,6 +86,10 @@ put the ball right of the middle of the desk | desk_0 | | | right | | any |
 put the ball on the desk, behind the middle | desk_0 | | | back | | any |
 put the ball on the sofa, then move it to the left | sofa_0 | | | left | | any |
 put the ball on the sofa and place it on the seat cushion | sofa_0 | seat cushion | | | | any |
+put pillow on bed what is closest at the window | bed_1 | | | | | any |
+could I have the mug on the desk | desk_0 | | | | | any |
+put the book on top of the tall shelf | shelf_0 | board | top | | | any |
+put the book on the tall shelf | shelf_0 | board | tallest | | | any |
 """.strip().splitlines()
 
 
@@ -216,51 +221,17 @@ def test_a_wider_label_is_taken_and_said(ask):
     assert "using the chair as the office chair" in reply.notes
 
 
-HASH = "0a1b2c3d4e5f60718293a4b5c6d7e8f9"
+def test_a_second_choice_has_no_effect_and_that_is_told(ask):
+    """ "Or else on the desk": the first choice is tried, and a caution says that the other one is not."""
+    reply = OfflineClient().ask(INTENT, ask("put the blanket on the left bed, or else on the desk"))
+    assert (reply.base_id, reply.not_understood) == ("bed_0", ())
+    assert any("'or else on the desk' has no effect" in note for note in cautions(reply.notes))
 
 
-@pytest.mark.parametrize(
-    ("path", "prompt", "given", "name"),
-    [
-        (f"glbs/000-023/{HASH}.glb", "put the tennis ball on the bed", "", "tennis ball"),
-        (f"glbs/000-023/{HASH}.glb", "put the tennis ball on the bed", "juggling_ball", "juggling ball"),
-        (f"glbs/000-023/{HASH}.glb", "put it on the bed", "", "object"),
-        (f"glbs/000-023/{HASH}.glb", "put the ball on the bed", HASH, "ball"),
-        ("objects/B07XJ8C8F5.glb", "put the gizmo on the bed", "", "gizmo"),
-        ("objects/plush_bear.glb", "put the toy on the bed", "", "plush bear"),
-        ("my_mug/textured.obj", "put the cup on the desk", "", "my mug"),
-        (f"{HASH}/textured.obj", "put the cup on the desk", "", "cup"),
-    ],
-)
-def test_names(path: str, prompt: str, given: str, name: str):
-    """In that order; a folder counts where the file is called what every mesh is called."""
-    assert object_name(Path(path), prompt, given) == name
-
-
-HEIGHTS = {"case with a roof": (0.09, 0.39, 0.70, 1.00), "three boards": (0.1, 0.5, 0.9)}
-
-
-def board_height(which: str, heights: tuple[float, ...]) -> float:
-    """Height of the board that is chosen [m]."""
-    parts = tuple(PartView(i, "board", (0.0, 0.0, z), (0.8, 0.3, 0.02), 0.24) for i, z in enumerate(heights))
-    request = AnchorRequest(
-        prompt="", region_words="", object_name="book", footprint=(0.2, 0.15), base_label="bookcase", parts=parts,
-        asked_part="board", asked_which=which, asked_regions=(), asked_references=(), right=(1.0, 0.0, 0.0),
-        front=(0.0, -1.0, 0.0),
-    )  # fmt: skip
-    return chosen_part(request)[0].center[2]
-
-
-@pytest.mark.parametrize(
-    ("which", "case", "height"),
-    [
-        ("middle", "case with a roof", 0.39),
-        ("middle", "three boards", 0.5),
-        ("bottom", "case with a roof", 0.09),
-        ("2 from bottom", "case with a roof", 0.39),
-        ("2 from top", "three boards", 0.5),
-        ("top", "three boards", 0.9),
-    ],
-)
-def test_board_that_is_meant(which, case, height):
-    assert board_height(which, HEIGHTS[case]) == height
+def test_one_file_is_one_thing_whatever_its_name(ask):
+    """A file of three candles is placed as a whole; two things of which it is one are not."""
+    asked = ask("put the candles on the desk")
+    candles = replace(asked, item=replace(asked.item, label="candles"))
+    assert OfflineClient().ask(INTENT, candles).base_id == "desk_0"
+    with pytest.raises(LanguageError, match="more than one thing"):
+        OfflineClient().ask(INTENT, replace(candles, prompt="put the candles and the mug on the desk"))

@@ -39,7 +39,8 @@ SIDES = [
 
 @pytest.mark.parametrize(("words", "plan", "turned"), SIDES)
 def test_side_of_a_landmark(words: str, plan: str, turned: str) -> None:
-    """Without a front the viewer of a floor plan decides, and a caution names him; a front decides without a word."""
+    """Without a front the viewer of a floor plan decides, and a caution names him; a front decides, and a note
+    says so."""
     prompt = f"put the book on the stool {words} the"
     guessed, told = answer(f"{prompt} table", room(None)), answer(f"{prompt} cabinet", room((0.0, 1.0, 0.0), "cabinet"))
     assert guessed.base_id == f"stool_{plan}"
@@ -47,6 +48,7 @@ def test_side_of_a_landmark(words: str, plan: str, turned: str) -> None:
     assert "seen from -y" in caution
     assert "by its id" in caution
     assert (told.base_id, sides_guessed(told)) == (f"stool_{turned}", [])
+    assert any("the front of the cabinet" in note for note in told.notes)
 
 
 UNSEEN = ["put the book on the left stool", "put the book on the second stool from the right"]
