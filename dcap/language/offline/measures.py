@@ -105,7 +105,8 @@ def measure() -> re.Pattern[str]:
     signs = alternatives([sign for sign in SHORT if not sign.isalpha()])
     return re.compile(
         rf"(?<![\w.,/-])(?P<between>between\s+)?(?P<number>{number})"
-        rf"(?(between)(?:\s*(?P<first>{words}))?\s+and\s+(?P<and>{number})|(?:\s*(?:-|\N{{EN DASH}}|\bto\b|\bor\b)\s*(?P<to>{number}))?)"
+        rf"(?(between)(?:\s*(?P<first>{words}))?\s+and\s+(?P<and>{number})"
+        rf"|(?:\s*(?:-|\N{{EN DASH}}|\bto\b|\bor\b)\s*(?P<to>{number}))?)"
         rf"[\s-]*(?P<unit>(?:{words}|in)\b\.?|{signs})(?P<half>\s+and\s+a\s+half\b)?",
         re.IGNORECASE,
     )
