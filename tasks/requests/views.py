@@ -24,7 +24,7 @@ class Sums:
     area: NDArray[np.float64]
     """Area of each part [m^2], shape (parts,)."""
     support: NDArray[np.float64]
-    """Upward area of each part [m^2], shape (parts,)."""
+    """Upward area [m^2], shape (parts,); downward area of a part without any."""
     color: NDArray[np.float64]
     """Area times sRGB colour 0..1, shape (parts, 3)."""
 
@@ -36,13 +36,14 @@ def sums_of(scene: Segmentation) -> Sums:
     number = first[scene.face_instance[known]] + scene.face_part[known]
     normals = scene.mesh.face_normals[known]
     length = np.linalg.norm(normals, axis=1)
-    up = normals[:, 2] > LEVEL * np.maximum(length, 1e-30)
+    steep = LEVEL * np.maximum(length, 1e-30)
     shade = scene.mesh.colors[scene.mesh.faces[known]].mean(axis=1) / 255.0
     count = int(first[-1])
+    up, down = (np.bincount(number, 0.5 * length * (way > steep), count) for way in (normals[:, 2], -normals[:, 2]))
     return Sums(
         first=first,
         area=np.bincount(number, 0.5 * length, count).astype(np.float64),
-        support=np.bincount(number, 0.5 * length * up, count).astype(np.float64),
+        support=np.where(up > 0.0, up, down).astype(np.float64),  # a sheet has two sides, however it is wound
         color=np.stack([np.bincount(number, 0.5 * length * shade[:, k], count) for k in range(3)], axis=1),
     )
 

@@ -21,6 +21,7 @@ from dcap.scene.types.mesh import Mesh
 
 OVERLAP = 0.8
 FLATNESS = 0.1
+"""Standard deviation along the surface over the distance of neighbours [-]: discs add up to an even, opaque surface."""
 
 """Standard deviation along the normal over that along the surface [-]."""
 JITTER = 0.3

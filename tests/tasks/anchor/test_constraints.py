@@ -7,6 +7,7 @@ from stage_chain import Stages
 
 from dcap.geometry.placement.named_regions import ViewerFrame, edge_at
 from dcap.scene.types.boxes import OrientedBox
+from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Infeasible, Reason
 from dcap.scene.types.segmentation import Segmentation
 
@@ -79,6 +80,19 @@ def test_under_a_thing_is_below_it_or_nowhere() -> None:
     assert (np.abs(0.5 * (low + high)) <= (0.6, 0.4)).all()
     found = OFFLINE.tried("put the cube under the bench", CUBE, HALL)
     assert isinstance(found, Infeasible)
+
+
+def test_a_sheet_carries_however_it_is_wound() -> None:
+    """A table top of two triangles that face down is the top all the same; the boxes below it are the legs."""
+    sheet = Mesh.of(
+        np.array([(-0.6, -0.4, 0.7), (0.6, -0.4, 0.7), (0.6, 0.4, 0.7), (-0.6, 0.4, 0.7)]), [(0, 2, 1), (0, 3, 2)]
+    )
+    legs = [("leg", block((x, -0.05, 0.0), (x + 0.1, 0.05, 0.7))) for x in (-0.5, 0.4)]
+    part, low, high = plan(
+        "put the cube on the table", segmentation({"table": ("table", None, [("top", sheet), *legs])})
+    )
+    assert part == "top"
+    np.testing.assert_allclose(0.5 * (low + high), 0.0, atol=0.05)
 
 
 def test_nothing_rests_on_a_ceiling() -> None:
