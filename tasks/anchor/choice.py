@@ -163,6 +163,9 @@ def choice_of(scene: Segmentation, base: Instance, intent: Intent, reply: Anchor
     limits = (*intent.region.constraints, *region_constraints(reply.constraints))
     guessed = side_cautions(scene, base, intent, names, reply.references, limits, frame, other)
     farther = max([HAND if outside and sided else 0.0, *distances(limits, reply.references)])
+    free = base.parts[index].box.top + float(np.ptp(mesh.bounds[:, 2]))
+    if "under" in names and all(box.bottom > free for group in groups for box in group):
+        farther = float(reach.max())  # what hangs over it is high enough: below a picture is before its wall
     areas = asked_areas(frame, names, groups, reach, view, outline, farther)
     if len(reply.references) > 1 and "between" not in names:
         areas[:0] = both(areas)  # "next to the lamp and the book": where the two meet, if they do

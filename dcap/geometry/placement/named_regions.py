@@ -97,10 +97,11 @@ def regions(
 ) -> list[Region]:
     """Areas for the names, best first; the whole part if there are no names.
 
-    `reach`: half extents of the object along the frame's right and front [m], shape (2,). `view`: the frame that
-    defines left and front next to references; by default the part's. `footprint`: corners of the object's outline
-    relative to its origin [m], shape (k, 2); with it, places near and next to things are neither over nor under them.
-    `farther`: least extent of a place next to things [m].
+    `reach`: half extents of the object along the frame's right and front [m], shape (2,).
+    `view`: whose left and front are meant next to references; the part's unless given.
+    `footprint`: corners of the object's outline from its origin [m], shape (k, 2): near and next to things it stays off
+    them then, neither over nor under them. `farther`: at least so far a place next to things reaches, and one under
+    them beyond their plan [m].
     """
     radius = float(reach.max())
     beside = [n for n in names if n in BESIDE]
@@ -303,7 +304,7 @@ def beside_area(
     if relation == "between" and len(references) > 1:
         polygon = grown(np.array([box.center[:2] for box in references]), max(radius, 0.1))
     else:
-        polygon = grown(np.concatenate(rings), 0.0 if relation == "under" else reach)  # its middle is under them
+        polygon = grown(np.concatenate(rings), farther if relation == "under" else reach)
     target = middle
     if relation != "between" and not any(name in SIDES for name in names):
         target = middle + VIEWER * view.front

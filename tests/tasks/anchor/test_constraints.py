@@ -82,6 +82,17 @@ def test_under_a_thing_is_below_it_or_nowhere() -> None:
     assert isinstance(found, Infeasible)
 
 
+def test_below_what_hangs_on_a_wall_is_before_it() -> None:
+    """No middle of a cube is right below a picture of 2 cm; the cube's plan meets that of the picture."""
+    front = (0.0, -1.0, 0.0)
+    bench = ("bench", front, [("seat", block((-0.5, 1.5, 0.0), (0.5, 2.0, 0.45)))])
+    picture = ("picture", front, [("body", block((-0.2, 1.98, 1.0), (0.2, 2.0, 1.5)))])
+    room = segmentation({"bench": bench, "picture": picture})
+    _, low, high = plan("put the cube on the bench below the picture", room)
+    assert high[1] >= 1.98 - 0.03 - SLACK
+    assert abs(low[0] + high[0]) / 2 <= 0.2 + 0.03 + SLACK
+
+
 def test_a_sheet_carries_however_it_is_wound() -> None:
     """A table top of two triangles that face down is the top all the same; the boxes below it are the legs."""
     sheet = Mesh.of(
