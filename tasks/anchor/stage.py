@@ -37,6 +37,7 @@ from tasks.anchor.choice import Choice, area_at, carrier_masks, carrying_at, cho
 from tasks.anchor.leaning import leaning_start
 from tasks.anchor.no_room import facing_cautions, no_room, not_level, not_on_it, nothing_left, overhead
 from tasks.anchor.request import anchor_request
+from tasks.anchor.vessel import rim_cautions
 from tasks.cache import stage
 from tasks.requests.surroundings import part_frame
 from tasks.requests.views import instance_of
@@ -118,8 +119,10 @@ def anchor(
             start = set_down(search, exact, aims, config.clearance, anywhere=anywhere)
             if start is not None:
                 found = anchor_at(scene, base, replace(choice, note=note), start, pose, search, reply)
-                spot = np.array([start.spot.x, start.spot.y])
-                return replace(found, reason=found.reason + offset_note(intent.at, spot), pose=rotation.pose)
+                spot, part = np.array([start.spot.x, start.spot.y]), base.parts[choice.index]
+                rim = rim_cautions(prompt, base, part, start, found.surface_point, mesh)
+                reason = found.reason + offset_note(intent.at, spot)
+                return replace(found, reason=reason, pose=rotation.pose, notes=(*found.notes, *rim))
     if search is None:  # there is always a mask to try, but one without a level face
         return not_level(base, choice.index, intent)
     return no_room(scene, base, choice.index, choice.frame, search, choice.areas, intent, mesh)

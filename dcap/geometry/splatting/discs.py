@@ -19,8 +19,8 @@ from dcap.scene.errors import GeometryError
 from dcap.scene.types.gaussians import DC, Gaussians
 from dcap.scene.types.mesh import Mesh
 
-FLATNESS = 0.1
 OVERLAP = 0.8
+FLATNESS = 0.1
 """Standard deviation along the surface over the distance of neighbours [-]: discs add up to an even, opaque surface."""
 
 """Standard deviation along the normal over that along the surface [-]."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from box_rooms import CUBE, HALL, ROOM, block, segmentation
+from box_rooms import CUBE, HALL, ROOM, block, segmentation, thing
 from stage_chain import Stages
 
 from dcap.geometry.placement.named_regions import ViewerFrame, edge_at
@@ -91,6 +91,18 @@ def test_below_what_hangs_on_a_wall_is_before_it() -> None:
     _, low, high = plan("put the cube on the bench below the picture", room)
     assert high[1] >= 1.98 - 0.03 - SLACK
     assert abs(low[0] + high[0]) / 2 <= 0.2 + 0.03 + SLACK
+
+
+@pytest.mark.parametrize(("words", "half", "told"), [("in", 0.2, True), ("on", 0.2, False), ("in", 0.1, False)])
+def test_what_does_not_go_into_a_vessel_is_told(words: str, half: float, told: bool) -> None:
+    """A box 40 cm wide lies on the rim of an open crate 30 cm wide, as "on the crate" may mean; one of 20 cm is in."""
+    walls = [block((-0.15, -0.15, 0.0), (0.15, 0.15, 0.01))]
+    walls += [block((x, -0.15, 0.01), (x + 0.01, 0.15, 0.3)) for x in (-0.15, 0.14)]
+    walls += [block((-0.14, y, 0.01), (0.14, y + 0.01, 0.3)) for y in (-0.15, 0.14)]
+    crate = segmentation({"crate": ("crate", None, [("body", Mesh.concatenate(walls))])})
+    box = thing("box", block((-half, -half, 0.0), (half, half, 0.2)))
+    _, _, found = OFFLINE.placed(f"put the box {words} the crate", box, crate)
+    assert any("on the rim" in note for note in found.notes) == told
 
 
 def test_a_sheet_carries_however_it_is_wound() -> None:
