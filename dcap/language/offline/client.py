@@ -71,8 +71,8 @@ class OfflineClient:
 
 def intent(request: IntentRequest) -> IntentReply:
     """Which base, how big, how heavy, which orientation and region."""
-    words = SceneWords.of((one.id, one.label) for one in request.instances)
-    reading = read(request.prompt, words, request.item.label)
+    known = SceneWords.of((one.id, one.label) for one in request.instances)
+    reading = read(request.prompt, known, request.item.label)
     target = given_target(reading, request) if request.given_base else target_of(reading, request)
     leaning = reading.pose == "leaning"
     prior = prior_of(reading.theme, request.item.label, request.item.size)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from box_rooms import CUBE, HALL, ROOM, block, segmentation, thing
+from box_rooms import CUBE, HALL, ROOM, Things, block, segmentation, thing
 from stage_chain import Stages
 
 from dcap.geometry.placement.named_regions import ViewerFrame, edge_at
@@ -87,8 +87,8 @@ def test_below_what_hangs_on_a_wall_is_before_it() -> None:
     front = (0.0, -1.0, 0.0)
     bench = ("bench", front, [("seat", block((-0.5, 1.5, 0.0), (0.5, 2.0, 0.45)))])
     picture = ("picture", front, [("body", block((-0.2, 1.98, 1.0), (0.2, 2.0, 1.5)))])
-    room = segmentation({"bench": bench, "picture": picture})
-    _, low, high = plan("put the cube on the bench below the picture", room)
+    things: Things = {"bench": bench, "picture": picture}
+    _, low, high = plan("put the cube on the bench below the picture", segmentation(things))
     assert high[1] >= 1.98 - 0.03 - SLACK
     assert abs(low[0] + high[0]) / 2 <= 0.2 + 0.03 + SLACK
 
@@ -120,7 +120,7 @@ def test_a_sheet_carries_however_it_is_wound() -> None:
 
 def test_nothing_rests_on_a_ceiling() -> None:
     """Its upper side is outside the room."""
-    below = {"floor": ("floor", None, [("floor", block((-2, -2, -0.1), (2, 2, 0.0)))]),
+    below: Things = {"floor": ("floor", None, [("floor", block((-2, -2, -0.1), (2, 2, 0.0)))]),
              "ceiling": ("ceiling", None, [("ceiling", block((-2, -2, 2.5), (2, 2, 2.6)))])}  # fmt: skip
     found = OFFLINE.tried("put the cube on the ceiling", CUBE, segmentation(below))
     assert isinstance(found, Infeasible)
