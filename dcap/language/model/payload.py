@@ -208,7 +208,7 @@ def png(rgb: NDArray[np.uint8]) -> bytes:
 
 
 @cache
-def environment() -> jinja2.Environment:
+def environment() -> jinja2.Environment:  # noqa: TID251 -- the type of a sandboxed one
     """Environment of the templates, in which an undefined name is an error. User text is a value in them and never part
     of a template; sandboxed, no template can reach an attribute from which Python code could be run."""
     return SandboxedEnvironment(

@@ -23,11 +23,12 @@ from dcap.scene.types.scan import LabelBox, Room
 BURIED = 0.1
 """Depth of a box's top below the floor from which the box belongs to nothing visible [m]."""
 OUTSIDE = 1.0
-"""Distance of a box from every room above which it stands on no floor [m]."""
+"""Distance of a box from every room beyond which it stands on no floor [m]."""
 SAME = 1e-3
 """Difference below which boxes are equal [m]."""
 SMALLEST_ROOM = 0.01
 """Area below which a profile counts as a line [m^2]."""
+T = TypeVar("T")
 SLACK = 2.0
 """Largest difference between the sizes of the picture and the map [pixels]: conventions differ by half a pixel per
 end."""
@@ -39,7 +40,8 @@ def check_annotations(folder: Path, findings: Findings) -> tuple[LabelBox, ...]:
     if (folder / STRUCTURE).is_file():
         document, report = read_tree(folder / STRUCTURE, findings)
         if document is not None:
-            rooms, _ = boxes_of(structure_of, document, report, otherwise=((), ()))
+            unread: tuple[tuple[Room, ...], tuple[LabelBox, ...]] = ((), ())
+            rooms, _ = boxes_of(structure_of, document, report, unread)
             for problem in structure_problems(document, rooms):
                 report(problem)
     else:
@@ -50,14 +52,15 @@ def check_annotations(folder: Path, findings: Findings) -> tuple[LabelBox, ...]:
     document, report = read_tree(folder / LABELS, findings)
     if document is None:
         return ()
-    entries = boxes_of(label_entries, document, report, otherwise=())
+    none: tuple[LabelEntry, ...] = ()
+    entries = boxes_of(label_entries, document, report, none)
     for problem in label_problems(entries, rooms):
         report(problem)
     return tuple(entry.box for entry in entries if entry.box is not None)
 
 
-def boxes_of(read: Callable[[object, Report], T], document: object, report: Report, *, otherwise: T) -> T:
-    """What a reader makes of a tree; numbers too large for a box are a further error."""
+def boxes_of(read: Callable[[object, Report], T], document: object, report: Report, otherwise: T) -> T:
+    """The content of a tree by a reader, else `otherwise`: numbers too large for a box are reported as an error."""
     try:
         return read(document, report)
     except GeometryError as broken:

@@ -143,6 +143,7 @@ def test_pictures_of_judges_reach_a_model_as_they_are(record_property) -> None:
             assert min(width, height) <= 768
 
 
+MARK = {"cache_control": {"type": "ephemeral"}}
 BROKEN: tuple[tuple[Callable[[Body], Any], str], ...] = (
     (lambda body: body.update(seed=3), "Extra inputs are not permitted"),
     (lambda body: body.update(max_tokens=200_000), "maximum allowed number"),
@@ -155,7 +156,6 @@ BROKEN: tuple[tuple[Callable[[Body], Any], str], ...] = (
     (lambda body: schema_in(body)["properties"].update({f"p{k}": {"type": "string"} for k in range(25)}), "(25)"),
 )
 """What is done to a call, and words of the refusal."""
-MARK = {"cache_control": {"type": "ephemeral"}}
 
 
 def schema_in(body: Body) -> Body:

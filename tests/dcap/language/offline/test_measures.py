@@ -4,6 +4,7 @@ import pytest
 
 from dcap.language.offline.measures import plain_measures
 from dcap.language.offline.sentence import read
+from dcap.language.offline.words import tokens_of
 
 LENGTHS = {
     "2 1/2 inches": 0.0635,

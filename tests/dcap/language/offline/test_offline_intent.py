@@ -1,15 +1,11 @@
 """What the offline reader understands, sentence by sentence, in a room with two beds."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
 from dcap.language.offline.client import OfflineClient
-from dcap.language.offline.placing import object_name
-from dcap.language.offline.pose_choice import chosen_part
 from dcap.language.protocol.questions import INTENT
-from dcap.language.protocol.requests import AnchorRequest, PartView
 from dcap.scene.errors import LanguageError
 from dcap.scene.types.outcome import cautions
 

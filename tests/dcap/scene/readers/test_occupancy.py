@@ -185,7 +185,7 @@ def errors(folder: Path) -> list[str]:
 
 def test_the_first_error_of_a_check_is_what_the_reader_refuses(tmp_path: Path) -> None:
     """One set of rules: a check tells all that is broken, a reader the first in the same words."""
-    missed = []
+    missed: list[tuple[object, str]] = []
     for files in BROKEN:
         scene(tmp_path, some_map())
         for name, data in files.items():
