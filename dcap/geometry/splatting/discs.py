@@ -20,9 +20,8 @@ from dcap.scene.types.gaussians import DC, Gaussians
 from dcap.scene.types.mesh import Mesh
 
 OVERLAP = 0.8
-FLATNESS = 0.1
 """Standard deviation along the surface over the distance of neighbours [-]: discs add up to an even, opaque surface."""
-
+FLATNESS = 0.1
 """Standard deviation along the normal over that along the surface [-]."""
 JITTER = 0.3
 """Standard deviation of the logarithms of a splat's sizes [-]: in scans no two are equal."""
@@ -33,11 +32,6 @@ MOST = 4_000_000
 """Maximum number of splats made at once [-]."""
 FaceColors = Callable[[NDArray[np.int64], Array], Array]
 """sRGB colours 0 to 1 (n, 3) at faces (n,) and barycentric weights (n, 3)."""
-
-
-"""Standard deviation along the surface over the spacing [-]."""
-
-"""Standard deviation along the normal over that along the surface [-]."""
 DISC_OPACITY = 0.99
 """Largest opacity that renderers accept from one Gaussian [-]."""
 ROUNDS, NEAR_BY = 6, 8

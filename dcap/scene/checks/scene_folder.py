@@ -80,7 +80,7 @@ def _check_mesh(path: Path, report: Report) -> FileContents:
 
     try:
         raw = READERS[path.suffix.lower()](path, also).without_loose_vertices()
-    except (InputError, *BROKEN):
+    except (InputError, GeometryError, *BROKEN):
         if Severity.ERROR in told:  # an invalid mesh in the rest of a broken file is no additional problem
             return FileContents(path)
         raise

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dcap.scene.text import names_several, readable, says_something, words_of
+from dcap.scene.text import names_several, not_one_of, readable, says_something, words_of
 
 
 @given(st.uuids(), st.sampled_from(["{}", "{}_low", "ball {}", "ball_{}"]))
@@ -39,6 +39,13 @@ def test_an_id_has_no_readable_name():
     """A number has itself, for want of anything else."""
     assert readable("3f2a9c1b0000aa11") == readable("550e8400-e29b-41d4-a716-446655440000") == ""
     assert readable("0042") == "0042"
+
+
+def test_words_of_a_closed_list():
+    """The nearest one is named if one is near."""
+    words = ["offline", "openai"]
+    assert not_one_of("opnai", words) == "is not one of offline, openai; did you mean 'openai'?"
+    assert not_one_of("nobody", words) == not_one_of(7, words) == "is not one of offline, openai"
 
 
 @pytest.mark.parametrize(

@@ -1,11 +1,15 @@
 """What the offline reader understands, sentence by sentence, in a room with two beds."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from dcap.language.offline.client import OfflineClient
+from dcap.language.offline.placing import object_name
+from dcap.language.offline.pose_choice import chosen_part
 from dcap.language.protocol.questions import INTENT
+from dcap.language.protocol.requests import AnchorRequest, PartView
 from dcap.scene.errors import LanguageError
 from dcap.scene.types.outcome import cautions
 
@@ -215,6 +219,56 @@ def test_a_wider_label_is_taken_and_said(ask):
     reply = OfflineClient().ask(INTENT, ask("put the book on the office chair"))
     assert reply.base_id == "chair_0"
     assert "using the chair as the office chair" in reply.notes
+
+
+HASH = "0a1b2c3d4e5f60718293a4b5c6d7e8f9"
+
+
+@pytest.mark.parametrize(
+    ("path", "prompt", "given", "name"),
+    [
+        (f"glbs/000-023/{HASH}.glb", "put the tennis ball on the bed", "", "tennis ball"),
+        (f"glbs/000-023/{HASH}.glb", "put the tennis ball on the bed", "juggling_ball", "juggling ball"),
+        (f"glbs/000-023/{HASH}.glb", "put it on the bed", "", "object"),
+        (f"glbs/000-023/{HASH}.glb", "put the ball on the bed", HASH, "ball"),
+        ("objects/B07XJ8C8F5.glb", "put the gizmo on the bed", "", "gizmo"),
+        ("objects/plush_bear.glb", "put the toy on the bed", "", "plush bear"),
+        ("my_mug/textured.obj", "put the cup on the desk", "", "my mug"),
+        (f"{HASH}/textured.obj", "put the cup on the desk", "", "cup"),
+    ],
+)
+def test_names(path: str, prompt: str, given: str, name: str):
+    """In that order; a folder counts where the file is called what every mesh is called."""
+    assert object_name(Path(path), prompt, given) == name
+
+
+HEIGHTS = {"case with a roof": (0.09, 0.39, 0.70, 1.00), "three boards": (0.1, 0.5, 0.9)}
+
+
+def board_height(which: str, heights: tuple[float, ...]) -> float:
+    """Height of the board that is chosen [m]."""
+    parts = tuple(PartView(i, "board", (0.0, 0.0, z), (0.8, 0.3, 0.02), 0.24) for i, z in enumerate(heights))
+    request = AnchorRequest(
+        prompt="", region_words="", object_name="book", footprint=(0.2, 0.15), base_label="bookcase", parts=parts,
+        asked_part="board", asked_which=which, asked_regions=(), asked_references=(), right=(1.0, 0.0, 0.0),
+        front=(0.0, -1.0, 0.0),
+    )  # fmt: skip
+    return chosen_part(request)[0].center[2]
+
+
+@pytest.mark.parametrize(
+    ("which", "case", "height"),
+    [
+        ("middle", "case with a roof", 0.39),
+        ("middle", "three boards", 0.5),
+        ("bottom", "case with a roof", 0.09),
+        ("2 from bottom", "case with a roof", 0.39),
+        ("2 from top", "three boards", 0.5),
+        ("top", "three boards", 0.9),
+    ],
+)
+def test_board_that_is_meant(which, case, height):
+    assert board_height(which, HEIGHTS[case]) == height
 
 
 def test_a_second_choice_has_no_effect_and_that_is_told(ask):
