@@ -35,7 +35,6 @@ from flows.server import watching_server
 from flows.settings import OWN
 from tasks.arch import chosen_arch
 from tasks.artifact import Store
-from tasks.case.run import run_case
 from tasks.run_context import Event, OnEvent, RunContext, StageEvent
 
 SOLVER = "drop.solver."
@@ -137,6 +136,8 @@ def write_results(
 
 def drop_case(case: Path | Mapping[str, object], options: DropOptions, out: Path, *, quiet: bool) -> JsonObject:
     """Settle the bodies of a case; writes the results into `out`, returns result.json."""
+    from tasks.case.run import run_case  # only here: a placement loads the solver in the process of its drop
+
     return run_case(
         case,
         out,

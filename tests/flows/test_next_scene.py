@@ -113,7 +113,7 @@ def edited(change: Callable[[dict], object]) -> Callable[[Path], object]:  # typ
         (edited(lambda tree: tree.update(colour="red")), "colour"),
         (edited(lambda tree: tree["deformations"][0].update(file="../x.ply")), "pattern"),
         (edited(lambda tree: tree["instances"].pop(0)), "names 'bed'"),
-        (edited(lambda tree: tree["instances"].pop(1)), "no instance of scene.json"),
+        (edited(lambda tree: tree["instances"].pop(1)), "not an instance of scene.json"),
     ],
 )
 def test_a_damaged_folder_is_refused(

@@ -18,7 +18,8 @@ from dcap.geometry.splatting.config import SurfaceConfig
 from dcap.geometry.splatting.discs import FLATNESS, OPACITY, OVERLAP, quaternions_along
 from dcap.geometry.splatting.render import Splatter
 from dcap.geometry.splatting.surface import SurfacePoints, reconstructed, sides, thinned
-from dcap.geometry.splatting.viewpoints import FOV_DEG, Progress, outer_places, sightings, viewpoints
+from dcap.geometry.splatting.viewpoints import FOV_DEG, outer_places, viewpoints
+from dcap.geometry.splatting.visibility import Progress, sightings
 from dcap.scene.types.gaussians import DC, Gaussians
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.point_cloud import LocalPlanes, PointCloud, local_planes

@@ -27,7 +27,7 @@ from dcap.arrays import Array, Float32Array
 from dcap.geometry.splatting import kernels
 from dcap.geometry.splatting.config import SurfaceConfig
 from dcap.geometry.splatting.render import Splatter
-from dcap.geometry.splatting.viewpoints import Progress, best_origins
+from dcap.geometry.splatting.visibility import Progress, best_origins
 from dcap.scene.errors import GeometryError
 from dcap.scene.types.gaussians import Gaussians
 from dcap.scene.types.mesh import Mesh

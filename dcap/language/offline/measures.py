@@ -48,7 +48,7 @@ def plain_measures(text: str) -> tuple[str, tuple[str, ...]]:
             value *= unit_in_metres(first) / unit_in_metres(found["unit"])
         if upper := found["to"] or found["and"]:
             value = 0.5 * (value + amount(upper))
-            middle = f"{found[0].strip()!r} is taken as its middle, {value:.6g} {unit}"
+            middle = f"{found[0].strip()!r} is read as its middle, {value:.6g} {unit}"
             notes.append(Caution(Cause.ASSUMED, middle))
         elif found["half"] is not None:
             value += 0.5

@@ -225,7 +225,7 @@ def test_neighbour_says_which_one_is_meant(stages):
     _, _, found = stages.placed("put the mug on the chair next to the bench", mug_thing, HALL)
     assert found.base_id == "chair"
     assert found.region == "center"
-    assert "which chair is meant" in found.notes[0]
+    assert "selecting the chair" in found.notes[0]
     refused = stages.tried("put the mug on the chair next to the stove", mug_thing, HALL)
     assert isinstance(refused, Infeasible)
     assert refused.reason is Reason.NO_SUPPORT_HIT

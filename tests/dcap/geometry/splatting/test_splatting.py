@@ -11,7 +11,7 @@ from dcap.geometry.splatting.discs import FLATNESS, OVERLAP, splats_on_mesh
 from dcap.geometry.splatting.kernels import BLUR
 from dcap.geometry.splatting.render import Splatter
 from dcap.geometry.splatting.surface import mesh_of_splats, surface_points
-from dcap.geometry.splatting.viewpoints import best_origins
+from dcap.geometry.splatting.visibility import best_origins
 from dcap.scene.errors import GeometryError
 from dcap.scene.types.gaussians import DC, Gaussians
 from dcap.scene.types.mesh import Mesh

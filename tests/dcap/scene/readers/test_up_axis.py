@@ -146,7 +146,7 @@ def test_splats_without_any_sign_follow_custom(tmp_path: Path) -> None:
     write_splats(tmp_path / "a.ply", splats)
     scan = read_scan(tmp_path / "a.ply", SourceOptions(), Role.SCENE, mesher=lambda _: (table(), ()))
     assert scan.up == "-y"
-    assert any("custom" in note for note in scan.notes)
+    assert any("convention alone" in note for note in scan.notes)
 
 
 def test_an_unknown_axis_names_the_known_ones(tmp_path: Path) -> None:
