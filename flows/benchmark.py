@@ -28,11 +28,11 @@ from dcap.language.model.ledger import check_budget, spending_of
 from dcap.language.protocol.client import ClientName
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import InputError
-from dcap.scene.json_tree import JsonObject, object_to_json, write_whole
 from dcap.scene.machine_errors import is_server_error
 from dcap.scene.settings import data_root, runs_root, version
 from dcap.scene.text import not_one_of
 from dcap.scene.types.sample import Sample
+from dcap.scene.written_files import JsonObject, object_to_json, write_whole
 from flows.configure import LEDGER, LanguageOptions
 from flows.display import Display, console_on_stderr, print_lines, print_table, summary_line
 from flows.failed_before import failed_before

@@ -1,4 +1,4 @@
-"""Turns options into the stages' configurations.
+"""Options of a command as the stages' configurations, and as the model, recordings and spending limit.
 
 Language options: the model, recordings and the spending limit.
 

@@ -18,9 +18,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dcap.scene.errors import InputError
-from dcap.scene.json_tree import JsonObject, JsonValue, digest_of_file
 from dcap.scene.settings import version
 from dcap.scene.types.sample import Sample
+from dcap.scene.written_files import JsonObject, JsonValue, digest_of_file
 from flows.find_run import RUN, find_run
 from flows.output import PICTURES, SCHEMA, readable_json
 from flows.placement_json import AT_REST

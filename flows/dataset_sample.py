@@ -25,11 +25,11 @@ from dcap.language.protocol.requests import IntentRequest, ObjectView, vector
 from dcap.scene.checks.findings import Findings
 from dcap.scene.checks.scene_folder import layout_of
 from dcap.scene.errors import BudgetError, InputError, LanguageError
-from dcap.scene.json_tree import draft_folder
 from dcap.scene.readers.scenes.sugar import MESH_SUFFIXES
 from dcap.scene.settings import runs_root
 from dcap.scene.types.sample import Sample, SourceOptions
 from dcap.scene.types.segmentation import Segmentation
+from dcap.scene.written_files import draft_folder
 from flows.configure import configured, language_options
 from flows.options import PlaceOptions
 from flows.prepare_sugar import with_sugar

@@ -8,12 +8,12 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from dcap.scene.errors import InputError
-from dcap.scene.json_tree import draft_folder
 from dcap.scene.text import not_one_of
 from dcap.scene.types.export_scene import ExportScene
 from dcap.scene.writers.mjcf import mjcf_files
 from dcap.scene.writers.urdf import urdf_files
 from dcap.scene.writers.usda import usda_files
+from dcap.scene.written_files import draft_folder
 from flows.extra_output import FOLDER, SPLATS, Files, write_files
 from flows.options import check_out
 from flows.output import SETTLED_SPLATS, settled_scene_splats, write_made

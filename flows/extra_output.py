@@ -27,8 +27,8 @@ from dcap.geometry.raycast import Raycaster
 from dcap.geometry.rendering.coverage import composite
 from dcap.geometry.rendering.map_files import COLMAP, COMPOSITE, FILES, write_maps
 from dcap.scene.errors import InputError
-from dcap.scene.json_tree import draft_folder
 from dcap.scene.readers.files import FORMATS, read_bytes, read_image
+from dcap.scene.written_files import draft_folder
 from flows.options import check_out
 from flows.output import SETTLED_SPLATS, readable_json
 from flows.placement_json import Values

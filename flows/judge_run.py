@@ -1,4 +1,4 @@
-"""Judge a run: scores of its placements, comparisons of its methods, and the table: Table 1 if a model judged.
+"""Judges a run (scores, comparisons, tables), and measures how often a judge is right.
 
 In: a run of several methods with its rows, and a judge. Out: `judging/` (scores, comparisons, judge.json), the three
 columns of results.parquet that a judge makes, `tables/table1.csv|tex` of a model, `tables/metric_scores.csv|tex` of the
@@ -54,9 +54,9 @@ from dcap.language.protocol.client import ClientName, LanguageConfig
 from dcap.language.protocol.requests import Picture
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import FormatError, InputError
-from dcap.scene.json_tree import whole_file, write_whole
 from dcap.scene.settings import runs_root
 from dcap.scene.types.pictures import BEFORE, PLACED
+from dcap.scene.written_files import whole_file, write_whole
 from flows.configure import LanguageOptions
 from flows.find_run import RUN, find_run, input_errors, read_request
 from flows.judge_views import VIEWS, take_views

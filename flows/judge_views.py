@@ -16,8 +16,8 @@ from dcap.evaluation.methods import joined_id
 from dcap.evaluation.outcome_table import SampleOutcome
 from dcap.evaluation.run_folder import sample_folder
 from dcap.scene.errors import InputError
-from dcap.scene.json_tree import write_whole
 from dcap.scene.types.pictures import BEFORE, PLACED, JudgedViews, SceneBefore, Sights, Viewpoint
+from dcap.scene.written_files import write_whole
 from flows.find_run import input_errors, read_keys
 from flows.output import load, readable_json
 from flows.run_files import RunRequest, finished_sample, load_run_request

@@ -13,12 +13,12 @@ from dcap.evaluation.labels_page import Row, labels_page
 from dcap.geometry.segmentation.faces import main_level
 from dcap.language.protocol.client import ClientName
 from dcap.language.protocol.session import Session
-from dcap.scene.json_tree import JsonObject, draft_folder, object_to_json
 from dcap.scene.settings import runs_root
 from dcap.scene.types.sample import Sample
 from dcap.scene.types.scan import Scan
 from dcap.scene.types.segmentation import Instance, Segmentation
 from dcap.scene.writers.labels import FoundThing, labels_text, labels_tree
+from dcap.scene.written_files import JsonObject, draft_folder, object_to_json
 from flows.configure import configured, language_options
 from flows.display import console_on
 from flows.options import PlaceOptions

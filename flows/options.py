@@ -20,9 +20,9 @@ from pydantic_settings import BaseSettings, InitSettingsSource, PydanticBaseSett
 from dcap.language.protocol.client import DEFAULT_MODEL, Effort
 from dcap.language.protocol.session import MAX_TOKENS, TIMEOUT
 from dcap.scene.errors import InputError
-from dcap.scene.json_tree import FULL
 from dcap.scene.machine_errors import machine_error
 from dcap.scene.text import LONGEST_PROMPT, LONGEST_WORDS, shortened, unfit
+from dcap.scene.written_files import FULL
 from flows.given_settings import given_settings
 
 LARGEST_RESOLUTION_M = 1.0

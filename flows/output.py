@@ -1,4 +1,4 @@
-"""Writes the results of a placement into a folder: placement.json, object.ply, scene.glb and pictures.
+"""Writes the results of a placement into a folder, with their records and the settled splats.
 
 Records of a placement: `records.json` next to placement.json, by which the cache keeps them.
 
@@ -30,7 +30,6 @@ from dcap.geometry.distance import sampler
 from dcap.geometry.rendering.painted import painted, surface_colors
 from dcap.geometry.rendering.surface import ShadingNormals
 from dcap.scene.errors import DcapError, InputError
-from dcap.scene.json_tree import JsonObject, JsonValue, draft_folder
 from dcap.scene.readers.scenes.placed_scene import DEFORMED, FACTS
 from dcap.scene.readers.scenes.sugar import find_splats
 from dcap.scene.readers.splats.formats import is_splats, read_gaussians
@@ -47,6 +46,7 @@ from dcap.scene.writers.gaussians import write_splat_parts
 from dcap.scene.writers.glb import Node, glb_bytes, labelled_nodes
 from dcap.scene.writers.meshes import mesh_to_ply
 from dcap.scene.writers.placed_scene import copy_earlier, note_files
+from dcap.scene.written_files import JsonObject, JsonValue, draft_folder
 from flows.next_scene import next_scene_files
 from flows.placement_json import AS_POSED, AT_REST, Values, placement_json
 from flows.results import placement_schema

@@ -1,4 +1,4 @@
-"""One placement for a person: stages on standard error, results in a folder.
+"""One placement or one drop for a person: stages on standard error, results in a folder.
 
 Where a Prefect server runs already (a team's, or that of `dcap ui` or a benchmark), the placement is a flow run there;
 where nobody watches, no server is started for it.
@@ -18,8 +18,8 @@ from dcap.evaluation.methods import method_named
 from dcap.language.model.ledger import in_words, spending_of
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import InputError
-from dcap.scene.json_tree import JsonObject, write_whole
 from dcap.scene.types.sample import Sample, SourceOptions
+from dcap.scene.written_files import JsonObject, write_whole
 from flows.configure import LanguageOptions, configured, language_options
 from flows.display import console_on
 from flows.extra_output import FILM, MAPS_FOLDER, clear_exports, clear_maps, write_film, write_maps_of

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation as Turn
 
 from dcap.evaluation.metrics.right_place import part_missed, region_missed
-from dcap.scene.json_tree import JsonObject, JsonValue, object_to_json, sorted_keys, to_json
 from dcap.scene.types.choices import Anchor, Intent
 from dcap.scene.types.materials import PartMaterial, PartMaterials
 from dcap.scene.types.mesh import SourceSurface
@@ -18,6 +17,7 @@ from dcap.scene.types.pictures import Renders, Visibility
 from dcap.scene.types.scan import BodyGeometry, Scan
 from dcap.scene.types.segmentation import Segmentation
 from dcap.scene.types.settled import LastState, PlacementChecks, Settled, SettledBody
+from dcap.scene.written_files import JsonObject, JsonValue, object_to_json, sorted_keys, to_json
 from flows.sample_run import FinishedSample
 from solver.certificate import Certificate, Verdict
 from tasks.render.particle_table import settled_materials

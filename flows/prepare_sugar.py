@@ -1,4 +1,4 @@
-"""Writes the input of SuGaR for a scene of splats: posed pictures, cameras, Gaussians, and a script to run it.
+"""Writes the input of SuGaR for a scene of splats, and lets SuGaR make its mesh.
 
 Everything is written to a draft next to the folder and moved there in one step; foreign files in an earlier result are
 kept.
@@ -25,7 +25,6 @@ from rich.console import Console
 
 from dcap.geometry.splatting.camera_path import PathConfig, camera_path
 from dcap.scene.errors import GeometryError, InputError
-from dcap.scene.json_tree import object_to_json
 from dcap.scene.readers.files import read_json
 from dcap.scene.readers.scenes.interiorgs import is_interiorgs
 from dcap.scene.readers.scenes.scannet import is_scannet
@@ -34,6 +33,7 @@ from dcap.scene.readers.splat_scene import SplatScene, read_splat_scene
 from dcap.scene.settings import runs_root
 from dcap.scene.types.sample import Sample, SourceOptions
 from dcap.scene.writers.sugar import run_script, train_command, write_picture, write_sugar_model
+from dcap.scene.written_files import object_to_json
 from flows.output import readable_json
 from flows.sample_files import slug
 from tasks.artifact import Store

@@ -15,8 +15,8 @@ from dcap.evaluation.run_folder import sample_folder
 from dcap.language.model.ledger import ReplyLine, read_lines
 from dcap.language.model.reply_folder import ReplyFolder
 from dcap.scene.errors import InputError
-from dcap.scene.json_tree import digest_of_file
 from dcap.scene.settings import data_root, replies_root, runs_root
+from dcap.scene.written_files import digest_of_file
 from flows.configure import LEDGER
 from flows.find_run import RUN, read_keys, read_request
 from flows.output import RECORDS

@@ -1,4 +1,4 @@
-"""Return values of `dcap.place` and `dcap.drop`: placement.json and result.json with their keys as attributes.
+"""Return values of `dcap.place` and `dcap.drop`, and the JSON Schema of placement.json that follows.
 
 In: the content of those files and the folder they lie in. Out: frozen values, nested as in the files; units and
 meanings of the keys are in docs/formats.md. Objects without fixed keys (bodies, timings) are `NamedValues` mappings.
@@ -21,9 +21,9 @@ from pydantic import GetCoreSchemaHandler, TypeAdapter, ValidationError
 from pydantic_core import CoreSchema, core_schema
 
 from dcap.scene.errors import InputError
-from dcap.scene.json_tree import JsonObject, object_to_json
 from dcap.scene.types.outcome import Reason
 from dcap.scene.types.settled import PlacementChecks, SettledMaterial
+from dcap.scene.written_files import JsonObject, object_to_json
 from flows.find_run import read_keys
 from flows.placement_json import AT_REST, SCHEMA_VERSION
 from solver.certificate import Certificate, ContactRow

@@ -10,9 +10,9 @@ from pathlib import Path
 from dcap.evaluation.run_folder import sample_folder
 from dcap.language.protocol.client import LanguageConfig
 from dcap.scene.errors import InputError
-from dcap.scene.json_tree import JsonObject, write_whole
 from dcap.scene.settings import runs_root
 from dcap.scene.types.sample import GivenPlace, KnownHeight, Sample, SourceOptions
+from dcap.scene.written_files import JsonObject, write_whole
 from flows.configure import LanguageOptions
 from flows.find_run import ASKED_VERSION, RUN, find_run, input_errors, read_keys, read_request
 from flows.output import load_values, readable_json

@@ -1,4 +1,4 @@
-"""The files of a data set: samples and truth as YAML, and a list of scenes for each split.
+"""The files of a data set: samples and truth as YAML, scenes of each split, and names of assets.
 
 Labels of the meshes in a folder, from its `assets.csv` with columns file, name, category.
 

@@ -28,11 +28,11 @@ from dcap.evaluation.metrics.right_place import TOLERANCE_M, place_measures
 from dcap.evaluation.outcome_table import AS_POSED, AT_REST, QUADRANT_DEG, ExpectedOutcome, SampleOutcome, row_of
 from dcap.evaluation.run_folder import sample_folder
 from dcap.geometry.placement.named_regions import BESIDE, regions
-from dcap.scene.json_tree import JsonObject, JsonValue, object_to_json, write_whole
 from dcap.scene.types.choices import Intent
 from dcap.scene.types.measures import Drift, Indentation, Measures, RefereeMeasures
 from dcap.scene.types.sample import Sample
 from dcap.scene.types.segmentation import Segmentation
+from dcap.scene.written_files import JsonObject, JsonValue, object_to_json, write_whole
 from flows.find_run import input_errors, read_keys
 from flows.output import RESULT, load, readable_json
 from flows.sample_run import FinishedSample

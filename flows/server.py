@@ -29,10 +29,10 @@ from pathlib import Path
 
 from dcap.packages import module_command
 from dcap.scene.errors import DcapError, InputError
-from dcap.scene.json_tree import write_whole
 from dcap.scene.secrets import has_log_in, redacted_url
 from dcap.scene.settings import resource, server_folder
 from dcap.scene.team_server import API_URL, LOGIN, OWN_URL
+from dcap.scene.written_files import write_whole
 from dcap.shared_context import SharedContext
 from flows.own_requests import LOOPBACK, is_loopback, url_host
 from tasks.process import die_with_parent

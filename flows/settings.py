@@ -3,7 +3,7 @@
 Values for the options of a command, from flags, environment and `dcap.yaml`; the first one wins.
 
 Nothing heavy is imported here: options are checked before the stages are loaded. Settings of the
-stages are checked with them (stages.py).
+stages are checked with them.
 
 The stages' sections of `dcap.yaml`: every setting of every stage, checked by the stage's own configuration.
 

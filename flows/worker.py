@@ -1,4 +1,4 @@
-"""A worker of the pool: Prefect's own, with a server, the deployments, and a working directory free of foreign modules.
+"""A worker of the pool: Prefect's own with a server; and the entry points of the deployments.
 
 The kernel kills Prefect's worker with this program, and the worker's samples with it.
 

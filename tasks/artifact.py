@@ -23,10 +23,10 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar, cast
 
 from dcap.scene.errors import InputError, MissingArtifactError, StoreError
-from dcap.scene.json_tree import canonical_json, digest_of_file
 from dcap.scene.readers.source_files import source_files, telling_folder
 from dcap.scene.settings import cache_root, shared_store_url
 from dcap.scene.types.outcome import Infeasible
+from dcap.scene.written_files import canonical_json, digest_of_file
 from tasks.codec import VALUE_FILE, decode, encode
 from tasks.shared_store import SharedStore
 

@@ -26,7 +26,7 @@ from typing import Any
 from dcap.packages import LOADED_NS
 from dcap.scene import settings
 from dcap.scene.errors import StoreError
-from dcap.scene.json_tree import canonical_json, write_whole
+from dcap.scene.written_files import canonical_json, write_whole
 
 PACKAGES = frozenset({"dcap", "flows", "solver", "tasks"})
 MACHINERY = frozenset(

@@ -25,11 +25,11 @@ from PIL import Image
 
 import dcap.scene.types
 from dcap.scene.errors import StoreError
-from dcap.scene.json_tree import canonical_json
 from dcap.scene.readers.files import MAX_PIXELS, UNREADABLE
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Cause, Caution
 from dcap.scene.writers.meshes import mesh_from_ply, mesh_to_ply
+from dcap.scene.written_files import canonical_json
 
 VALUE_FILE = "value.json"
 INLINE_ITEMS = 48

@@ -1,4 +1,4 @@
-"""Earlier results of stages: recipes, and the records of their results.
+"""Earlier results of stages: recipes, records of their results, and the locks of records.
 
 A recipe holds everything that decides a result; its digest is the key. A record lies at `records/KEY` as Prefect's
 result file, written by Prefect or by a run without a server. A record counts only if it is complete, has the right key,
@@ -21,8 +21,8 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from dcap.scene.errors import StoreError
-from dcap.scene.json_tree import canonical_json
 from dcap.scene.settings import cache_root
+from dcap.scene.written_files import canonical_json
 from tasks.artifact import DRAFTS, Record, Ref, Store
 from tasks.code import installed_version
 

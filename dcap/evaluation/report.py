@@ -45,8 +45,8 @@ from dcap.evaluation.run_page.sections import (
 )
 from dcap.evaluation.run_page.tables import ShownTable, metrics_table, table_from_csv
 from dcap.language.model.ledger import in_words
-from dcap.scene.json_tree import write_whole
 from dcap.scene.types.pictures import BEFORE
+from dcap.scene.written_files import write_whole
 
 TEMPLATES = Path(__file__).parent / "templates"
 PICTURES = (

@@ -1,4 +1,4 @@
-"""The distribution of deformable supports per scene as a plot: the paper's figure 3, and their kinds.
+"""The deformable supports per scene as a plot and as a table: the paper's figure 3, and their kinds.
 
 The deformable supports of many scenes as a table: one row a scene, the numbers behind the paper's figure 3.
 """
@@ -20,7 +20,7 @@ from matplotlib.typing import RcKeyType
 from dcap.language.offline.kinds import KINDS, OTHER, deformable_supports
 from dcap.language.offline.lexicon import first_part, is_a, thing_of
 from dcap.scene.errors import InputError
-from dcap.scene.json_tree import whole_file
+from dcap.scene.written_files import whole_file
 
 SUPPORTS, MATERIALS = "deformable supports", "deformable materials"
 """Counted things, as words of the plot."""

@@ -1,4 +1,4 @@
-"""Writes files of a run atomically, and every table as CSV and LaTeX.
+"""Writes files of a run atomically, every table as CSV and LaTeX, and the layout of preferences.
 
 In: text. Out: `NAME.csv` and `NAME.tex`. A file with the same bytes is not written again, so that rewriting a page
 touches only changed files.
@@ -17,7 +17,7 @@ import numpy as np
 
 from dcap.evaluation.statistics.comparisons import JudgedAxis
 from dcap.evaluation.statistics.method_tables import PreferenceRow
-from dcap.scene.json_tree import write_whole
+from dcap.scene.written_files import write_whole
 
 TABLES = "tables"
 """Folder of a run's tables."""

@@ -1,4 +1,4 @@
-"""The connected pieces of a mesh, and the orientation of the faces of closed pieces.
+"""The connected pieces of a mesh, their boundaries, and the orientation of the faces of closed pieces.
 
 Boundaries of a mesh: edges without an opposite, and the holes that they surround.
 

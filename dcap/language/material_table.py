@@ -1,4 +1,4 @@
-"""The library of materials: one row of `materials.csv` per material, checked on reading.
+"""The library of materials: one row of `materials.csv` per material; and the usual thickness of covers.
 
 In: the CSV file with SI units in its header. Out: `Material` by id. Guaranteed: every number is finite and physical,
 dynamic friction does not exceed static friction, no word names two rows, and each number has a source.

@@ -1,7 +1,5 @@
 """The tree of errors that a person can act on, and problems of files with their severity.
 
-The tree of errors that a person can act on.
-
 Every message says what went wrong, where, with which value, and which setting to change. `exit_code` is returned by the
 command line.
 

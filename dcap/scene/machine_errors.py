@@ -14,11 +14,11 @@ from pathlib import Path
 from subprocess import SubprocessError
 
 from dcap.scene.errors import DcapError, InputError, MachineError
-from dcap.scene.json_tree import FULL
 from dcap.scene.secrets import redacted
 from dcap.scene.settings import data_root, server_folder
 from dcap.scene.team_server import LOGIN, team_server
 from dcap.scene.text import shortened
+from dcap.scene.written_files import FULL
 
 REFUSED = (errno.EACCES, errno.EPERM, errno.EROFS)
 NO_FOLDER = (errno.ENOTDIR, errno.ENOENT)

@@ -1,7 +1,5 @@
 """Secrets in printed or written text: keys of APIs, tokens, passwords within addresses; URLs without them.
 
-Hides secrets in printed or written text: keys of APIs, tokens, passwords within addresses.
-
 Messages of an SDK, a server or a proxy may quote a header or an address. Everything shown to people passes `redacted`.
 """
 

@@ -1,7 +1,5 @@
 """Text from people and foreign files: limits, display, words of file names, misspellings.
 
-Limits and display of text from people and foreign files.
-
 A sentence, a label or an id is limited on input, so that its later uses (names of runs, requests, pages) need no limit;
 control characters are refused in a person's input and made visible in a file's.
 

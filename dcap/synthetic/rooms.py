@@ -1,4 +1,4 @@
-"""A room of a recipe, built into a scan with its annotations and truth.
+"""A room of a recipe: furnished, then built into a scan with its annotations and truth.
 
 Furnishes a room by its recipe: builds every piece and puts it in its place.
 """

@@ -1,4 +1,4 @@
-"""Turns a room of closed solids into a simulated scan: one noisy coloured mesh with holes.
+"""Simulated scans of a room: a noisy coloured mesh with holes, or the fused pictures of a depth camera.
 
 In: surfaces tagged with instance and part. Out: one mesh in which faces hidden inside other solids or lying on the
 floor are absent, displaced by smooth and fine noise of about a millimetre, with a few small holes, its faces in

@@ -1,4 +1,4 @@
-"""Closed parametric solids: rounded boxes, lofts, lathes, tubes, puffed lenses and their unions.
+"""Closed parametric solids (rounded boxes, lofts, lathes, tubes, lenses), and pieces made of them.
 
 Every solid is a closed manifold with outward normals, centred on the origin unless its docstring says otherwise, in
 metres, z up. Colours are a neutral grey until `dcap.synthetic.paint` colours them. `edge` is the wanted length

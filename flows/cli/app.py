@@ -150,7 +150,7 @@ def drop(
 @with_options(BenchmarkOptions)
 def benchmark(options: BenchmarkOptions, as_json: Json = False) -> int:
     """Place every sample of a dataset by each method and report."""
-    from dcap.scene.json_tree import object_to_json
+    from dcap.scene.written_files import object_to_json
     from flows.benchmark_config import place_dataset
 
     run = place_dataset(options)
@@ -164,7 +164,7 @@ def benchmark(options: BenchmarkOptions, as_json: Json = False) -> int:
 def paper(options: PaperOptions, as_json: Json = False) -> int:
     """Evaluate a data set as the paper does: all methods, a judge, a study ready to serve, tables, figures, one
     page."""
-    from dcap.scene.json_tree import object_to_json
+    from dcap.scene.written_files import object_to_json
     from flows.paper import run_paper
 
     made = run_paper(options)
@@ -181,7 +181,7 @@ def paper(options: PaperOptions, as_json: Json = False) -> int:
 def plan(options: PlanOptions, as_json: Json = False) -> int:
     """Show what a benchmark would run and why, without running anything."""
     from dcap.evaluation.methods import methods_of
-    from dcap.scene.json_tree import to_json
+    from dcap.scene.written_files import to_json
     from flows.configure import configured, language_options
     from flows.plan import plan_benchmark
     from tasks.arch import chosen_arch
@@ -284,7 +284,7 @@ def config_show(
 ) -> int:
     """Show the settings in force and where each came from: default, file, environment or flag, as if given to a
     command."""
-    from dcap.scene.json_tree import to_json
+    from dcap.scene.written_files import to_json
     from flows.given_settings import Origin, section_of, settings_file
     from flows.settings import OWN, secrets, settings_in_force
 

@@ -59,7 +59,7 @@ def dataset_prepare_sugar(
         check_out(out)
 
     from dcap.geometry.splatting.camera_path import PathConfig
-    from dcap.scene.json_tree import object_to_json
+    from dcap.scene.written_files import object_to_json
     from flows.prepare_sugar import prepare_sugar, summary
 
     config = PathConfig(views=views, width=width, height=height, seed=seed)
@@ -119,7 +119,7 @@ def dataset_sample(
     as_json: Json = False,
 ) -> int:
     """Make a data set of placements (sentence, object, intended outcome) for a folder of scenes."""
-    from dcap.scene.json_tree import object_to_json
+    from dcap.scene.written_files import object_to_json
     from flows.dataset_sample import SamplingOptions, sample_dataset
 
     sampling = SamplingOptions(per_scene, seed, infeasible, splits, listed, skip)
@@ -156,8 +156,7 @@ def dataset_check(
 ) -> int:
     """List every problem of a dataset, and what its scenes hold; exit code 2 if there are errors."""
     from dcap.evaluation.supports_plot import plot_suffix
-    from flows.cli.cache_report import as_tree, in_words, write_plot, write_table
-    from flows.dataset_check import check_dataset
+    from flows.dataset_check import as_tree, check_dataset, in_words, write_plot, write_table
 
     if plot is not None:
         plot_suffix(plot)  # before a check that may take minutes

@@ -1,4 +1,4 @@
-"""Commands about finished results: `dcap judge|diff|provenance|maps|export|view`.
+"""Commands about finished results: `dcap judge|diff|provenance|maps|export|view`, `dcap study serve|report`.
 
 `dcap study serve|report`.
 """
@@ -65,7 +65,7 @@ def diff(
     as_json: Json = False,
 ) -> int:
     """Compare verdicts, poses, metrics, settings and versions of two runs."""
-    from dcap.scene.json_tree import object_to_json
+    from dcap.scene.written_files import object_to_json
     from flows.diff import diff_folders
 
     found = diff_folders(one, other)
@@ -118,7 +118,7 @@ def provenance(
     as_json: Json = False,
 ) -> int:
     """Walk back from a result to its inputs: stages, settings, code, versions, seeds, prompts and hashes."""
-    from dcap.scene.json_tree import object_to_json
+    from dcap.scene.written_files import object_to_json
     from flows.provenance import provenance_lines, provenance_of
 
     found = provenance_of(artifact)

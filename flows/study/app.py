@@ -1,4 +1,4 @@
-"""The web application of a study: pages, pictures and models by a rater's link, and the votes.
+"""The web application of a study: pages, pictures and votes by a rater's link; pictures of checks.
 
 Everything but the style, the scripts and the refusals is below `/s/TOKEN/`. A comparison, a side and a number name a
 file, never a path, so that nothing outside of the study can be reached and no address reveals a method.

@@ -1,4 +1,4 @@
-"""Serves the study of a run until interrupted.
+"""Serves the study of a run until interrupted, and reports its votes.
 
 The design is made at the first start and kept; a later start resumes it, and may add raters. Requests are not logged,
 and only the answers of a rater are stored.

@@ -1,4 +1,4 @@
-"""Looks of scene and object on the page: with the faces and textures of their files, up to the page's limits.
+"""Looks of scene and object on the page: the faces and textures of their files, within the page's limits.
 
 In: results of the stages. Out: meshes with paint, and sentences on simplifications of the view.
 

@@ -1,4 +1,4 @@
-"""A placement for the viewer, as plain arrays: nothing here knows of a browser.
+"""A placement for the viewer, as plain arrays and colours: nothing here knows of a browser.
 
 In: results of the stages. Out: `PlacementView`. A placement without a rest state shows as much as is known: the room,
 the pose before the drop, and the pose in which the drop ended.

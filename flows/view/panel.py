@@ -1,4 +1,4 @@
-"""The panel next to the scene: the slider over the drop, visibility of nodes, and texts on the result.
+"""The panel next to the scene: the slider over the drop, visibility of nodes, texts, and signals.
 
 Signals of the settling over their thresholds, as series of a plot: at rest where all are below one.
 """
@@ -13,9 +13,9 @@ import viser
 from viser import uplot
 
 from dcap.arrays import Array
-from dcap.scene.json_tree import JsonValue
 from dcap.scene.types.choices import Rotation
 from dcap.scene.types.settled import Settled
+from dcap.scene.written_files import JsonValue
 from flows.view import texts
 from flows.view.model import PlacementView
 from flows.view.nodes import PieceNode, PlacementNodes, place_cameras

@@ -1,4 +1,4 @@
-"""Picks points of a scene in which nothing is placed yet: a click, its surface point, and its command-line option.
+"""Placing by a click: the point under it, its command-line option, and the page of the scene.
 
 In: a scene as segmented, how its file's frame lies in the world, and rays. Out: points in the file's frame and unit.
 

@@ -1,4 +1,4 @@
-"""Surfaces for the page: with normals and textures, and a limited number of faces.
+"""Surfaces for the page, still and moving: with normals and textures, and a limited number of faces.
 
 In: meshes of the pipeline and their paint. Out: `DrawnSurface`, and meshes with fewer faces.
 

@@ -3,8 +3,8 @@
 from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 
-from dcap.scene.json_tree import JsonValue
 from dcap.scene.types.choices import POSE_OF_THE_FILE, Rotation
+from dcap.scene.written_files import JsonValue
 from flows.placement_json import AS_POSED, AT_REST
 from flows.view.model import DEEP, LEVEL, RAISED, MaterialCloud, css
 

@@ -1,4 +1,4 @@
-"""Pairs of bodies that can touch, and their active points in one state, with forces and derivatives.
+"""Pairs of bodies that can touch, their active points with forces and derivatives, and their report.
 
 Selection of the pairs of bodies that can push each other, with their initial contact stiffness.
 

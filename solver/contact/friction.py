@@ -1,4 +1,4 @@
-"""Forces of penetrating points: a normal spring, and a tangential one with a Coulomb return map [W06, Ch. 5].
+"""Contact forces: a normal spring, Coulomb friction by a return map [W06, Ch. 5], rolling resistance.
 
 [W06] Wriggers: Computational Contact Mechanics, 2nd ed., Springer 2006.
 

@@ -1,4 +1,4 @@
-"""Rigid bodies between the grid's steps: their motion, and their contact with each other.
+"""Rigid bodies between the grid's steps: motion, contact with each other, and mean forces.
 
 Contact between rigid bodies is the penalty law of solver.contact (springs at surface points, friction with memory,
 rolling resistance), applied by one linearly implicit Euler step per substep [B98]: with K = -df/dx of the springs and

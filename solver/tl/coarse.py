@@ -1,4 +1,4 @@
-"""A coarse space for the conjugate gradients: few trilinear modes per soft body, and the moving frames.
+"""A coarse space for the conjugate gradients, and the contact points' part of the linear system.
 
 Smoothing alone is slow in exactly the modes that matter here: a stiff light body that moves as a whole, a slab that
 deforms under a ball. The coarse space contains them: trilinear functions on a lattice of few cells per axis over each

@@ -1,4 +1,4 @@
-"""Ghost penalty: keeps cells with a sliver of material from folding.
+"""Ghost penalty against folding of cells with a sliver of material, and relief of bending.
 
 Where the cells around a node contain hardly any material below the surface, contact loads that node and hardly any
 stiffness holds it. Each such node n is tied to the two nodes behind it, n' and n'', on the grid line that leads deepest

@@ -1,4 +1,4 @@
-"""Measurements after every implicit step, and the table of rolling resistance at the end.
+"""Measurements of a state: after each step, of the material, and of the depth that the grid takes away.
 
 Estimate of the missing depth of bodies caused by the stiffness of the grid, from the jumps of strain between cells.
 

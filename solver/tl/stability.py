@@ -1,4 +1,4 @@
-"""Measures the largest push after which a verified rest state recovers.
+"""Disturbs a rest state, and measures the largest push after which it recovers.
 
 Each free body in turn is pushed horizontally at its centre of mass, in directions all around, by a force that grows to
 a share of its weight, stays, and is removed. The push is held if everything then comes to rest where it was; a search

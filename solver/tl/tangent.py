@@ -1,4 +1,4 @@
-"""The elastic tangent of all soft bodies: warped cell stiffnesses on the 27-point stencil and their coarse product.
+"""Elastic forces of all soft bodies, and their tangent on the 27-point stencil and its coarse product.
 
 A cell's stiffness turns with the rotation of its particles, K = R K_rest R^T [M04]; strain is neglected except where it
 is large in a held body. It is rebuilt only when strain has changed visibly. A turn of a free body as a whole is

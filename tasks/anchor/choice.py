@@ -1,4 +1,4 @@
-"""The part and the areas on it that a reply selects, under the intent's constraints.
+"""The part, the areas and the carrying faces that a reply or a given point selects.
 
 In: scene, base, intent, the reply and the object in its planned pose. Out: a `Choice`: areas to try, and spare areas in
 case the first ones have no place.

@@ -1,4 +1,4 @@
-"""Reasons why an object has no place: the numbers behind `too_large_for_target` and `no_support_hit`, and obstacles.
+"""Reasons why an object has no place, and warnings on sides whose point of view is ambiguous.
 
 Warnings on sides of a support, or of a thing next to it, whose point of view is ambiguous.
 

@@ -1,4 +1,4 @@
-"""The anchor's question: information for a client to choose a part and a place on it.
+"""The anchor's question: information and a picture for a client to choose a part and a place on it.
 
 In: scene, base, intent, sentence and the object in its planned pose. Out: an `AnchorRequest` with boxes in the frame of
 a viewer of the base's front, and a picture of the base from above, made on demand.

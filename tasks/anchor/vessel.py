@@ -1,7 +1,8 @@
-"""Whether an object that shall go into a vessel stays on its rim.
+"""Warns if an object that should go into a vessel stays on its rim.
 
 In: the sentence, the start and the vessel's part. Out: a caution where the start is held up over the bottom and the
-object's centre of mass is above the rim: what stands in a vessel reaches its bottom, what is wedged in it is below.
+object's centre of mass is above the rim: an object that stands in a vessel reaches its bottom, and one
+that is wedged in it has its centre below the rim.
 """
 
 import numpy as np
@@ -16,7 +17,7 @@ from dcap.scene.types.outcome import Cause, Caution
 from dcap.scene.types.segmentation import Instance, Part
 
 HELD_UP = 0.01
-"""Height over what lies below from which the object is held up by something else [m]."""
+"""Clearance above the surface below, beyond which something else must hold the object up [m]."""
 
 
 def rim_cautions(
@@ -37,7 +38,7 @@ def rim_cautions(
     if base.structure or not (held_up and start.height > part.box.top and goes_in(prompt)):
         return ()
     size = np.ptp(mesh.bounds, axis=0)
-    text = f"{size[0]:.2f} x {size[1]:.2f} m do not go into the {base.label}: it is set on the rim"
+    text = f"{size[0]:.2f} x {size[1]:.2f} m do not fit into the {base.label}; the object is set on the rim"
     return (Caution(Cause.NOT_MET, text),)
 
 

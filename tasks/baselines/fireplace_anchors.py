@@ -1,8 +1,7 @@
-"""Resolves the thing and the surface of a constraint outline: options, and the client's choice among them.
+"""Resolves the thing and the surface of a constraint outline, with pictures of the options for the client.
 
 In: the scene, the outlines and a client. Out: the surface that carries, and the other constraints with both sides
-known. Where there are several things, or several surfaces of a thing, the client chooses among them in batches
-(`selection.py`).
+known. Where there are several things, or several surfaces of a thing, the client chooses among them in batches.
 
 Pictures of options for batched visual selection: a thing, a surface, a placement; made on demand.
 

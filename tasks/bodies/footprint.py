@@ -1,4 +1,4 @@
-"""Predicts place and width of the object's contact, which decide cells and contact points before the simulation.
+"""Predicts pose, place and width of the object's contact, and refines the surfaces there.
 
 In: the object at its pre-drop pose, the surfaces beneath it, its weight, and the layers that press on each other. The
 gap between the object's underside and the surface below is measured along gravity, after the object has tilted onto

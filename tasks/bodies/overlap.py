@@ -1,4 +1,4 @@
-"""Depth of the overlap between bodies, measured on their surfaces at the start and at the end.
+"""Depth of the overlap between bodies, and the nearest places and sides of their surfaces.
 
 Nearest places of a surface to given points, and the direction of the surface there.
 """

@@ -1,4 +1,4 @@
-"""Background grids of soft bodies: cell sizes from thickness and contact, within a budget.
+"""Background grids of soft bodies: cell sizes from the contact, from thickness, within a budget.
 
 In: signed distances and boxes. Out: node planes. Cells are uniform per axis for free bodies, graded for supports.
 

@@ -1,4 +1,4 @@
-"""The only translation of simulation bodies into the solver's model, for cases and placements alike.
+"""Simulation bodies as the solver's model, and the free nodes of their background grids.
 
 Free nodes of a soft body's background grid: masks of the nodes held by a clamp, a cut, a support or a core.
 

@@ -1,4 +1,4 @@
-"""Predicts the contacts between the bodies of a case.
+"""Predicts the contacts between the bodies of a case, and makes stiff bodies rigid (`--load-aware`).
 
 In: the solids at their start. Out: for every pair in which one body may come to lie on the other, the patch of an
 elastic half-space under the gap between their true shapes. No shape is assumed.

@@ -1,4 +1,4 @@
-"""`dcap drop`: from a physics case in a YAML file to `result.json`, one PLY per body at rest and `history.parquet`.
+"""`dcap drop`: from a physics case in a YAML file to `result.json`, with a second drop where it needs one.
 
 A second drop of a case whose bodies came to rest on a soft body outside the predicted contact.
 
@@ -20,10 +20,10 @@ import pyarrow.parquet as pq
 from scipy.spatial.transform import Rotation
 
 from dcap.scene.errors import GeometryError, InputError
-from dcap.scene.json_tree import JsonObject, JsonValue, draft_folder, to_json
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.particles import Particles
 from dcap.scene.writers.meshes import mesh_to_ply
+from dcap.scene.written_files import JsonObject, JsonValue, draft_folder, to_json
 from solver.certificate import History, Verdict
 from solver.config import SolverConfig
 from solver.errors import ArchError, ModelError, UnstableStep

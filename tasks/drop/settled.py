@@ -1,4 +1,4 @@
-"""The solver's result as a type of the pipeline.
+"""The solver's result as a type of the pipeline, and its pose compared with the requested one.
 
 Compares the requested orientation with the rest state: rows for the certificate and lines for people.
 

@@ -1,4 +1,4 @@
-"""Turns the results of the stages into the exported scene.
+"""The exported scene: the object as a free rigid body, the settled scene as fixed bodies.
 
 In: the segmented scene and object, the anchor, the materials, the simulated bodies and the settled state. Out: an
 `ExportScene`, the same for the same values.

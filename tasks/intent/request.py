@@ -1,4 +1,4 @@
-"""The intent's question: the sentence, the scene's things, and numbered pictures of them if labels are uncertain.
+"""The intent's question to a client, and the question to the user if the choice is ambiguous.
 
 Ambiguous choices of a sentence: a question to the user that lists the candidates, the same for all clients.
 

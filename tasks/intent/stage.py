@@ -1,7 +1,7 @@
 """Stage 3, intent: one question about the sentence; its answer fixes base, size, mass, orientation and region.
 
 In: the segmented scene and object, the prompt, and the mass if the user states it. Out: `Intent`, or `target_not_found`
-with a list of the scene's things; an ambiguous choice becomes a question to the user (see `which.py`). One isotropic
+with a list of the scene's things; an ambiguous choice becomes a question to the user (see `request.py`). One isotropic
 factor gives the mesh the usual size of its kind (see `rescale.py`); a mesh of a plausible size is not changed. The mass
 prior scales with the size: by volume, for hollow things by surface, for sheets by area.
 """

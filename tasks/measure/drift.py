@@ -1,4 +1,4 @@
-"""Drift of the object when the simulation of the final state is continued.
+"""Drift of a final state when its simulation continues, and its depth against the expected depth.
 
 In: the bodies of the simulation and the final state. Out: `Drift`.
 

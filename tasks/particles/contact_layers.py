@@ -1,4 +1,4 @@
-"""Layers at the predicted contact: those of the object above it and those of the base below it.
+"""Layers at the predicted contact, and the depth of a soft base under its visible surface.
 
 Depth of a soft base below its visible surface: down to the support of each part, or by its thickness.
 """

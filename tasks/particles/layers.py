@@ -1,4 +1,4 @@
-"""Layers of a soft base: the part at each depth, and the orientation of cloth layers there.
+"""Layers of a soft base: its covers, the part at each depth, and the orientation of cloth there.
 
 In: the visible soft parts of a base, and its covers. Out: for every point the part that it belongs to: within a cover's
 thickness below its open surface that cover, deeper the covers beneath it, each with its own thickness, and below them

@@ -1,4 +1,4 @@
-"""Obstacles around the soft part of the base: its rigid parts and other things in reach, as fixed rigid bodies.
+"""Obstacles around the soft part of the base, as fixed rigid bodies, and the solids of supports.
 
 The solid of a support or an obstacle: from its faces if they bound a solid, else from their visible side.
 

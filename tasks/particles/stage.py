@@ -1,4 +1,4 @@
-"""Stage 7, particles: from meshes, a pose and materials to all bodies of the drop.
+"""Stage 7, particles: from meshes, a pose and materials to all bodies of the drop, one free or several.
 
 In: the segmented scene and object, the intent (mass), the pre-drop pose and the material of every part. Out:
 `Particles`: the object, the base within a crop around it (its soft parts as one bonded body, its rigid parts as

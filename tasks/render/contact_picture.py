@@ -1,4 +1,4 @@
-"""The contact in close-up, with the object lifted out of the way: dent and patch, and a legend.
+"""The contact in close-up with the object lifted out of the way, and a cut through it.
 
 In: the scene at rest with its displacement, the contact and a camera. Out: a picture with a legend below it.
 

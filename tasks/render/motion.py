@@ -1,4 +1,4 @@
-"""A drop frame by frame: the moving parts of object and scene, and their positions.
+"""A drop frame by frame: the positions of the moving parts, and the film.
 
 In: the settled state with its frames, the scene as segmented, and meshes that move with a body. Out: vertices at any
 frame. The attachment of points is found once, and the scene is cut once, as finely as the largest displacement of all

@@ -1,4 +1,4 @@
-"""Content of a picture of the rest state: the settled object and scene, and their parts visible to a camera.
+"""Meshes of the rest state: for pictures, for files with the source's textures, and contact patches.
 
 In: scene and object as segmented, and the settled state. Out: meshes.
 

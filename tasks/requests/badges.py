@@ -1,4 +1,4 @@
-"""Draws numbers on a picture: each on the widest place of its thing, without overlap, with a line if there is no room.
+"""Numbers and rulers on pictures: each number on the widest place of its thing, coordinates along a plan.
 
 In: a picture and the thing in each pixel. Out: the picture with things tinted, outlined and numbered.
 

@@ -1,4 +1,4 @@
-"""Numbered pictures of things in a scene ("set of marks"): over its corners, as a plan, and each thing alone.
+"""Numbered pictures of things in a scene ("set of marks"), and of all candidates for a support.
 
 In: a scene and its things. Out: sRGB pictures in which each thing has its number. Obstacles (ceiling, walls in front of
 the camera) are left out. The correction page for people, the picture of a refusal and the questions to a model show the

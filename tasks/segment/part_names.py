@@ -1,4 +1,4 @@
-"""Names of parts: geometry proposes, a client names.
+"""Names of parts, with a picture of them: geometry proposes, a client names.
 
 In: a divided scene or object. Out: the same with the client's names; faces, boxes and the number of parts do not
 change, so two parts with the same name remain two parts.

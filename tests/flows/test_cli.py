@@ -12,8 +12,8 @@ import pytest
 
 import dcap
 from dcap.scene.errors import MachineError
-from dcap.scene.json_tree import draft_folder
 from dcap.scene.machine_errors import as_machine_errors
+from dcap.scene.written_files import draft_folder
 from flows.cli.app import exit_code, main
 from flows.configure import configured
 from flows.options import PlaceOptions

@@ -11,8 +11,7 @@ from PIL import Image
 from dcap.scene.errors import Severity
 from dcap.synthetic.recipes import object_recipes, room_names
 from flows.cli.app import main
-from flows.cli.cache_report import as_tree, in_words, totals
-from flows.dataset_check import check_dataset
+from flows.dataset_check import as_tree, check_dataset, in_words, totals
 from flows.samples import EMBEDDED, SPLAT_ROOMS, load_yaml
 
 SQUARE = "v 0 0 0\nv 3 0 0\nv 3 3 0\nv 0 3 0\nf 1 2 3 4\n"

@@ -12,8 +12,8 @@ from dcap.evaluation.methods import DCAP, joined_id
 from dcap.evaluation.outcome_table import AS_POSED, row_of
 from dcap.evaluation.run_folder import summary_of
 from dcap.scene.errors import InputError
-from dcap.scene.json_tree import JsonObject
 from dcap.scene.types.sample import Sample
+from dcap.scene.written_files import JsonObject
 from flows.display import Display, console_on, print_table
 from flows.plan import print_plan
 from flows.sample_run import FailedSample, Plan

@@ -13,13 +13,13 @@ from dcap.evaluation.methods import by_method
 from dcap.evaluation.outcome_table import AS_POSED, ExpectedOutcome, SampleOutcome
 from dcap.evaluation.run_folder import sample_folder
 from dcap.scene.errors import LanguageError
-from dcap.scene.json_tree import JsonObject
 from dcap.scene.types.choices import Anchor
 from dcap.scene.types.floor_plan import FloorPlans
 from dcap.scene.types.sample import Sample
 from dcap.scene.types.segmentation import Segmentation
 from dcap.scene.types.settled import Settled
 from dcap.scene.writers.glb import Node, glb_bytes
+from dcap.scene.written_files import JsonObject
 from flows.benchmark import Selection, dataset_samples, keep_result
 from flows.judge_views import VIEWS
 from flows.methods import examples_of

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 from known_records import known_code, known_result
 
-from dcap.scene.json_tree import object_to_json
 from dcap.scene.types.sample import Sample
+from dcap.scene.written_files import object_to_json
 from flows.cli.app import main
 from flows.find_run import ASKED_VERSION
 from flows.place import PlaceConfig

@@ -12,8 +12,8 @@ import pytest
 from dcap.evaluation.metrics.right_place import TOLERANCE_M
 from dcap.evaluation.outcome_table import AS_POSED, AT_REST, ExpectedOutcome, SampleOutcome
 from dcap.scene.errors import InputError
-from dcap.scene.json_tree import JsonObject
 from dcap.scene.types.sample import Sample
+from dcap.scene.written_files import JsonObject
 from flows.scoring import meant_regions, scored_row
 from tasks.artifact import Store
 

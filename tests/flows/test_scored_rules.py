@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from dcap.evaluation.outcome_table import ExpectedOutcome, SampleOutcome
-from dcap.scene.json_tree import JsonObject
 from dcap.scene.types.choices import Intent, OrientationRequest, RegionRequest
 from dcap.scene.types.sample import Sample
+from dcap.scene.written_files import JsonObject
 from flows.scoring import scored_row
 from tasks.artifact import Store
 

@@ -104,7 +104,7 @@ def test_what_does_not_rest_is_not_graded(lab):
 
 @pytest.mark.slow
 def test_a_ball_rolls_where_its_resistance_ends(lab):
-    """F / W = b / R = 0.07; on the way it leans on the compliant spring of rolling.py and comes back slowly."""
+    """F / W = b / R = 0.07; on the way it leans on the compliant spring of friction.py and comes back slowly."""
     ball = lab.rigid("ball", lab.Capsule(0.05, 0.0), [0, 0, 0.0501], rolling=3.5e-3, edge=0.003, spacing=0.0015)
     result = lab.drop(ball, lab.floor(rolling=3.5e-3), stability=True, push_directions=1)
     row = result.certificate.stability.bodies["ball"].directions[0]

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from dcap.scene.json_tree import DRAFTS
+from dcap.scene.written_files import DRAFTS
 
 Stamp = tuple[int, int]
 

@@ -4,9 +4,9 @@ import hashlib
 from collections.abc import Mapping
 from typing import Any
 
-from dcap.scene.json_tree import canonical_json
 from dcap.scene.settings import cache_root
 from dcap.scene.types.scan import FileScale
+from dcap.scene.written_files import canonical_json
 from tasks import code
 from tasks.artifact import Record, Ref, Store
 from tasks.cache import plain_input

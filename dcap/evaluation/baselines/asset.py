@@ -1,4 +1,4 @@
-"""The asset in the baselines' form: at the common scale, upright, its front along -y, its box about the origin.
+"""The asset in the baselines' form, and the `Anchor` of a pose that a baseline proposes.
 
 Their sources place assets of libraries in which every asset stands upright and faces the same way. A file may have any
 orientation, so our own method's rules for shapes bring it into that pose; the sentence's words on orientation are not

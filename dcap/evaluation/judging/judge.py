@@ -1,4 +1,4 @@
-"""Has a judge score placements, and compare all pairs with either on the left.
+"""Has a judge score placements and compare all pairs, from their pictures, into the folder `judging/`.
 
 In: placements with their pictures and metrics, and a client. Out: rows of scores and comparisons, in an order that
 depends on the placements alone, so that recorded replies give the same tables to the last byte. Pairs are formed
@@ -50,8 +50,8 @@ from dcap.language.model.ledger import Spending
 from dcap.language.protocol.client import ClientName, LanguageConfig
 from dcap.language.protocol.requests import Picture
 from dcap.scene.errors import FormatError, InputError
-from dcap.scene.json_tree import object_to_json, whole_file, write_whole
 from dcap.scene.readers.files import read_image
+from dcap.scene.written_files import object_to_json, whole_file, write_whole
 
 BEFORE_TITLES = ("the scene before the object is placed", "the object alone")
 """Captions for a judge of the pictures that all methods of a sample share."""

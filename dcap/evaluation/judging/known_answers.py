@@ -1,4 +1,4 @@
-"""Pairs of placements with a known answer, made from an embedded room, for validating a judge.
+"""Pairs of placements with a known answer, and how often a judge is right about them.
 
 A heavy ball is requested at the centre of the bed, or on the floor next to it. A ball at rest, in a dent of the depth
 and shape that its weight presses, or on the floor, is better than the same ball over or inside its support, by an

@@ -1,4 +1,4 @@
-"""Questions to a judge: two scores of one placement, or which of two is better on each axis.
+"""Questions to a judge, with scored examples: two scores of one placement, or the better of two.
 
 A model sees the sentence and pictures: examples of the rubric, the clean scene, the asset alone, an overview and a
 close-up of every placement. It never sees the method or a metric; metrics are for the metric rubric, which answers

@@ -1,4 +1,4 @@
-"""Right place: measurements of a final state against the intended outcome, in raw units.
+"""Right place: a final state against the intended outcome, in raw units, and whether its region holds.
 
 Only stated intentions count: if the truth names no part, region or direction, the measure is None.
 

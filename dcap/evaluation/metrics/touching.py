@@ -1,4 +1,4 @@
-"""Contact between an object and a scene: penetration, gap, contact area, and support of the centre of mass.
+"""Contact between an object and a scene: penetration, gap, area, and support of the centre of mass.
 
 Units are SI, the frame is the world's (z up). The scene's surfaces may be open, as scans are: only the object has to
 have an inside.

@@ -1,4 +1,4 @@
-"""`view3d.html` of a run: the placements of a sample by all methods, turned together, from disk and without a server.
+"""`view3d.html` of a run: the placements of a sample by all methods in three.js, without a server.
 
 In: scene.glb of each placement. Out: the page, three.js once, and for each placement a script with its surface. A page
 that is opened from disk may load scripts but not fetch files, so each surface is a script that hands over bytes: the
@@ -24,8 +24,8 @@ from trimesh import resources, util
 from dcap.evaluation.study.attention import read_placed_surface
 from dcap.evaluation.table_files import write_if_other
 from dcap.scene.errors import DcapError
-from dcap.scene.json_tree import digest_of_file
 from dcap.scene.writers.placed_scene import copy_earlier, note_files
+from dcap.scene.written_files import digest_of_file
 
 ARCHIVED_PAGE, ARCHIVE, START = "viewer.html.template", "templates/viewer.zip", "init();"
 ORBIT = Path(__file__).with_name("orbit.js")

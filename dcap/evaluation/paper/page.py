@@ -1,4 +1,4 @@
-"""The page of a whole evaluation: every table, figure and file of a run, next to the section of the paper it answers.
+"""The page of a whole evaluation: each statement of the paper with its files, and facts of the scenes.
 
 In: a finished run with its rows, facts of its scenes, and notes on the study. Out: `index.html`, and the files of
 `write_scene_facts`. The pictures and tables of single placements stay in `report.html`.
@@ -34,7 +34,7 @@ from dcap.evaluation.supports_plot import MATERIALS, SUPPORTS, is_support, save_
 from dcap.evaluation.table_files import TABLES, csv_of, table_links, tex_escaped, write_table
 from dcap.language.offline.kinds import deformable_materials, deformable_supports
 from dcap.language.protocol.client import ClientName
-from dcap.scene.json_tree import write_whole
+from dcap.scene.written_files import write_whole
 
 SENTENCES = Path(__file__).with_name("sentences.csv")
 MOST_LINKS = 4

@@ -8,7 +8,7 @@ physical one (language), and of each kind. What counts:
 - a measured placement, with its measurements; one without is left out;
 - a sample that should have been placed and was not, as a failure with its constraints from other methods of the run, or
   only the physical one if no other has them;
-- no sample that should be infeasible, as for every judge (`judging/standing.py`).
+- no sample that should be infeasible, as for every judge (`judging/judge.py`).
 """
 
 from collections.abc import Mapping, Sequence

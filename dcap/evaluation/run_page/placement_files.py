@@ -9,8 +9,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from dcap.evaluation.outcome_table import AS_POSED, AT_REST, SampleOutcome
-from dcap.scene.json_tree import JsonObject
 from dcap.scene.types.pictures import PLACED
+from dcap.scene.written_files import JsonObject
 
 PLACEMENT = "placement.json"
 MOST_NOTES, MOST_LETTERS = 20, 300

@@ -28,7 +28,7 @@ from dcap.evaluation.statistics.comparisons import JudgedAxis
 from dcap.evaluation.supports_plot import save_supports_plot, summary
 from dcap.evaluation.table_files import write_if_other
 from dcap.language.offline.kinds import deformable_supports
-from dcap.scene.json_tree import JsonObject, canonical_json, digest_of_file
+from dcap.scene.written_files import JsonObject, canonical_json, digest_of_file
 
 LOW_SCORE = 5.0
 """Score below which it is low: the middle of the scale, where a metric is between visible and clearly wrong [-]."""

@@ -1,4 +1,4 @@
-"""A table of the page, and that of metrics by method, which is also written as CSV and LaTeX.
+"""Tables of the page of a run: metrics by method, and the run's CSV tables in words.
 
 In: rows of a run. Out: headings and cells as text; `tables/metrics.csv`, `tables/metrics.tex` (SI in the CSV, readable
 units elsewhere).

@@ -1,4 +1,4 @@
-"""Question for samples of a scene: a number of sentences with their truths, checked against the scene's content.
+"""Question for samples of a scene: sentences with their truths, checked, and read back by our reader.
 
 Offline the templates answer. A model sees instances and objects with their sizes and writes freely; its samples must be
 true of the scene as far as labels, parts and sizes tell, or it is asked again with the reason.

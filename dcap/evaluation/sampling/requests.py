@@ -1,4 +1,4 @@
-"""Possible requests for a scene: an object, a surface, a place on it and a pose, each with its truth.
+"""Possible requests for a scene, each with its truth, and the random draws among them.
 
 In: carrying surfaces and objects. Out: every plausible `PlacementAsk`, and those that should be refused. An object
 plausibly fits if its footprint leaves room; only a solver decides whether it comes to rest.

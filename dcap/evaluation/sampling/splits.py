@@ -1,4 +1,4 @@
-"""Splits of a data set by scene: shares such as train=0.8,val=0.1,test=0.1, drawn by a seed.
+"""Splits of a data set by scene, and a choice of few samples that differ as much as possible.
 
 No scene is in two splits. The draw depends on the names of the scenes and the seed, not on their order.
 

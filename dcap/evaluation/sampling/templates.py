@@ -1,4 +1,4 @@
-"""The samples of a scene by templates: drawn without repetition, supports in turn, objects and places evenly.
+"""The samples of a scene by templates, and their sentences, drawn evenly and without repetition.
 
 In: a scene's instances and objects. Out: sentences with their requests. Every draw is a digest of the seed, the scene's
 name and the drawn item, so that no scene depends on another or on an order.

@@ -1,4 +1,4 @@
-"""Agreement of raters on nominal choices: the share of pairs of raters, and Krippendorff's alpha.
+"""Agreement of raters on nominal choices, and the habits of a judge in its comparisons.
 
 In: each rater's choice for each item. None if no item has two raters; alpha also if chance alone explains everything (a
 single category was ever used: 0 / 0). Kappas need the same raters, or as many, for every item. Raters of a study see

@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from dcap.scene.errors import FormatError, InputError
-from dcap.scene.json_tree import whole_file
+from dcap.scene.written_files import whole_file
 
 
 class JudgedAxis(StrEnum):

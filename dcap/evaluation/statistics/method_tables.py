@@ -1,4 +1,4 @@
-"""The rows of a comparison of methods: scores and Elo of a judge, win rates of comparisons, each with its mark.
+"""The rows of a comparison of methods: scores, Elo and win rates, with intervals and marks.
 
 In: scores by method (rows in the same order of samples) and comparisons. Out: one row per method in the order given;
 formatting is the report's. A mark is a dagger where a method is better than the best baseline *of that column* with

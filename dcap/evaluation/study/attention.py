@@ -1,4 +1,4 @@
-"""Attention checks: a placement next to a copy of it in which the object floats, so that one answer is wrong.
+"""Attention checks: a placement next to a copy of it in which the object is lifted and floats.
 
 A folder per check, `attention/01/settled` and `attention/01/lifted`, hold pictures and a model of either; both are
 made from the same scene.glb, so that they only differ in the object's height. The pictures have the names and sizes of
@@ -25,10 +25,10 @@ from dcap.geometry.raycast import Raycaster
 from dcap.geometry.rendering.painted import own_paint
 from dcap.geometry.rendering.surface import ShadingNormals
 from dcap.scene.errors import DcapError, FormatError
-from dcap.scene.json_tree import whole_file, write_whole
 from dcap.scene.readers.gltf.gltf import read_gltf
 from dcap.scene.types.mesh import CornerPaint, Mesh, SourceSurface
 from dcap.scene.writers.glb import GLTF_FROM_WORLD, Node, glb_bytes
+from dcap.scene.written_files import whole_file, write_whole
 
 THING = "object"
 """The node of the object at rest."""

@@ -1,4 +1,4 @@
-"""The folder `study/` of a run: the design, the raters' links, and the export of the votes.
+"""The folder `study/` of a run: the design, the raters' links, the journal of votes, and their export.
 
 `study.json` holds each rater's comparisons; `tokens.json` (readable by its owner alone) the secret link of each rater.
 Both are written once and only ever extended: a rater who joins later changes nothing for the earlier ones.
@@ -27,7 +27,7 @@ import pyarrow.parquet as pq
 from dcap.evaluation.statistics.comparisons import AXES, JudgedAxis
 from dcap.evaluation.study.design import MethodPairs, Side, StudyItem, questions_of, rater_items, showings_of
 from dcap.scene.errors import InputError
-from dcap.scene.json_tree import whole_file
+from dcap.scene.written_files import whole_file
 
 JOURNAL = "votes.jsonl"
 VoteKey = tuple[str, str, JudgedAxis]

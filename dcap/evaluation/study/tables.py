@@ -1,4 +1,4 @@
-"""Table 2: preferences of people, from their votes.
+"""Table 2, the preferences of people from their votes, and statistics of each rater.
 
 The adapter between the study and the statistics: votes become comparisons, whose judge is the rater, and the statistics
 become the table. Attention checks are not comparisons of methods and do not count here. Raters who failed one are noted

@@ -1,4 +1,4 @@
-"""The gap between an object and the scene below it, and the places where the two intersect.
+"""The gap between an object and the scene below it, and a start above its support without intersection.
 
 In: an object, a scene, and the position of the object's origin. Out: the smallest vertical gap along gravity, and
 points at which an edge of one goes through a face of the other. Between two surfaces of triangles the smallest gap lies

@@ -1,4 +1,4 @@
-"""The poses in which a thing can be put down, as choices before any turn about the vertical.
+"""The poses in which a thing can be put down, on which ends it stands, and whether a figure sits.
 
 In: a mesh, its standing pose by shape, and the frame to be trusted. Out: the pose of the file, its half turns and
 quarter turns; the same for the pose in which the shape stands, if that differs (a lying or overturned file); and the

@@ -1,4 +1,4 @@
-"""Coverage of each pixel by a mesh, and the mesh's colour there: masks and colours for compositing.
+"""Coverage of each pixel by a mesh, and the object composited into a photograph.
 
 In: an exposed picture and the index of one of its meshes. Out: shares of pixels and that mesh's own colours. Only
 pixels at the rim of the mesh are traced again, with several rays each.

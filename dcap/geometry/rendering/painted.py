@@ -1,4 +1,4 @@
-"""Meshes with textures, as met by rays.
+"""Meshes with textures, as met by rays, which pass where a texture is clear.
 
 In: a mesh whose faces are, or are parts of, the faces of a textured surface. Out: its paint, corner by corner, and
 colours where rays meet it. A texture seen from far away is read from a smaller copy whose pixels are as large as the

@@ -1,4 +1,4 @@
-"""Pictures of meshes without a display or a graphics card.
+"""Pictures of meshes without a display or a graphics card, lit or in their own colours.
 
 In: coloured meshes and a camera. Out: an sRGB picture with soft shadows and ambient occlusion, the depth, and the mesh
 visible in each pixel. Same input, same bytes: directions of rays come from fixed sequences, and every pixel is computed

@@ -1,4 +1,4 @@
-"""Lighting of surfaces: a key light, a bright sky, a weak fill light from the camera, and the conversion for display.
+"""Lighting of surfaces: a key light, a sky and a fill light, with their visibility from each pixel.
 
 All colours are linear light; 1 is a white surface that faces the key light. Components come first: (3, n).
 

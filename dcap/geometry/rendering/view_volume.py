@@ -1,4 +1,4 @@
-"""Faces that the rays of a picture may meet: those in the camera's view, and those that may shade them.
+"""Faces that a picture needs: without walls in front, in the camera's view, or shading faces in it.
 
 In: a mesh, a camera and its key light. Out: faces. It is a bound: no ray of the picture meets a face that is left out,
 but faces that are kept may not be met either. The acceleration structure then contains only a part of a room, and is

@@ -1,4 +1,4 @@
-"""Instances of a mesh without annotated boxes: by its nodes, by one label for everything, or by shape alone.
+"""Instances of a mesh by annotated nodes, by its own nodes, by one label for everything, or by shape alone.
 
 Instances and parts of a mesh with annotated nodes: a ScanNet scene, or a GLB written by us.
 

@@ -1,4 +1,4 @@
-"""Gaussians that move with a deforming surface: centres by its displacement, shapes and colours by its gradient.
+"""Gaussians that move with a deforming surface, split where one flat disc cannot follow it.
 
 In: Gaussians in any frame and unit, and the motion of a surface in the world. Out: the Gaussians that move, in the same
 frame; the others are unchanged to the bit. With F the deformation gradient at a centre, a covariance becomes F S F^T

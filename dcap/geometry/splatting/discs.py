@@ -1,4 +1,4 @@
-"""Gaussian splats on the surface of a mesh: flat discs in the colours of its vertices, as a good scan of it would have.
+"""Gaussian splats on the surface of a mesh: as a good scan would have them, or dense and opaque.
 
 Known geometry as splats, as ground truth for reconstructions from them.
 

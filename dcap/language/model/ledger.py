@@ -21,7 +21,7 @@ from typing import IO, TypeAlias
 
 from dcap.language.model.reply_folder import Message
 from dcap.scene.errors import BudgetError, InputError
-from dcap.scene.json_tree import object_to_json
+from dcap.scene.written_files import object_to_json
 
 PRICES = Path(__file__).with_name("prices.csv")
 MILLION = 1e6

@@ -1,4 +1,4 @@
-"""The new line of a layout, written by rules: a substitute for LayoutGPT's model, with our own reader of sentences.
+"""Replies for LayoutGPT and Holodeck by rules, from our own reader of sentences instead of a model.
 
 The support, its part, the regions and the facing are those that the reader finds for our own method; the box stands on
 the box of the part, at the requested place or the free one nearest to it.

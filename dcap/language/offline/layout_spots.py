@@ -1,5 +1,4 @@
-"""The requested spot for a box on a rectangle: the middle, a side, an edge, next to another thing; then the nearest
-free spot.
+"""The lines of a layout as rectangles, and the requested spot for a box on one of them.
 
 In: the interpretation of the sentence and the rectangles of a layout. Out: the middle of the box, seen from above.
 Sides are those of a viewer who looks at the front.

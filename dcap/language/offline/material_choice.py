@@ -1,4 +1,4 @@
-"""The offline choice of a material: by words, the thing's own list, part name, category; otherwise a stated fallback.
+"""The offline choice of a material: by words for materials, the thing's own list, part name, category.
 
 In: a part with its name, the whole thing, and the prompt. Out: the id of a library row and the reason. One row per
 part, never a blend. The usual rows are listed in the lexicon (things.csv, parts.csv, usual_materials.csv).

@@ -1,4 +1,4 @@
-"""The placement that a sentence requests, without a scene: an object, a relation and its reference.
+"""The placement that a sentence requests, without a scene, and the name of the object in questions.
 
 In: a `Reading`. Out: a `Placing`, with the place among those of the reading that names the support; grounding in a
 scene starts from the same place.

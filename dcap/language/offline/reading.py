@@ -1,4 +1,4 @@
-"""Content of a sentence, without a scene: places, poses, facings and the moved thing.
+"""Content of a sentence, without a scene: its clauses, places, poses, turns, facings and the moved thing.
 
 Plain values; `sentence` makes them from a prompt.
 

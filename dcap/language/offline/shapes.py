@@ -1,4 +1,4 @@
-"""Names things by shape, size and height: each label of `lexicon/shapes.csv` states its usual values.
+"""Names things by shape, size and height: `lexicon/shapes.csv` states the usual values of each label.
 
 In: a `LabelRequest`. Out: the label that fits best, and its confidence. A row gives four numbers for some measures:
 limits and, between them, the usual range. They are household dimensions as commonly known (`estimate`), not measured

@@ -1,4 +1,4 @@
-"""The support, the part and the region that a sentence requests, in a given scene.
+"""The support, the part and the region that a sentence requests, in a given scene or on a given support.
 
 In: a `Reading` and the instances. Out: a `Target`: the base or the missing thing, and part, regions and references in
 the words of the reply. The first place that names a thing is the base; later places narrow it down or give the place on

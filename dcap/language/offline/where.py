@@ -1,4 +1,4 @@
-"""Places on the base: parts, regions, and places next to other things.
+"""Places on the base: parts, regions, places next to other things, and constraints on them.
 
 In: a target whose base is known, and a place of the sentence. Out: the target with regions and references in the words
 of the reply, and with phrases that were not understood.

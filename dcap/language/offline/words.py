@@ -1,4 +1,4 @@
-"""A prompt as tokens: known phrases with all their possible meanings, and unknown words.
+"""A prompt as tokens: known phrases with all their meanings, unknown and mistyped words, and used words.
 
 In: text, and the names of things in the scene. Out: tokens in order; the longest known phrase at each place wins, a
 number with its unit is one token, and so is the id of a thing. A misspelt word is read as the only known word that it

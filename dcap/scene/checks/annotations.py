@@ -1,7 +1,5 @@
 """Checks labels.json, structure.json and the map of the floor: problems reported by the readers, and contradictions.
 
-Checks labels.json and structure.json: problems reported by the readers, and contradictions between the two.
-
 Boxes far from every room, below the floor or annotated twice are usual in InteriorGS, so these are warnings.
 """
 

@@ -1,4 +1,4 @@
-"""Findings of a check: problems with their file and line.
+"""Findings of a check: problems with their file and line, and the lines of values in JSON and YAML.
 
 Line numbers of the values of JSON and YAML files.
 

@@ -1,7 +1,5 @@
 """Units and axes: from the file's own coordinates to metres, right-handed, z up.
 
-Units and axes: from the file's own coordinates to metres, right-handed, z up.
-
 Order of trust: the user's option, then the format's standard, then an estimate from the content; always reported. An
 estimate never assumes millimetres or inches, because only the user's word distinguishes them from a mesh that is a
 thousand times too large; such a mesh is refused with the option that settles it. Centimetres are only assumed if the

@@ -1,7 +1,5 @@
 """Triangle meshes with optional vertex colours, the only surfaces of the pipeline; materials and textures of files.
 
-A triangle mesh with optional vertex colours: the only surface type of the pipeline.
-
 Invariant: finite vertices, face indices in range. Readers bake textures to vertex colours.
 
 Properties of a face's material beyond its base colour: transparency, factors and further images.

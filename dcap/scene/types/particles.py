@@ -1,4 +1,4 @@
-"""Input of the solver: bodies with surfaces, signed distances and, if soft, material points and a grid.
+"""Input of the solver: gravity, and bodies with surfaces, signed distances and, if soft, points and a grid.
 
 Gravity for placements.
 """

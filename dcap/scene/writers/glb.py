@@ -1,4 +1,4 @@
-"""Writes GLB files: a tree of named nodes with vertex colours or textures, y up and metres as the standard requires.
+"""Writes GLB files: a tree of named nodes with vertex colours or with materials and textures.
 
 Same input, same bytes. Faces with vertex colours have no material: many readers drop the colours if there is one. A
 labelled scene has one node per instance, named by its id, with its label in `extras.label`, and below it one node per

@@ -1,4 +1,4 @@
-"""Writes scene.json and deformed_N.ply: facts of a scene for the next placement, besides its geometry.
+"""Writes the facts of a placed scene for the next placement, and copies files of earlier results.
 
 Same scene, same bytes. `dcap.scene.readers.scenes.placed_scene` has the schema and reads them.
 
@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.scene.json_tree import canonical_json, digest_of_file, write_whole
 from dcap.scene.readers.scenes.placed_scene import (
     FACTS,
     SHIFT,
@@ -38,6 +37,7 @@ from dcap.scene.types.earlier import Deformation, EarlierPlacements
 from dcap.scene.types.materials import PartMaterial
 from dcap.scene.types.segmentation import Instance
 from dcap.scene.writers.meshes import ply_bytes
+from dcap.scene.written_files import canonical_json, digest_of_file, write_whole
 
 FOLDER = "earlier"
 DAMAGED = (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError)

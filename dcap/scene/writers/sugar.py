@@ -8,7 +8,7 @@ and so is the resulting mesh.
 
 COLMAP models to files: cameras, images and points3D, binary (which programs prefer) or as text.
 
-The layouts are those of dcap/scene/readers/scenes/colmap.py; observations and tracks are not written.
+The layouts are COLMAP's (https://colmap.github.io/format.html); observations and tracks are not written.
 """
 
 import json

@@ -11,8 +11,8 @@ from many_methods_run import METHODS, SAMPLES, change_row, many_methods_run
 from dcap.evaluation.labels_page import Row, labels_page
 from dcap.evaluation.report import write_report
 from dcap.evaluation.run_folder import summary_of
-from dcap.scene.json_tree import object_to_json
 from dcap.scene.writers.labels import FoundThing
+from dcap.scene.written_files import object_to_json
 from flows.judge_run import read_rows
 from flows.output import readable_json
 

@@ -14,8 +14,8 @@ from dcap.evaluation.report import write_report
 from dcap.evaluation.run_folder import summary_of
 from dcap.language.model.ledger import Spending
 from dcap.scene.errors import InputError
-from dcap.scene.json_tree import object_to_json
 from dcap.scene.types.sample import Sample
+from dcap.scene.written_files import object_to_json
 
 PROMPTS = ("put the ball at the centre of the bed", "balance the ball on the <lampshade> & stay", "put it on the piano")
 LINK = re.compile(r'(?:src|href)="([^"]+)"')

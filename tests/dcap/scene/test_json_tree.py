@@ -9,7 +9,7 @@ import pytest
 from pydantic import BaseModel
 from rest_records import explicit_certificate, implicit_certificate
 
-from dcap.scene.json_tree import object_to_json, to_json
+from dcap.scene.written_files import object_to_json, to_json
 from solver.certificate import Certificate
 from tasks.codec import decode, encode
 

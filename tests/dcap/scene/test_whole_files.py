@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from dcap.scene.json_tree import whole_file, write_whole
+from dcap.scene.written_files import whole_file, write_whole
 
 
 def test_a_file_that_cannot_be_written_stays_as_it_was(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""One object on one surface: the loss of poses, many at once.
+"""One object on one surface: the constraints, and the loss of poses, many at once.
 
 Everything lies in the frame of the surface that carries: origin at its middle, third axis along its normal. A pose is
 (x, y, yaw) of the object with its contact surface turned down, the middle of that surface over (x, y). The height is

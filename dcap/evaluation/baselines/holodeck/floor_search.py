@@ -1,4 +1,4 @@
-"""Holodeck's depth-first search for places on the floor, in centimetres.
+"""Holodeck's places on the floor: its depth-first search, and the pose of the place found.
 
 As in the source (`DFS_Solver_Floor`, without the variant that is off by default): middles on a grid of a 20th of the
 room, four turns, 10 cm added to each extent; a rectangle lies in the room and meets no other one; its front is at least

@@ -1,4 +1,4 @@
-"""Scores of relations for places on the floor: Holodeck's tests and curves, in centimetres.
+"""Holodeck's relations: their parser, and their scores for places on the floor in centimetres.
 
 As in the source (`DFS_Solver_Floor`): a place is a middle, one of four turns and a rectangle. Turn 0 looks along +y, 90
 along +x, 180 along -y, 270 along -x. A satisfied relation counts its weight; distances count 1.8 times the height of a

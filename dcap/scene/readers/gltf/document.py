@@ -1,4 +1,4 @@
-"""The JSON document of a glTF 2.0 file: on its own (.gltf) or as the first chunk of a container (.glb).
+"""The document of a glTF 2.0 file (.gltf or .glb), the content of its URIs, and its accessors.
 
 Guaranteed: a document is an object, its lists hold objects, and chunks end within the file.
 Source: Khronos, "glTF 2.0 Specification", section 4.4 (GLB).

@@ -1,4 +1,4 @@
-"""glTF 2.0 meshes (.glb, .gltf): the node tree, triangles and their appearance.
+"""glTF 2.0 meshes (.glb, .gltf): the node tree, positions of vertices, triangles and their appearance.
 
 Guaranteed: compressed files are refused by name, and every accessor is checked against its buffer before it is decoded.
 Source: Khronos, "glTF 2.0 Specification", sections 3.5 (nodes), 3.6 (accessors), 3.7 (geometry), 4 (GLB).

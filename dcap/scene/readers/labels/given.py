@@ -1,4 +1,4 @@
-"""Single entry point for all files of labels: from a path to the labels of things or of vertices.
+"""Files of labels, of things or of vertices: Apple RoomPlan, arrays, ScanNet, and our own labels.json.
 
 A phone's plan of a room: Apple RoomPlan's CapturedRoom as Swift's JSONEncoder writes it, as labelled boxes.
 

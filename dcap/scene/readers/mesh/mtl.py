@@ -1,4 +1,4 @@
-"""MTL material libraries: diffuse colour and texture of each material, and on request further properties.
+"""MTL material libraries, and their properties assigned to the faces of an OBJ.
 
 A missing or unusable value is a note, not an error: the shape is still available. The alpha of a diffuse texture does
 not count, because the format has `map_d` for that. Of the keywords for physically based rendering, `Pm`, `Pr`, `Ke`,

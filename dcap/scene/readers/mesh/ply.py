@@ -1,4 +1,4 @@
-"""PLY meshes: vertex or face colours, any polygons.
+"""PLY meshes with vertex or face colours and any polygons, from tables that plyfile reads.
 
 Tables of PLY files, read by the library plyfile after checks of the header.
 

@@ -1,4 +1,4 @@
-"""Content of a mesh file before its unit, axes and colours are determined.
+"""Content of a mesh file before its unit, axes and colours are determined, and its polygons as triangles.
 
 `RawMesh` is returned by every format reader; `paint.py` bakes its textures and `frame.py` converts it to metres and z
 up. Invariant: finite vertices, indices in range, at least one face.

@@ -1,4 +1,4 @@
-"""Point clouds of the Point Cloud Library, as text, binary or compressed.
+"""Point clouds of the Point Cloud Library, and points from rows of numbers.
 
 The fields x y z, normal_x normal_y normal_z and rgb or rgba are used; others and the viewpoint are ignored. Only
 compressed data is left to Open3D, because its other readers are unreliable: one returns zeros for doubles, the other

@@ -1,4 +1,4 @@
-"""Single entry point for all files of Gaussian splats: their formats, recognition and reading.
+"""All formats of Gaussian splats and their recognition; the readers of `.splat` and SPZ.
 
 Gaussian splats as bare records of 32 bytes (`.splat`): no header, no harmonics beyond the colour.
 

@@ -1,4 +1,4 @@
-"""The meshes of a USD stage, read by Pixar's library: run as a separate process by `dcap.scene.readers.usd.usd`.
+"""The meshes of a USD stage and their textures, read by Pixar's library in a process of its own.
 
     python usd_stage.py FILE CPU_SECONDS BYTES > arrays.npz, or one line of JSON with exit code 3
 

@@ -17,7 +17,7 @@ TOP = 0.75
 """Of the table [m]."""
 BOX = (0.2, 0.1, 0.1)
 STAYS = 2e-5
-"""What rests on plane faces may move [m]: contacts sink in by 1e-5 m (referee/onward.py)."""
+"""What rests on plane faces may move [m]: contacts sink in by 1e-5 m (referee/rest.py)."""
 
 
 def mesh(shape: trimesh.Trimesh, at: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Mesh:

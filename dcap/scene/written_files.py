@@ -1,4 +1,4 @@
-"""Frozen values as plain JSON, for files read by people and other programs.
+"""Files of our own: values as plain JSON, and files that appear whole or not at all.
 
 Files that appear whole or not at all: the old file stays if the disk is full or the program is killed.
 """
