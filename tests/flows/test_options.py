@@ -47,7 +47,7 @@ def decided(options: PlaceOptions) -> tuple[Sample, dict[str, object]]:
 def test_every_option_reaches_the_drop(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """The physics gets what was asked for."""
     heard: dict[str, object] = {}
-    monkeypatch.setattr("flows.place_one.run_case", lambda case, out, **given: heard.update(given) or {})
+    monkeypatch.setattr("tasks.case.run.run_case", lambda case, out, **given: heard.update(given) or {})
     monkeypatch.setattr("flows.place_one.chosen_arch", lambda wanted: wanted)
     wanted = {name: OTHER[name] for name in DropOptions.model_fields if name != "out"} | {"solver": "tl"}
     drop_case(tmp_path, effective_options(DropOptions, wanted), tmp_path, quiet=True)
