@@ -15,7 +15,7 @@ DATA := $(or $(DCAP_DATA),data)
 OUT ?= $(DATA)/runs/demo
 # Two tests at a time; a third would only fight with the kernels' own threads.
 PARALLEL := -n 2 --dist worksteal
-COUNTED := flows tasks solver dcap/scene dcap/geometry dcap/language dcap/evaluation dcap/synthetic tests
+COUNTED := flows tasks solver dcap/scene dcap/geometry dcap/knowledge dcap/language dcap/evaluation dcap/synthetic tests
 # What `make check` runs; `make test` runs this and what is slow or needs third-party data.
 FAST := not slow and not long and not sweep and not third_party and not gpu
 

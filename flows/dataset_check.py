@@ -13,8 +13,8 @@ from pathlib import Path
 
 from dcap.evaluation.outcome_table import read_truth
 from dcap.evaluation.supports_plot import SHOWN, save_supports_plot, summary, supports_table
-from dcap.language.offline.kinds import deformable_supports
-from dcap.language.offline.lexicon import is_a, thing_of
+from dcap.knowledge.kinds import deformable_supports
+from dcap.knowledge.lexicon import is_a, thing_of
 from dcap.scene.checks.findings import Finding, Findings, yaml_lines
 from dcap.scene.checks.scene_folder import SceneFacts, check_scene, layout_of
 from dcap.scene.errors import InputError, Place, Report, Severity, error, short, warning

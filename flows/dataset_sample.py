@@ -18,9 +18,9 @@ from dcap.evaluation.sampling.splits import shares_of, split_scenes
 from dcap.evaluation.supports_plot import save_supports_plot, supports_table
 from dcap.geometry.placement.poses import front_of
 from dcap.geometry.placement.upright import stands_as_read
+from dcap.knowledge.kinds import deformable_supports, front_side, prior_of
+from dcap.knowledge.lexicon import label_words, thing_of
 from dcap.language.connect import Client, connect
-from dcap.language.offline.kinds import deformable_supports, front_side, prior_of
-from dcap.language.offline.lexicon import label_words, thing_of
 from dcap.language.protocol.requests import IntentRequest, ObjectView, vector
 from dcap.scene.checks.findings import Findings
 from dcap.scene.checks.scene_folder import layout_of
@@ -240,7 +240,7 @@ def asset_of(name: str, item: Segmentation) -> PlacedAsset | None:
     if thing is None:
         return None
     view = object_view(item)
-    prior = prior_of(None, label, view.size)
+    prior = prior_of("", label, view.size)
     fit = rescale(np.array(prior.sizes), extents, prior.spread, (1e-3, 1e3), item.unit_source)
     words = label_words(label)
     noun = " ".join(words) if len(words) <= LONGEST_NOUN else thing.id

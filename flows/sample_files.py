@@ -15,7 +15,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 
 from dcap.evaluation.outcome_table import ExpectedOutcome
-from dcap.language.offline.lexicon import is_a, thing_of, things
+from dcap.knowledge.lexicon import is_a, thing_of, things
 from dcap.scene.errors import InputError
 from dcap.scene.text import LONGEST_WORDS, did_you_mean, unfit
 from dcap.scene.types.sample import SourceOptions

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from dcap.language.offline.lexicon import in_line, thing_of
+from dcap.knowledge.lexicon import in_line, thing_of
 from dcap.scene.types.segmentation import Segmentation
 
 

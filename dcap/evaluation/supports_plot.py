@@ -17,8 +17,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from matplotlib.typing import RcKeyType
 
-from dcap.language.offline.kinds import KINDS, OTHER, deformable_supports
-from dcap.language.offline.lexicon import first_part, is_a, thing_of
+from dcap.knowledge.kinds import KINDS, OTHER, deformable_supports
+from dcap.knowledge.lexicon import first_part, is_a, thing_of
 from dcap.scene.errors import InputError
 from dcap.scene.written_files import whole_file
 

@@ -14,7 +14,7 @@ from dcap.geometry.solid.closed import RepairLimits, enclosed, is_sheet, tidied,
 from dcap.geometry.solid.repair import outer_faces
 from dcap.geometry.solid.repair_log import RepairLog
 from dcap.geometry.solid.visible_shape import OpenRim, cap_areas, has_walls, told_holes, visible_shape
-from dcap.language.offline.kinds import is_vessel
+from dcap.knowledge.kinds import is_vessel
 from dcap.scene.types.choices import Anchor, Intent
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Infeasible, ObjectHole, OpenObject, Reason

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import BaseModel, Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, ValidationError, model_validator
 
 from dcap.geometry.primitives import Box, Capsule, Cylinder, Primitive
-from dcap.language.material_table import load_materials
+from dcap.knowledge.material_table import load_materials
 from dcap.scene.errors import InputError, short
 from dcap.scene.readers.files import BROKEN_YAML, parse_yaml, yaml_fault
 from dcap.scene.text import did_you_mean

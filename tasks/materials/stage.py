@@ -21,8 +21,8 @@ from pydantic import BaseModel, NonNegativeFloat, PositiveFloat
 from dcap.geometry.camera import looking_at
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.rendering.picture import picture
+from dcap.knowledge.material_table import load_materials
 from dcap.language.connect import Client
-from dcap.language.material_table import load_materials
 from dcap.language.offline.material_choice import shortlist
 from dcap.language.protocol.client import LanguageConfig
 from dcap.language.protocol.questions import MATERIALS

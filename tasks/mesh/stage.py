@@ -20,7 +20,7 @@ from pydantic import BaseModel, NonNegativeInt, PositiveFloat, PositiveInt
 from dcap.geometry.deform import DisplacementField
 from dcap.geometry.rendering.painted import nearest_faces
 from dcap.geometry.splatting.config import SurfaceConfig
-from dcap.language.offline.lexicon import names_thing
+from dcap.knowledge.lexicon import names_thing
 from dcap.scene.errors import FormatError, GeometryError
 from dcap.scene.readers.frame import Role
 from dcap.scene.readers.scenes.sugar import has_no_faces

@@ -23,7 +23,7 @@ from dcap.geometry.pieces import is_closed, signed_volume
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.solid.repair import subdivide_near
 from dcap.geometry.solid.support import COVERED, TOUCHING, over, plan_samples
-from dcap.language.material_table import cover_thickness
+from dcap.knowledge.material_table import cover_thickness
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.particles import ColumnLayer
 from dcap.scene.types.segmentation import Instance

@@ -18,7 +18,7 @@ from dcap.arrays import Array, IntArray, Mask
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.segmentation.faces import FaceTable, surface_pieces
 from dcap.geometry.segmentation.parts.rules import make_instance
-from dcap.language.offline.lexicon import first_part, in_line, label_words, thing_of
+from dcap.knowledge.lexicon import first_part, in_line, label_words, thing_of
 from dcap.language.offline.nouns import Noun
 from dcap.language.offline.placing import names_support, placing_of, whole
 from dcap.language.offline.sentence import read

@@ -16,8 +16,8 @@ from dcap.geometry.placement.polygons import smallest_rectangle
 from dcap.geometry.placement.poses import about_z
 from dcap.geometry.placement.resting_poses import end_axis, sits
 from dcap.geometry.placement.upright import outermost
-from dcap.language.offline.kinds import is_figure
-from dcap.language.offline.lexicon import is_a, thing_of
+from dcap.knowledge.kinds import is_figure
+from dcap.knowledge.lexicon import is_a, thing_of
 from dcap.language.offline.pose_choice import LOW, default_pose, is_low, meant
 from dcap.language.protocol.replies import RotationReply
 from dcap.language.protocol.requests import PoseView, RotationRequest

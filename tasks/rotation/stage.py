@@ -22,10 +22,9 @@ from dcap.geometry.placement.polygons import smallest_rectangle
 from dcap.geometry.placement.poses import about_z, front_of, rotated, symmetry_about_z
 from dcap.geometry.placement.resting_poses import FLIPS, on_legs, resting_poses
 from dcap.geometry.placement.upright import outermost, standing_pose, stands_as_read
+from dcap.knowledge.kinds import front_side, to_right
+from dcap.knowledge.lexicon import thing_of
 from dcap.language.connect import Client
-from dcap.language.offline.kinds import front_side
-from dcap.language.offline.lexicon import thing_of
-from dcap.language.offline.pose_choice import to_right
 from dcap.language.protocol.client import LanguageConfig
 from dcap.language.protocol.questions import ROTATION
 from dcap.language.protocol.replies import ROUNDED, RotationReply

@@ -13,8 +13,8 @@ import numpy as np
 
 from dcap.arrays import Array
 from dcap.geometry.segmentation.faces import UPWARD, level_of, main_level
+from dcap.knowledge.lexicon import is_a, label_words, thing_of
 from dcap.language.connect import Client
-from dcap.language.offline.lexicon import is_a, label_words, thing_of
 from dcap.scene.errors import InputError
 from dcap.scene.text import says_something
 from dcap.scene.types.mesh import Mesh

@@ -18,8 +18,8 @@ from scipy.ndimage import distance_transform_edt
 from dcap.geometry.camera import looking_at
 from dcap.geometry.rendering.picture import picture
 from dcap.geometry.segmentation.labels import SYNONYMS
+from dcap.knowledge.lexicon import part_words
 from dcap.language.connect import Client
-from dcap.language.offline.lexicon import part_words
 from dcap.language.protocol.questions import PARTS
 from dcap.language.protocol.requests import PartsRequest, Picture, ProposedPart, Vector
 from dcap.scene.types.mesh import Mesh

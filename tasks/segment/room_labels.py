@@ -30,8 +30,8 @@ from dcap.geometry.segmentation.rooms.composites import ONLY_PARTS, composites
 from dcap.geometry.segmentation.rooms.decomposition import DecomposedRoom, decompose_room
 from dcap.geometry.segmentation.rooms.traits import FLOOR, Traits, describe_things, thing_segments
 from dcap.geometry.segmentation.rooms.unions import RoughShape, worth_most
+from dcap.knowledge.shapes import Evidence, colour_measures, evidence, labels, shapes
 from dcap.language.connect import Client
-from dcap.language.offline.shapes import Evidence, colour_measures, evidence, labels, measures_of, shapes
 from dcap.language.protocol.questions import LABEL
 from dcap.language.protocol.replies import OTHER, LabelReply
 from dcap.language.protocol.requests import LabelRequest, Picture
@@ -204,7 +204,7 @@ def floor_below(room: DecomposedRoom, number: int) -> float | None:
 def fused_labels(room: DecomposedRoom, traits: tuple[Traits, ...]) -> tuple[str, ...]:
     """Names of things that may stand in a fused room, from all measures of the candidates there."""
     likely = [i for i, one in enumerate(room.fused) if one.likely]
-    measures = [measures_of(label_request(i, traits, {}, (), labels())) for i in likely]
+    measures = [label_request(i, traits, {}, (), labels()).measures() for i in likely]
     return room_labels(measures, [traits[i].held_by for i in likely])
 
 

@@ -17,8 +17,8 @@ from dcap.geometry.segmentation.faces import FaceTable
 from dcap.geometry.segmentation.named import THING, annotated_parts, named_groups
 from dcap.geometry.segmentation.parts.instance_surface import facing_away_from_wall
 from dcap.geometry.segmentation.parts.rules import find_parts, make_instance, node_words, object_node_words
+from dcap.knowledge.lexicon import names_thing
 from dcap.language.connect import Client
-from dcap.language.offline.lexicon import names_thing
 from dcap.language.protocol.client import LanguageConfig
 from dcap.scene.errors import InputError
 from dcap.scene.text import readable

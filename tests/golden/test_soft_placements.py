@@ -20,7 +20,7 @@ from layered_dent import Layer, dent, disc_sink
 from numpy.typing import NDArray
 
 from dcap.geometry.pieces import signed_volume
-from dcap.language.material_table import load_materials
+from dcap.knowledge.material_table import load_materials
 from dcap.scene.types.materials import Material
 from dcap.scene.types.particles import GRAVITY, NodeState, Particles, SoftSimulationBody
 from dcap.scene.types.settled import Settled

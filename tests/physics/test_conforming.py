@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from dcap.language.material_table import load_materials
+from dcap.knowledge.material_table import load_materials
 from tasks.case.run import run_case
 
 FOAM = {"density": 35, "youngs_modulus": 8e4, "poisson_ratio": 0.3, "static_friction": 0.7, "dynamic_friction": 0.6}

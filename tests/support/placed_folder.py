@@ -7,7 +7,7 @@ from typing import Any
 from dented_bed import anchor, ball, scene_of, settled
 from rest_records import CONTACT
 
-from dcap.language.material_table import load_materials
+from dcap.knowledge.material_table import load_materials
 from dcap.scene.readers.frame import Role
 from dcap.scene.readers.source import read_scan
 from dcap.scene.types.materials import BodyModel, PartMaterial

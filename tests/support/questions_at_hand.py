@@ -3,7 +3,7 @@
 import numpy as np
 from baseline_requests import asked_layout, asked_relations
 
-from dcap.language.material_table import load_materials
+from dcap.knowledge.material_table import load_materials
 from dcap.language.protocol.questions import ANCHOR, HOLODECK, LABEL, LAYOUTGPT, MATERIALS, PARTS, ROTATION
 from dcap.language.protocol.requests import (
     AnchorRequest,

@@ -9,7 +9,7 @@ from box_rooms import ROOM, ball, block, mug, segmentation, thing, toy
 from stage_chain import PICTURE_SIZE, Asked, Stages
 
 from dcap.geometry.placement.search import SAMPLES
-from dcap.language.material_table import load_materials
+from dcap.knowledge.material_table import load_materials
 from dcap.language.offline.client import OfflineClient
 from dcap.scene.types.choices import Anchor, Intent, Rotation
 from dcap.scene.types.materials import BodyModel, Material, PartMaterials

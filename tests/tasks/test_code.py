@@ -153,8 +153,8 @@ def test_an_installed_dcap_has_the_same_digests(root: Path) -> None:
 def test_who_answers_counts() -> None:
     """The code of a stage that asks covers every client, the lexicon and the prompts, not how replies are sent."""
     code_of.cache_clear()
-    lexicon = {str(path.relative_to(PROJECT_ROOT)) for path in (PROJECT_ROOT / "dcap/language/offline").rglob("*.csv")}
-    assert "dcap/language/offline/lexicon/things.csv" in lexicon
+    lexicon = {str(path.relative_to(PROJECT_ROOT)) for path in (PROJECT_ROOT / "dcap/knowledge/lexicon").rglob("*.csv")}
+    assert "dcap/knowledge/lexicon/things.csv" in lexicon
     asking = [one for one in STAGES if CLIENT in one.signature.parameters]
     assert len(asking) >= 4
     for one in asking:

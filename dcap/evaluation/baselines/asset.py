@@ -21,9 +21,8 @@ from dcap.geometry.placement.polygons import inside
 from dcap.geometry.placement.poses import about_z, front_of
 from dcap.geometry.placement.upright import standing_pose, stands_as_read
 from dcap.geometry.raycast import Raycaster
-from dcap.language.offline.kinds import front_side
-from dcap.language.offline.lexicon import thing_of
-from dcap.language.offline.pose_choice import to_right
+from dcap.knowledge.kinds import front_side, to_right
+from dcap.knowledge.lexicon import thing_of
 from dcap.scene.types.boxes import OrientedBox
 from dcap.scene.types.choices import Anchor
 from dcap.scene.types.mesh import Mesh

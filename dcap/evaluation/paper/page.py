@@ -32,7 +32,7 @@ from dcap.evaluation.run_page.sections import KINDS, costs_table, failures_of, r
 from dcap.evaluation.run_page.tables import YES_OR_NO, ShownTable
 from dcap.evaluation.supports_plot import MATERIALS, SUPPORTS, is_support, save_supports_plot, summary
 from dcap.evaluation.table_files import TABLES, csv_of, table_links, tex_escaped, write_table
-from dcap.language.offline.kinds import deformable_materials, deformable_supports
+from dcap.knowledge.kinds import deformable_materials, deformable_supports
 from dcap.language.protocol.client import ClientName
 from dcap.scene.written_files import write_whole
 

@@ -27,7 +27,7 @@ from dcap.evaluation.run_page.tables import NOTHING, RESTING, ShownTable
 from dcap.evaluation.statistics.comparisons import JudgedAxis
 from dcap.evaluation.supports_plot import save_supports_plot, summary
 from dcap.evaluation.table_files import write_if_other
-from dcap.language.offline.kinds import deformable_supports
+from dcap.knowledge.kinds import deformable_supports
 from dcap.scene.written_files import JsonObject, canonical_json, digest_of_file
 
 LOW_SCORE = 5.0

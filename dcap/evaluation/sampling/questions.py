@@ -18,8 +18,8 @@ from dcap.evaluation.outcome_table import ExpectedOutcome, same_region
 from dcap.evaluation.sampling.requests import PlacedAsset, asked_front
 from dcap.evaluation.sampling.supports import thing_name
 from dcap.evaluation.sampling.templates import TemplateSample, template_samples
+from dcap.knowledge.lexicon import Meaning, in_line, label_words, longest_phrase, split_words, vocabulary
 from dcap.language.offline.client import OfflineClient
-from dcap.language.offline.lexicon import Meaning, in_line, label_words, longest_phrase, split_words, vocabulary
 from dcap.language.protocol.questions import INTENT, Question
 from dcap.language.protocol.replies import Region
 from dcap.language.protocol.requests import InstanceView, IntentRequest, Vector

@@ -14,9 +14,8 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from dcap.evaluation.sampling.supports import FLAT_TOPS, WALKED_ON, CarryingSurface, is_sure, naming, thing_name
-from dcap.language.offline.kinds import faced_by_opening
-from dcap.language.offline.lexicon import in_line, is_a, label_words, lineage, things
-from dcap.language.offline.likelihood import NO_KIND, coarse
+from dcap.knowledge.kinds import NO_KIND, coarse, faced_by_opening
+from dcap.knowledge.lexicon import in_line, is_a, label_words, lineage, things
 from dcap.language.protocol.requests import InstanceView, Vector
 
 FITS, FITS_PART = 0.8, 0.45

@@ -9,17 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dcap.knowledge.kinds import deformable_kind
+from dcap.knowledge.lexicon import default_parts, in_line, is_a, label_words, lineage, thing_of, vocabulary
 from dcap.language.offline.ground import stands_on
-from dcap.language.offline.kinds import deformable_kind
-from dcap.language.offline.lexicon import (
-    default_parts,
-    in_line,
-    is_a,
-    label_words,
-    lineage,
-    thing_of,
-    vocabulary,
-)
 from dcap.language.protocol.requests import InstanceView, PartView
 
 SURE = 0.9

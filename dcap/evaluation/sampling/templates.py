@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 from dcap.evaluation.sampling.requests import PlacedAsset, PlacementAsk, chance, feasible_asks, picked, refused_asks
 from dcap.evaluation.sampling.supports import carrying_surfaces
-from dcap.language.offline.lexicon import label_words
+from dcap.knowledge.lexicon import label_words
 from dcap.language.protocol.requests import InstanceView
 from dcap.scene.errors import InputError
 

@@ -7,14 +7,14 @@ understand.
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from dcap.knowledge.kinds import prior_of
+from dcap.knowledge.lexicon import thing_of
 from dcap.language.offline.fireplace import FIREPLACE_ANSWERS
-from dcap.language.offline.kinds import prior_of
+from dcap.language.offline.label import label_of
 from dcap.language.offline.layout_answer import layout_answer, relations_answer
-from dcap.language.offline.lexicon import thing_of
 from dcap.language.offline.material_choice import chosen_materials, material_words_about
 from dcap.language.offline.pose_choice import chosen_part, chosen_pose, moved_into_which, one_of_a_whole
 from dcap.language.offline.sentence import read
-from dcap.language.offline.shapes import label_of
 from dcap.language.offline.target import given_target, target_of
 from dcap.language.offline.where import facing_of
 from dcap.language.offline.words import SceneWords
@@ -36,6 +36,7 @@ from dcap.language.protocol.questions import (
     RequestT,
 )
 from dcap.language.protocol.replies import (
+    LONGEST_NAME,
     AnchorReply,
     IntentReply,
     LabelReply,
@@ -75,7 +76,9 @@ def intent(request: IntentRequest) -> IntentReply:
     reading = read(request.prompt, known, request.item.label)
     target = given_target(reading, request) if request.given_base else target_of(reading, request)
     leaning = reading.pose == "leaning"
-    prior = prior_of(reading.theme, request.item.label, request.item.size)
+    theme = reading.theme
+    name = theme.text.removeprefix("the ").removeprefix("a ") if theme and not theme.pronoun else request.item.label
+    prior = prior_of(theme.thing if theme else "", request.item.label, request.item.size, name[:LONGEST_NAME])
     facing, unclear = facing_of(reading, target, request)
     base = thing_of(target.base.label) if target.base else None
     used = material_words_about(request.prompt, prior.name, base.id if base else "")

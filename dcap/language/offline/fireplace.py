@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from dcap.language.offline.lexicon import thing_of
+from dcap.knowledge.lexicon import thing_of
 from dcap.language.offline.pose_choice import chosen_part, chosen_pose, moved_into_which, one_of_a_whole
 from dcap.language.offline.reading import Reading
 from dcap.language.offline.sentence import read

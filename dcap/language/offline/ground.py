@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.language.offline.lexicon import is_a, label_words
+from dcap.knowledge.kinds import NO_KIND
+from dcap.knowledge.lexicon import is_a, label_words
 from dcap.language.offline.likelihood import (
     FURNITURE,
     LEAST,
-    NO_KIND,
     PLAUSIBLE,
     by_label,
     label_thing,

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from dcap.arrays import Array
+from dcap.knowledge.lexicon import inside_parts, lineage
 from dcap.language.offline.layout_spots import (
     PlanRectangle,
     free_spot,
@@ -25,7 +26,6 @@ from dcap.language.offline.layout_spots import (
     shell_rectangle,
     wanted_spot,
 )
-from dcap.language.offline.lexicon import inside_parts, lineage
 from dcap.language.offline.likelihood import label_thing
 from dcap.language.offline.pose_choice import chosen_part, moved_into_which, one_of_a_whole, thing_id
 from dcap.language.offline.where import is_any

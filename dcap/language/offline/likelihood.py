@@ -11,10 +11,12 @@ bench. Such labels confuse siblings, so siblings by shape count more there, and 
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import cache
 
-from dcap.language.offline.lexicon import (
+from dcap.knowledge.kinds import NO_KIND, coarse
+from dcap.knowledge.lexicon import (
+    OPPOSITES,
     first_part,
     in_line,
     is_a,
@@ -25,8 +27,8 @@ from dcap.language.offline.lexicon import (
     things,
     vocabulary,
 )
+from dcap.knowledge.shapes import EVIDENCE, ShapePrior, labels, shapes
 from dcap.language.offline.nouns import Noun
-from dcap.language.offline.shapes import EVIDENCE, ShapePrior, labels, shapes
 from dcap.language.offline.words import may_be
 from dcap.language.protocol.requests import InstanceView
 
@@ -64,10 +66,6 @@ LEAST = 0.15
 PLAUSIBLE = 0.5
 """Least likelihood of a further candidate, over that of the best [-]."""
 FURNITURE = "furniture"
-NO_KIND = frozenset({"", FURNITURE, "structure"})
-"""Parents that group things that nobody would confuse with each other."""
-OPPOSITES = "lexicon/opposites.csv"
-COARSE = "lexicon/coarse.csv"
 
 
 def likelihood(noun: Noun, instance: InstanceView) -> float:
@@ -113,12 +111,6 @@ def carries_like(thing: str, instance: InstanceView) -> float:
     shelf."""
     first, names = first_part(thing), {part.name for part in instance.parts}
     return 1.0 if not first or not names or first in names else UNSAID
-
-
-@cache
-def coarse() -> Mapping[tuple[str, ...], tuple[str, ...]]:
-    """The things that a wide category may be, by the words of its label."""
-    return {tuple(label_words(row["label"])): tuple(row["things"].split("|")) for row in rows(COARSE)}
 
 
 def possible_labels(instance: InstanceView) -> tuple[tuple[str, float], ...]:

@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterable
 from functools import cache
 
-from dcap.language.offline.lexicon import rows
+from dcap.knowledge.lexicon import PHRASES, rows
 from dcap.scene.types.outcome import Cause, Caution
 
 VULGAR = {"½": "1/2", "¼": "1/4", "¾": "3/4", "⅓": "1/3", "⅔": "2/3", "⅛": "1/8", "⅜": "3/8", "⅝": "5/8", "⅞": "7/8"}
@@ -67,7 +67,7 @@ def is_measure(found: re.Match[str]) -> bool:
 @cache
 def units(kind: str) -> dict[str, float]:
     """The words for units of a kind (`length` or `unit`, which is one of angle) with their values [m or degrees]."""
-    found = rows("lexicon/phrases.csv")
+    found = rows(PHRASES)
     return {word: float(row["value"]) for row in found if row["kind"] == kind for word in row["phrases"].split("|")}
 
 
@@ -80,7 +80,7 @@ def unit_in_metres(unit: str) -> float:
 @cache
 def numerals() -> dict[str, float]:
     """The number words."""
-    found = [row for row in rows("lexicon/phrases.csv") if row["kind"] == "numeral"]
+    found = [row for row in rows(PHRASES) if row["kind"] == "numeral"]
     return {word: float(row["value"]) for row in found for word in row["phrases"].split("|")}
 
 

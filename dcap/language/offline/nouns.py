@@ -11,7 +11,7 @@ later between a thing, a part and a region ("back" of a sofa, "pillow", "shelf")
 
 from dataclasses import dataclass, replace
 
-from dcap.language.offline.lexicon import is_a, is_for, part_words
+from dcap.knowledge.lexicon import is_a, is_for, part_words
 from dcap.language.offline.words import Token, TokenCursor
 
 MODIFIERS = ("det", "side", "colour", "quality", "number", "both")

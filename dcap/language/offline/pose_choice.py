@@ -15,18 +15,14 @@ from collections.abc import Callable
 
 import numpy as np
 
-from dcap.language.offline.kinds import FrontSide, faced_by_opening, front_side, is_figure
-from dcap.language.offline.lexicon import Thing, default_parts, is_a, lineage, thing_of
+from dcap.knowledge.kinds import FrontSide, faced_by_opening, front_side, is_figure, to_right
+from dcap.knowledge.lexicon import Thing, default_parts, is_a, lineage, thing_of
 from dcap.language.protocol.requests import AnchorRequest, PartView, PoseView, RotationRequest
 
 CLOSE = 15.0
 """Largest angle at which a stable pose counts as the stated pose [degrees]."""
 LOW = 0.75
 """Ratio of height to length below which a thing already lies [-]."""
-RIGHTING = 0.5
-"""Least lead of another side in the shape's score for a file that could stand to count as lying or overturned [-]."""
-LEVEL = 0.5
-"""Largest sine of the elevation of the upright axis of a thing that lies on its side [-]."""
 HANDS = {"on_left_side": 1.0, "on_right_side": -1.0}
 """The side that is down, as a factor of the axis that points to the thing's left."""
 Miss = Callable[[PoseView], float]
@@ -105,23 +101,6 @@ def default_pose(request: RotationRequest, thing: Thing | None) -> tuple[PoseVie
     if to_right(thing, righting=request.righting, stands=request.stands, file_up=float(up_in_file)):
         return by_id(request, "righted"), "put upright: in its file it lies, is tilted or overturned"
     return upright, "upright as in its file"
-
-
-def to_right(thing: Thing | None, *, righting: float, stands: bool, file_up: float) -> bool:
-    """Return whether the file's pose is rejected: it could not stand, or its shape clearly indicates another side.
-
-    Furniture stands on legs and is open below, which looks like an opening in its shape: there the file's pose is
-    accepted. Figures may have four legs and a flat back: a figure that stands in its file is only righted from its
-    side.
-
-    Args:
-    """
-    if righting == 0.0 or (thing is not None and thing.rest != "upright"):
-        return False
-    clearly = righting > RIGHTING
-    if thing is None or is_figure(thing.id):  # it may have legs like furniture, unless it lies on its side
-        return not stands or (clearly and abs(file_up) < LEVEL)
-    return not stands or (clearly and not is_a(thing.id, "furniture"))
 
 
 def by_id(request: RotationRequest, pose_id: str) -> PoseView:

@@ -18,7 +18,7 @@ placement.
 import math
 from dataclasses import dataclass, field, replace
 
-from dcap.language.offline.lexicon import label_words
+from dcap.knowledge.lexicon import label_words
 from dcap.language.offline.nouns import Noun
 from dcap.language.offline.words import Token, TokenCursor
 from dcap.scene.errors import LanguageError

@@ -10,6 +10,7 @@ The target of a sentence whose support a person has pointed at: the sentence onl
 from collections.abc import Sequence
 from dataclasses import replace
 
+from dcap.knowledge.lexicon import default_parts, inside_parts, label_words, lineage
 from dcap.language.offline.ground import (
     Found,
     boarded,
@@ -31,7 +32,6 @@ from dcap.language.offline.ground import (
     stands_on,
     unlikely,
 )
-from dcap.language.offline.lexicon import default_parts, inside_parts, label_words, lineage
 from dcap.language.offline.likelihood import label_thing
 from dcap.language.offline.nouns import Noun
 from dcap.language.offline.placing import BESIDE, PLACEABLE, bare_region, names_support, placing_of, whole

@@ -9,8 +9,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from dcap.knowledge.lexicon import label_words
 from dcap.language.offline.ground import COLOURS, candidates, choose, gap, right_of, stands_on
-from dcap.language.offline.lexicon import label_words
 from dcap.language.offline.likelihood import label_thing
 from dcap.language.offline.sentence import read
 from dcap.language.offline.where import is_any

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from dcap.knowledge.lexicon import lineage
 from dcap.language.offline.ground import (
     Found,
     candidates,
@@ -27,7 +28,6 @@ from dcap.language.offline.ground import (
     near_miss,
     part_of,
 )
-from dcap.language.offline.lexicon import lineage
 from dcap.language.offline.likelihood import label_thing
 from dcap.language.offline.nouns import Noun
 from dcap.language.offline.placing import BESIDE, PLACEABLE, bare_region, whole

@@ -21,8 +21,17 @@ from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
 
-from dcap.language.material_table import material_words
-from dcap.language.offline.lexicon import Meaning, label_words, longest_phrase, rows, split_words, vocabulary
+from dcap.knowledge.lexicon import (
+    FAMILIES,
+    OPPOSITES,
+    Meaning,
+    label_words,
+    longest_phrase,
+    rows,
+    split_words,
+    vocabulary,
+)
+from dcap.knowledge.material_table import material_words
 from dcap.language.offline.measures import plain_measures
 
 LONG, VERY_LONG = 5, 8
@@ -34,7 +43,7 @@ UNKNOWN = frozenset({Meaning("unknown", "")})
 PAUSE = frozenset({Meaning("pause", "")})
 GRAMMAR = frozenset({"relation", "verb", "det", "side", "region", "restrict", "count", "face", "pose", "of"})
 """Kinds of words that take precedence over names of things in a correction."""
-OTHER_WORDS = ("lexicon/families.csv", "lexicon/opposites.csv")
+OTHER_WORDS = (FAMILIES, OPPOSITES)
 """Words that are known although the grammar does not use them."""
 NOT_BY_MISTAKE = frozenset({"negation", "exclude", "choice", "numeral"})
 """Kinds of words to which a misspelling is not corrected, because they reverse the meaning of a sentence."""

@@ -4,12 +4,14 @@ Geometry is computed by the stages; a request lists the choices by id, and a rep
 lengths in metres, world frame, z up. Text from files or prompts is data for the clients, never an instruction.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dcap.knowledge.shapes import colour_measures, share_of
 from dcap.scene.types.choices import RegionConstraint
 from dcap.scene.types.materials import Material
 
@@ -303,6 +305,18 @@ class LabelRequest:
     def thickness(self) -> float:
         """Thickness along the thinnest axis of its box [m]."""
         return min(self.size)
+
+    def measures(self) -> dict[str, float]:
+        """The numbers under the names of the table of usual shapes; unmeasured values are left out."""
+        length, width, height = (max(size, 1e-3) for size in self.size)
+        found = {
+            "length": math.log(length), "width": math.log(width), "height": math.log(height), "bottom": self.bottom,
+            "level": self.level_height, "rise": self.rise, "levels": float(self.levels),
+            "closed": self.closed, "covered": self.covered, "waist": self.waist, "rough": self.rough,
+            "gap": self.wall_gap, "varied": self.varied, "share": share_of(self.level_area, length * width),
+            "balance": self.balance, **colour_measures(self.color),
+        }  # fmt: skip
+        return {name: value for name, value in found.items() if value is not None}
 
 
 @dataclass(frozen=True, slots=True)

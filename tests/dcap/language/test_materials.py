@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from dcap.language.material_table import COLUMNS, SOURCED, load_materials, sources_of
-from dcap.language.offline.lexicon import part_words, things
+from dcap.knowledge.lexicon import part_words, things
+from dcap.knowledge.material_table import COLUMNS, SOURCED, load_materials, sources_of
 from dcap.scene.errors import InputError
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dcap.language.material_table import load_materials
+from dcap.knowledge.material_table import load_materials
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.particles import DistanceGrid, Particles, RigidSimulationBody
 from solver.model.bodies import Model

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from dcap.language.offline.kinds import UNKNOWN_LENGTH, prior_of
-from dcap.language.offline.lexicon import Thing, is_a, things
+from dcap.knowledge.kinds import UNKNOWN_LENGTH, prior_of
+from dcap.knowledge.lexicon import Thing, is_a, things
 from dcap.synthetic.dataset import build_object
 from dcap.synthetic.recipes import object_recipes
 from tasks.intent.rescale import rescale
@@ -98,7 +98,7 @@ def test_an_unknown_thing_is_never_larger_than_a_home_holds(exponent):
     """Within the limits it stays as it is; outside, a unit or a usual length is assumed and said."""
     longest = 10.0**exponent
     size = (longest, 0.6 * longest, 0.3 * longest)
-    prior = prior_of(None, "zorb", size)
+    prior = prior_of("", "zorb", size)
     low, high = UNKNOWN_LENGTH
     assert low <= prior.sizes[0][0] <= high
     assert prior.mass > 0

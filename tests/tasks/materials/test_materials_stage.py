@@ -8,7 +8,7 @@ from box_rooms import CUBE, ROOM, ball, mug, thing
 from questions_at_hand import materials_request
 from stage_chain import Stages
 
-from dcap.language.material_table import families
+from dcap.knowledge.material_table import families
 from dcap.language.offline.client import OfflineClient
 from dcap.language.offline.material_choice import chosen_materials, shortlist
 from dcap.scene.types.materials import BodyModel, PartMaterials

@@ -9,7 +9,7 @@ from benches import CLOTH, FOAM, WOOD, Named, cube_over, soft_layers
 from box_rooms import block
 from furnished import sheet
 
-from dcap.language.material_table import cover_thickness
+from dcap.knowledge.material_table import cover_thickness
 from dcap.scene.types.boxes import OrientedBox
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.segmentation import Instance, Part

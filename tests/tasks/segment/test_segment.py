@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from dcap.geometry.segmentation.faces import FaceTable
+from dcap.knowledge.lexicon import names_thing
 from dcap.language.offline.client import OfflineClient
-from dcap.language.offline.lexicon import names_thing
 from dcap.scene.types.boxes import min_area_box
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.scan import LabelBox, Scan

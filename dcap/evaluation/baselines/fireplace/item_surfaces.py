@@ -17,9 +17,8 @@ from dcap.evaluation.baselines.fireplace.planar import FINE, LEAST_SHARE, Intera
 from dcap.geometry.placement.poses import front_of, rotated, surface_points, symmetry_about_z
 from dcap.geometry.placement.resting_poses import on_legs, resting_poses
 from dcap.geometry.placement.upright import standing_pose, stands_as_read, used_vertices
-from dcap.language.offline.kinds import front_side
-from dcap.language.offline.lexicon import thing_of
-from dcap.language.offline.pose_choice import to_right
+from dcap.knowledge.kinds import front_side, to_right
+from dcap.knowledge.lexicon import thing_of
 from dcap.language.protocol.requests import PoseView
 from dcap.scene.types.mesh import Mesh
 

@@ -5,8 +5,8 @@ from furnished_views import ROOM, ask
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from dcap.knowledge.lexicon import split_words
 from dcap.language.offline.client import OfflineClient
-from dcap.language.offline.lexicon import split_words
 from dcap.language.offline.placing import placing_of
 from dcap.language.offline.reading import Reading
 from dcap.language.offline.sentence import read

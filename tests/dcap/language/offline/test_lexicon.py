@@ -9,9 +9,9 @@ from urllib.parse import urldefrag
 import numpy as np
 import pytest
 
-from dcap.language.offline import lexicon
-from dcap.language.offline.kinds import deformable_kind, deformable_supports, prior_of
-from dcap.language.offline.lexicon import ESTIMATE, THINGS, is_a, rows, thing_of, things
+from dcap.knowledge import lexicon
+from dcap.knowledge.kinds import deformable_kind, deformable_supports, prior_of
+from dcap.knowledge.lexicon import ESTIMATE, THINGS, is_a, rows, thing_of, things
 from dcap.scene.errors import InputError
 
 OBJECTS = [one for one in things().values() if not (is_a(one.id, "furniture") or is_a(one.id, "structure"))]
@@ -156,7 +156,7 @@ def size_factor(name: str, extents: list[float]) -> float:
     that fits best; of two extents the other may be either of the thing's other axes."""
     if (thing := thing_of(name)) is None:
         return float("inf")
-    chosen = [(size[0], *rest) for size in prior_of(None, name, thing.size).sizes
+    chosen = [(size[0], *rest) for size in prior_of("", name, thing.size).sizes
               for rest in combinations(size[1:], len(extents) - 1)]  # fmt: skip
     logs = min((np.log(np.divide(one, extents)) for one in chosen), key=lambda one: float(np.abs(one).sum()))
     return float(np.exp(abs(np.median(logs))))
@@ -171,7 +171,7 @@ def test_priors_are_right_for_nine_in_ten():
         if extents:
             sizes[name] = size_factor(name, extents)
         if row["mass_kg"]:
-            mass = prior_of(None, name, thing.size).mass if thing else float("inf")
+            mass = prior_of("", name, thing.size).mass if thing else float("inf")
             masses[name] = float(np.exp(abs(np.log(mass / float(row["mass_kg"])))))
     for found, least, factor in ((sizes, 90, 1.5), (masses, 50, 2.0)):
         assert len(found) >= least

@@ -2,11 +2,12 @@
 
 import pytest
 
-from dcap.language.material_table import FAMILIES, families, load_materials
+from dcap.knowledge.lexicon import part_words, rows, things
+from dcap.knowledge.material_table import FAMILIES, families, load_materials
+from dcap.knowledge.usual_materials import FAMILY_FILE as GENERIC
+from dcap.knowledge.usual_materials import MADE_OF, USUAL, materials_in, named_phrases
 from dcap.language.offline.client import OfflineClient
-from dcap.language.offline.lexicon import part_words, rows, things
-from dcap.language.offline.material_choice import FAMILY_FILE as GENERIC
-from dcap.language.offline.material_choice import MADE_OF, OBJECT, USUAL, chosen_materials, materials_in, named_phrases
+from dcap.language.offline.material_choice import OBJECT, chosen_materials
 from dcap.language.protocol.questions import INTENT
 from dcap.language.protocol.requests import MaterialQuestion, MaterialsRequest, PartView
 

@@ -207,7 +207,7 @@ def test_a_strange_file_gets_a_prior(label, size, ask):
 
 def test_every_known_phrase_survives_tokenising():
     """Each phrase of the vocabulary is one token when it stands alone."""
-    from dcap.language.offline.lexicon import vocabulary
+    from dcap.knowledge.lexicon import vocabulary
     from dcap.language.offline.words import tokens_of
 
     broken = [" ".join(words) for words in vocabulary() if len(tokens_of(" ".join(words))) != 1]

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from dcap.knowledge.lexicon import vocabulary
 from dcap.language.offline.client import OfflineClient
-from dcap.language.offline.lexicon import vocabulary
 from dcap.language.offline.sentence import read
 from dcap.language.offline.words import SceneWords, meant_by, tokens_of, words_of
 from dcap.language.protocol.questions import INTENT

@@ -5,7 +5,8 @@ from dataclasses import replace
 
 import pytest
 
-from dcap.language.offline.shapes import ShapePrior, label_of, labels, shape_row, shapes
+from dcap.knowledge.shapes import ShapePrior, labels, shape_row, shapes
+from dcap.language.offline.label import label_of
 from dcap.language.protocol.replies import OTHER, LabelReply
 from dcap.language.protocol.requests import LabelRequest
 from dcap.scene.errors import InputError

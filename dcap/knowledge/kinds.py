@@ -1,29 +1,18 @@
-"""Knowledge of kinds of things, by their names: usual size and mass, figures, vessels, fronts, softness.
+"""Kinds of things, by their names: usual size and mass, figures, vessels, fronts, softness.
 
-Size and mass priors of the object by its name.
+Size and mass: the more specific of the thing named in the prompt and the label of the file decides, with the lexicon's
+numbers; masses scale with the size of the mesh. An unknown name keeps the mesh's own size if anything in a home may be
+that large; otherwise the unit that makes it so is used, and a note states the assumption.
 
-In: the noun of the prompt and the label of the file. Out: the more specific of the two, with the lexicon's numbers;
-masses scale with the size of the mesh. An unknown name keeps the mesh's own size if anything in a home may be that
-large; otherwise the unit that makes it so is used, and a note states the assumption.
+`lexicon/figures.csv` lists figures, things with a body that can sit or stand, while other things are just set down;
+`lexicon/vessels.csv` things that hold something, so that their opening is a mouth, not damage (`face` marks those whose
+opening is their face); each with all its kinds. `lexicon/fronts.csv` gives the side of the front if the category
+determines it: a car drives along its long side, a television faces across it; shape alone shows neither.
 
-Figures: things with a body that can sit or stand, while other things are just set down.
-
-In: `lexicon/figures.csv`, the ids of things whose kinds are figures too.
-
-Vessels: things that hold something, so that their opening is a mouth, not damage.
-
-In: `lexicon/vessels.csv`, the ids of things whose kinds are vessels too; `face` marks those whose opening is their
-face.
-
-The side of a thing on which its front is, if its category determines it: at an end or in the middle of its long side.
-
-In: `lexicon/fronts.csv`. A car drives along its long side, a television faces across it; shape alone shows neither.
-
-Deformable supports of a scene, by their labels alone.
-
-The paper counts deformable supports per scene (its figure 3): beds, sofas, cushions, blankets and so on. Here a label
-counts if the lexicon knows it as one of KINDS, or as furniture that carries things, and the library's material of its
-carrying part is soft: its Young's modulus does not exceed 1 GPa. Nothing is measured: a scan may hold a wooden bed.
+Deformable supports are counted per scene as in the paper's figure 3 (beds, sofas, cushions, blankets and so on), by
+labels alone: a label counts if the lexicon knows it as one of KINDS, or as furniture that carries things, and the
+library's material of its carrying part is soft, with a Young's modulus of at most 1 GPa. Nothing is measured: a scan
+may hold a wooden bed.
 """
 
 import math
@@ -34,12 +23,9 @@ from enum import StrEnum
 from functools import cache
 from types import MappingProxyType
 
-from dcap.language.material_table import load_materials
-from dcap.language.offline.lexicon import Size, Thing, first_part, is_a, label_words, lineage, rows, thing_of, things
-from dcap.language.offline.material_choice import material_of, parts_named
-from dcap.language.offline.nouns import Noun
-from dcap.language.protocol.replies import LONGEST_NAME
-from dcap.language.protocol.requests import MaterialQuestion, PartView
+from dcap.knowledge.lexicon import Size, Thing, first_part, is_a, label_words, lineage, rows, thing_of, things
+from dcap.knowledge.material_table import load_materials
+from dcap.knowledge.usual_materials import material_of, parts_named
 from dcap.scene.types.outcome import Cause, Caution
 from dcap.scene.types.scan import TAKEN_AS_METRES
 
@@ -70,6 +56,13 @@ KINDS = {
 }
 """Kinds of deformable supports with their things, in the order in which they are shown."""
 
+NO_KIND = frozenset({"", "furniture", "structure"})
+"""Parents that group things that nobody would confuse with each other."""
+RIGHTING = 0.5
+"""Least lead of another side in the shape's score for a file that could stand to count as lying or overturned [-]."""
+LEVEL = 0.5
+"""Largest sine of the elevation of the upright axis of a thing that lies on its side [-]."""
+
 OTHER = "other"
 """Kind of soft furniture that belongs to none of KINDS."""
 
@@ -88,24 +81,34 @@ class Prior:
     notes: tuple[str, ...]
 
 
-def object_thing(theme: Noun | None, label: str) -> Thing | None:
-    """Kind of the object: the prompt's word, or the file's if that is more specific or the prompt has none."""
-    said = things().get(theme.thing) if theme is not None else None
-    filed = thing_of(label)
-    if said is None:
+def object_thing(said: str, label: str) -> Thing | None:
+    """Kind of the object: the prompt's, or the file's if that is more specific or the prompt has none.
+
+    Args:
+        said: id of the thing that the prompt names; empty if it names none.
+        label: label of the file.
+    """
+    named, filed = things().get(said), thing_of(label)
+    if named is None:
         return filed
-    if filed is not None and (said.id in GENERIC or is_a(filed.id, said.id)):
+    if filed is not None and (named.id in GENERIC or is_a(filed.id, named.id)):
         return filed
-    return said
+    return named
 
 
-def prior_of(theme: Noun | None, label: str, size: Size) -> Prior:
-    """The prior for an object whose mesh has these extents, largest first [m]."""
-    thing = object_thing(theme, label)
+def prior_of(said: str, label: str, size: Size, name: str = "") -> Prior:
+    """The prior for an object.
+
+    Args:
+        said: id of the thing that the prompt names; empty if it names none.
+        label: label of the file.
+        size: extents of its mesh, largest first [m].
+        name: name for an unknown thing; the label by default.
+    """
+    thing = object_thing(said, label)
     if thing is not None:
-        return Prior(thing.id, thing.sizes, thing.spread, thing.mass, thing.hollow, mismatch(theme, label, thing))
-    said = theme.text.removeprefix("the ").removeprefix("a ") if theme is not None and not theme.pronoun else label
-    name = said[:LONGEST_NAME] or "object"
+        return Prior(thing.id, thing.sizes, thing.spread, thing.mass, thing.hollow, mismatch(said, label, thing))
+    name = name or label or "object"
     scale, assumed = unknown_scale(max(size[0], THINNEST))
     length, width, height = (max(scale * extent, THINNEST) for extent in size)
     mass = max(1e-3, UNKNOWN_DENSITY * length * width * height)
@@ -125,12 +128,12 @@ def unknown_scale(longest: float) -> tuple[float, str]:
     return fitting[name], f"nothing in a home is {longest:.3g} m long; assuming {name}"
 
 
-def mismatch(theme: Noun | None, label: str, chosen: Thing) -> tuple[str, ...]:
+def mismatch(said: str, label: str, chosen: Thing) -> tuple[str, ...]:
     """A note if prompt and file name different things."""
     filed = thing_of(label)
-    if theme is None or not theme.thing or filed is None or is_a(filed.id, chosen.id):
+    if not said or filed is None or is_a(filed.id, chosen.id):
         return ()
-    told = f"the prompt says {theme.thing!r}, the file is named {label!r}; using the prompt"
+    told = f"the prompt says {said!r}, the file is named {label!r}; using the prompt"
     return (Caution(Cause.ASSUMED, told),)
 
 
@@ -187,6 +190,28 @@ def front_side(name: str) -> FrontSide:
     return next((front_sides()[kind] for kind in kinds if kind in front_sides()), FrontSide.UNKNOWN)
 
 
+def to_right(thing: Thing | None, *, righting: float, stands: bool, file_up: float) -> bool:
+    """Return whether the file's pose is rejected: it could not stand, or its shape clearly indicates another side.
+
+    Furniture stands on legs and is open below, which looks like an opening in its shape: there the file's pose is
+    accepted. Figures may have four legs and a flat back: a figure that stands in its file is only righted from its
+    side.
+
+    """
+    if righting == 0.0 or (thing is not None and thing.rest != "upright"):
+        return False
+    clearly = righting > RIGHTING
+    if thing is None or is_figure(thing.id):  # it may have legs like furniture, unless it lies on its side
+        return not stands or (clearly and abs(file_up) < LEVEL)
+    return not stands or (clearly and not is_a(thing.id, "furniture"))
+
+
+@cache
+def coarse() -> Mapping[tuple[str, ...], tuple[str, ...]]:
+    """The things that a wide category may be, by the words of its label."""
+    return {tuple(label_words(row["label"])): tuple(row["things"].split("|")) for row in rows("lexicon/coarse.csv")}
+
+
 def deformable_supports(labels: Iterable[str]) -> Counter[str]:
     """Number of labels that are deformable supports, by kind."""
     return Counter(kind for label in labels if (kind := deformable_kind(label)))
@@ -220,8 +245,7 @@ def _is_soft(label: str, part: str) -> bool:
 @cache
 def _material(label: str, part: str) -> str:
     """The id of the library's material for a part of a thing."""
-    view = PartView(0, part, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-    return material_of(MaterialQuestion("", label, view), set(_moduli()))[0]
+    return material_of(label, part, set(_moduli()))[0]
 
 
 @cache

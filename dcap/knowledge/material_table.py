@@ -192,7 +192,7 @@ def families() -> dict[str, str]:
 @cache
 def cover_thicknesses() -> dict[str, float]:
     """Usual thickness of each cover [m], by each of its words."""
-    with (files("dcap.language") / "covers.csv").open(encoding="utf-8") as text:
+    with (files("dcap.knowledge") / "covers.csv").open(encoding="utf-8") as text:
         return {
             word: float(row["thickness_m"]) for row in csv.DictReader(text) for word in row["words"].split("|")
         }  # fmt: skip

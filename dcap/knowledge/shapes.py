@@ -1,16 +1,11 @@
-"""Names things by shape, size and height: `lexicon/shapes.csv` states the usual values of each label.
+"""Usual shapes of things: `lexicon/shapes.csv` states the usual values of each label.
 
-In: a `LabelRequest`. Out: the label that fits best, and its confidence. A row gives four numbers for some measures:
-limits and, between them, the usual range. They are household dimensions as commonly known (`estimate`), not measured
-from data. One rule scores all labels: a measure has a density that is uniform over the usual range and falls off as a
-normal distribution beyond it, with the limits two standard deviations away; a measure that a row leaves open, and the
-label `thing`, are uniform over everything. Measures of a thing depend on each other, so only a part of their evidence
-counts. The confidence is the probability of the best label among all labels; below DOUBT a thing remains a thing.
-
-Labels suggested by rough shapes: all labels against all unions of a fused scan at once.
-
-In: measures of many things, some of them unknown. Out: for each thing the label that fits best, and how much better it
-fits than a thing of which nothing is known. The rule and the table are those of `shapes`.
+In: measures of things, some of them unknown. Out: for each thing the label that fits best, and how much better it fits
+than a thing of which nothing is known. A row gives four numbers for some measures: limits and, between them, the usual
+range. They are household dimensions as commonly known (`estimate`), not measured from data. One rule scores all labels:
+a measure has a density that is uniform over the usual range and falls off as a normal distribution beyond it, with the
+limits two standard deviations away; a measure that a row leaves open, and the label `thing`, are uniform over
+everything. Measures of a thing depend on each other, so only a part of their evidence counts.
 """
 
 import math
@@ -21,18 +16,12 @@ from functools import cache
 import numpy as np
 
 from dcap.arrays import Array
-from dcap.language.offline.lexicon import rows
-from dcap.language.protocol.replies import OTHER, LabelGuess, LabelReply
-from dcap.language.protocol.requests import LabelRequest
+from dcap.knowledge.lexicon import rows
 from dcap.scene.errors import InputError
 
 SHAPES = "lexicon/shapes.csv"
 EVIDENCE = 0.5
 """Share of the evidence of one measure that is counted [-]: size, level and outline are not independent."""
-DOUBT = 0.35
-"""Least probability of an assigned label [-]; a doubtful one mostly competes with a kind of the same thing."""
-LEAST_GUESS = 0.01
-"""Labels less probable than this are not reported [-]."""
 FARTHEST = 6.0
 """Maximum number of standard deviations by which a measure counts against a label: scans have holes [-]."""
 HELD, NOT_HELD = 0.9, 0.03
@@ -131,19 +120,6 @@ def labels() -> tuple[str, ...]:
     return tuple(dict.fromkeys(shape.label for shape in shapes()))
 
 
-def measures_of(request: LabelRequest) -> dict[str, float]:
-    """The request's numbers under the names of the table; unmeasured values are left out."""
-    length, width, height = (max(size, 1e-3) for size in request.size)
-    found = {
-        "length": math.log(length), "width": math.log(width), "height": math.log(height), "bottom": request.bottom,
-        "level": request.level_height, "rise": request.rise, "levels": float(request.levels),
-        "closed": request.closed, "covered": request.covered, "waist": request.waist, "rough": request.rough,
-        "gap": request.wall_gap, "varied": request.varied, "share": share_of(request.level_area, length * width),
-        "balance": request.balance, **colour_measures(request.color),
-    }  # fmt: skip
-    return {name: value for name, value in found.items() if value is not None}
-
-
 def colour_measures(color: tuple[float, float, float]) -> dict[str, float]:
     """Lightness and greenness of an sRGB colour, 0..1."""
     red, green, blue = color
@@ -153,37 +129,6 @@ def colour_measures(color: tuple[float, float, float]) -> dict[str, float]:
 def share_of(area: float | None, plan: float) -> float | None:
     """Share of the plan, both in m^2, covered by a level; None if unknown."""
     return None if area is None else min(area / plan, 1.0)
-
-
-def probabilities(request: LabelRequest) -> dict[str, float]:
-    """Probability of every label that may be chosen, and of `other`; they sum to 1."""
-    measures = measures_of(request)
-    score = [
-        (one.label, one.log_probability(request.holder, measures)) for one in shapes() if one.label in request.labels
-    ]
-    score.append((OTHER, math.log(NOTHING_KNOWN * NOT_HELD)))
-    best = max(value for _, value in score)
-    total = sum(math.exp(value - best) for _, value in score)
-    result = dict.fromkeys((label for label, _ in score), 0.0)
-    for label, value in score:
-        result[label] += math.exp(value - best) / total
-    return result
-
-
-def label_of(request: LabelRequest) -> LabelReply:
-    """The most probable label, or `other` if none is probable."""
-    ranked = sorted(probabilities(request).items(), key=lambda one: (-one[1], one[0]))
-    (first, sure), (second, less) = ranked[0], ranked[1] if len(ranked) > 1 else (OTHER, 0.0)
-    length, width, height = request.size
-    shape = f"{length:.2f} x {width:.2f} x {height:.2f} m, held by {request.holder}"
-    reason = f"{shape}: {first} {sure:.0%}, {second} {less:.0%}"
-    others = [LabelGuess(label=label, probability=p) for label, p in ranked if p > LEAST_GUESS and label != OTHER]
-    if sure >= DOUBT or first == OTHER:
-        return LabelReply(
-            label=first, confidence=sure, others=tuple(g for g in others if g.label != first), reason=reason
-        )
-    unknown = dict(ranked)[OTHER]
-    return LabelReply(label=OTHER, confidence=unknown, others=tuple(others), reason=reason)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -201,7 +146,7 @@ def evidence(
     """The best label of each thing in a wet or dry room.
 
     Args:
-        measures: as `measures_of` names them; what is missing is unknown.
+        measures: as `LabelRequest.measures` names them; what is missing is unknown.
         holders: floor, wall, ceiling, nothing, or empty for any thing.
         room: wet or dry.
         excluded: labels that are not meant.
