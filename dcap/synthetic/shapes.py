@@ -35,14 +35,6 @@ def volume(mesh: Mesh) -> float:
     return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0)
 
 
-def is_manifold(mesh: Mesh) -> bool:
-    """Return whether every edge is used once in each direction: the mesh is closed, and no surface meets itself."""
-    edges = np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]]).astype(np.int64)
-    forth = np.sort(edges[:, 0] * len(mesh.vertices) + edges[:, 1])
-    back = np.sort(edges[:, 1] * len(mesh.vertices) + edges[:, 0])
-    return len(np.unique(forth)) == len(forth) and bool(np.array_equal(forth, back))
-
-
 def warped(mesh: Mesh, change: Callable[[Array], Array]) -> Mesh:
     """The mesh with its vertices (n, 3) mapped by `change`."""
     return replace(mesh, vertices=np.ascontiguousarray(change(mesh.vertices)))

@@ -155,15 +155,6 @@ def in_bytes(shown: Float32Array, shape: tuple[int, int]) -> NDArray[np.uint8]:
     return rgb.reshape(*shape, 3)
 
 
-def seen_meshes(meshes: Sequence[Mesh], camera: Camera) -> NDArray[np.int32]:
-    """Index of the mesh visible in the middle of each pixel, -1 where nothing is, shape (h, w)."""
-    owner = np.repeat(np.arange(len(meshes)), [len(m.faces) for m in meshes]).astype(np.int32)
-    direction = camera.directions(camera.pixel_centers)
-    rays = packed_rays(np.broadcast_to(camera.position, direction.shape), direction)
-    face = Raycaster(Mesh.concatenate(list(meshes))).first_hits(rays).face
-    return np.append(owner, np.int32(-1))[face].reshape(camera.height, camera.width)
-
-
 def edges(surface: SurfaceHits, shown: Float32Array, shape: tuple[int, int]) -> NDArray[np.bool_]:
     """Mask of the pixels that differ from a neighbour in mesh, depth or colour, shape (h * w,)."""
     index = surface.mesh_index.reshape(shape)
