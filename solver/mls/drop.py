@@ -128,7 +128,7 @@ class ExplicitDrop:
         return min(self.config.mls_step_seconds, self.config.mls_cfl * self.cell / max(self.contacts.speed(), 1e-12))
 
     def step(self, dt: float) -> None:
-        """Advance everything in place by dt [s] (decision 039); raises UnstableStep for a state that broke."""
+        """Advance everything by dt [s] in place, since no step is undone; raises UnstableStep if the state broke."""
         self.rigid.accelerate(dt)
         self.contacts.act(dt)
         where = f"t = {self.time:.5f} s, dt = {dt:.2e} s"

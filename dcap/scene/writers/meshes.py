@@ -1,7 +1,7 @@
 """Writes meshes as binary PLY, from columns of numbers or for the store, and as OBJ.
 
 `dcap.scene.readers` reads foreign files. plyfile would write the same bytes, but lists row by row: ten seconds for a
-million faces, which every stage saves again (docs/decisions/023-mesh-readers.md). Same input, same bytes.
+million faces, which every stage saves again (docs/decisions/017). Same input, same bytes.
 """
 
 from collections.abc import Iterable, Mapping, Sequence

@@ -1,8 +1,12 @@
 """Gaussian splats from PLY files, plain and compressed by PlayCanvas; and functions shared by all readers of splats.
 
 Plain: x y z, f_dc_0..2, opacity, scale_0..2, rot_0..3 and 0, 9, 24 or 45 f_rest, in any order; normals are ignored.
-Compressed (InteriorGS): chunks of 256 splats with the ranges of their positions, scales and colours, four 32-bit words
-per splat, one byte per harmonic; the layout is in docs/formats.md.
+Compressed (InteriorGS): a chunk holds the ranges (min and max, floats) of 256 splats: x y z, scale_x scale_y scale_z
+and usually r g b. A splat has four words of 32 bits, highest bits first: packed_position and packed_scale (11, 10, 11:
+x, y, z as a share of the range, of the logarithm for scales), packed_rotation (2, 10, 10, 10: which of (w, x, y, z) is
+left out, the largest, positive; the others in order, from -1/sqrt 2 to 1/sqrt 2), packed_color (8 each: r, g, b, as a
+share of the range if there is one, and alpha). A harmonic is a byte: 0 is -4, 255 is 4, any other b is
+8 ((b + 1/2) / 256 - 1/2).
 
 Guaranteed: the counts in the header are checked against the file's length before memory is allocated.
 """
