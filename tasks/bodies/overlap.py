@@ -5,7 +5,6 @@ Nearest places of a surface to given points, and the direction of the surface th
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +18,7 @@ from dcap.geometry.pieces import cone_volumes, numbered_pieces, outward, welded
 from dcap.geometry.raycast import Raycaster, tensor
 from dcap.scene.types.mesh import Mesh
 from solver.certificate import CertificateRow
-from solver.model.bodies import Model
+from solver.model.bodies import Model, SignedDistance
 
 ON_AN_EDGE = 1e-3
 """A nearest place with a weight of a corner below this lies on an edge of its triangle [-]."""
@@ -32,6 +31,8 @@ LEAST_M = 1e-6
 """Bodies whose boxes overlap by less than this do not overlap [m]."""
 THICKNESS_SHARE = 0.25
 """Maximum depth of a surface in a thin body, over the thickness of that body [-]."""
+CLEAR_RISE = 0.5
+"""Least slope of a signed distance along a normal that tells the outside [-]; 1 at a solid, 0 at a sheet."""
 STEP_U, STEP_V = 0.7548776662466927, 0.5698402909980532
 """Steps of the additive recurrence with the lowest discrepancy in a square [-]."""
 
@@ -105,13 +106,18 @@ class Sides:
     normal: Array
     """Unit normals, outward for closed pieces, otherwise as wound, shape (m, 3)."""
     known: NDArray[np.bool_]
-    """Whether the outside is known from the volume that a closed piece encloses, shape (m,)."""
+    """Whether the outside is known: from the volume that a closed piece encloses, or from the signed distance to the
+    solid to which an open piece belongs; shape (m,)."""
     corner: NDArray[np.int64]
     """Distinct corners, shape (m, 3)."""
 
 
-def sides_of(start: Mesh, end: Mesh) -> Sides:
-    """The sides of a surface with the faces of `start`, which defines inside and outside, and the corners of `end`."""
+def sides_of(start: Mesh, end: Mesh, distance: SignedDistance | None = None) -> Sides:
+    """The sides of a surface with the faces of `start`, which defines inside and outside, and the corners of `end`.
+
+    The signed distance of the start pose tells the outside of open pieces, except for sheets thinner than its
+    samples.
+    """
     piece, is_open = numbered_pieces(start)
     volume = np.bincount(piece, cone_volumes(start.vertices, start.faces), minlength=len(is_open))
     area = np.bincount(piece, start.face_areas, minlength=len(is_open))
@@ -120,8 +126,26 @@ def sides_of(start: Mesh, end: Mesh) -> Sides:
     a, b, c = end.triangles.transpose(1, 0, 2)
     normal = np.cross(b - a, c - a)
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
+    if distance is not None and is_open.any():
+        rise = rise_along_normals(start, distance)
+        told = is_open[piece] & (np.abs(rise) > CLEAR_RISE)
+        turned, known = np.where(told, rise < 0.0, turned), known | told
     corner = welded(start.vertices)[start.faces]
     return Sides(np.where(turned[:, None], -normal, normal), known, corner)
+
+
+def rise_along_normals(mesh: Mesh, distance: SignedDistance) -> Array:
+    """Slope of a signed distance along the normals of faces at their middles [-], shape (m,): 1 outward, -1 inward."""
+    a, b, c = mesh.triangles.transpose(1, 0, 2)
+    normal = np.cross(b - a, c - a)
+    step = distance.spacing * normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
+    middle = (a + b + c) / 3.0
+    return np.asarray((distance.at(middle + step) - distance.at(middle - step)) / (2.0 * distance.spacing))
+
+
+def worst_row(rows: Sequence[CertificateRow]) -> CertificateRow:
+    """The row with the least margin; one without a number comes first."""
+    return rows[int(np.argmin([row.margin if np.isfinite(row.margin) else -np.inf for row in rows]))]
 
 
 def overlap_row(model: Model, surfaces: Sequence[Mesh], least: float, most: float) -> CertificateRow:
@@ -146,7 +170,7 @@ def overlap_row(model: Model, surfaces: Sequence[Mesh], least: float, most: floa
         points = np.concatenate([np.zeros((0, 6)), *found])
         if len(points):
             rows.append(deepest(closed, Mesh.of(other.vertices, closed.faces), points, least, most))
-    return min(rows, key=attrgetter("margin"))
+    return worst_row(rows)
 
 
 def deepest(closed: Mesh, before: Mesh, points: Array, least: float, most: float) -> CertificateRow:

@@ -5,9 +5,8 @@ no longer at rest. Distances are measured to the triangles on which contact was 
 solver uses while it computes.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +19,7 @@ from solver.errors import UnstableStep
 from solver.model.bodies import Body, Model, SoftBody, free_motions
 from solver.model.state import best_rigid_motion
 from solver.result import SettledModel
-from tasks.bodies.overlap import Nearest, Sides, largest_push, nearest, overlap_row, sides_of
+from tasks.bodies.overlap import Nearest, Sides, largest_push, nearest, overlap_row, sides_of, worst_row
 
 LARGEST_GAP_M = 3e-4
 """Largest gap for tl: six times the penetration that its contacts aim at, and invisible in any picture [m]."""
@@ -52,7 +51,9 @@ def proven(model: Model, result: SettledModel) -> SettledModel:
     Raises UnstableStep for a state that is not finite."""
     require_finite(model, result)
     surfaces = [Mesh.of(end.vertices, body.faces) for end, body in zip(result.bodies, model.bodies, strict=True)]
-    proof = contact_proof(model, surfaces, result.forces, largest_gap(result.certificate))
+    proof = contact_proof(
+        model, surfaces, result.forces, largest_gap(result.certificate), material_centers(model, result)
+    )
     proof = replace(proof, smallest_area_m2=smallest_area(model, result))
     certificate = replace(result.certificate, proof=proof)
     if result.verdict is not Verdict.AT_REST or proof.holds:
@@ -65,7 +66,18 @@ def smallest_area(model: Model, result: SettledModel) -> float | None:
     """Smallest area of a contact that carries force and has a soft body on one side [m^2]; None if there is none."""
     soft = {body.name for body in model.bodies if isinstance(body, SoftBody)}
     areas = [row.area_m2 for row in result.contacts if row.normal_force_n > 0.0 and {row.a, row.b} & soft]
-    return min(areas, default=None)
+    return float(np.min(areas)) if areas else None
+
+
+def material_centers(model: Model, result: SettledModel) -> dict[str, Array]:
+    """Centres of mass of the soft bodies at the end, from the motion of their material [m], shape (3,) each."""
+    found = {}
+    for body in model.bodies:
+        if isinstance(body, SoftBody) and body.name in result.material:
+            material = result.material[body.name]
+            mass = material.volume * body.interior.density
+            found[body.name] = body.center_of_mass + mass @ material.displacement / mass.sum()
+    return found
 
 
 def require_finite(model: Model, result: SettledModel) -> None:
@@ -104,18 +116,33 @@ def refutation(proof: ContactProof) -> str:
     return ""
 
 
-def contact_proof(model: Model, surfaces: Sequence[Mesh], forces: PointForces, largest_gap: float) -> ContactProof:
-    """Measure on the final surfaces, one per body, where forces act, how much they hold, and where bodies overlap."""
+def contact_proof(
+    model: Model,
+    surfaces: Sequence[Mesh],
+    forces: PointForces,
+    largest_gap: float,
+    centers: Mapping[str, Array] | None = None,
+) -> ContactProof:
+    """Measure on the final surfaces, one per body, where forces act, how much they hold, and where bodies overlap.
+
+    Args:
+        model: the bodies at the start.
+        surfaces: their surfaces at the end.
+        forces: all forces between them.
+        largest_gap: largest distance of a force from an exact surface [m].
+        centers: centres of mass of bodies that bend [m]; the others moved as a whole.
+    """
     at = places(model, surfaces, forces, largest_gap)
     size = np.linalg.norm(forces.force, axis=1)
     touching = ~forces.bonded & (size > 0.0)
-    torn = np.linalg.norm(at.start[0] - at.start[1], axis=1) > FARTHEST_M + STRAIN * at.distance
-    pushed = touching & (at.distance <= FARTHEST_M) & pushing_points(model, forces, at)
-    rest = max(imbalances(model, surfaces, forces, pushed | (forces.bonded & ~torn)), default=0.0)
+    torn = np.linalg.norm(at.start[0] - at.start[1], axis=1) > FARTHEST_M + STRAIN * at.distance.max(axis=0)
+    pushed = touching & (at.distance <= FARTHEST_M).all(axis=0) & pushing_points(forces, at)
+    valid = pushed | (forces.bonded & ~torn)
+    shares = np.array([0.0, *imbalances(model, surfaces, forces, valid, centers or {})])
     return ContactProof(
         int(touching.sum()),
         largest_gap_row(forces, at, largest_gap),
-        CertificateRow.at_most(rest, LARGEST_IMBALANCE),
+        CertificateRow.at_most(float(shares.max()), LARGEST_IMBALANCE),
         overlap_row(model, surfaces, largest_gap, FARTHEST_M),
     )
 
@@ -125,9 +152,11 @@ class Places:
     """Places of k forces on the surfaces of their two bodies: rows are those of `a`, then of `b`."""
 
     distance: Array
-    """Distance from the farther one of the two surfaces [m], shape (k,)."""
+    """Distances from the two surfaces [m], shape (2, k)."""
     allowed: Array
-    """Largest allowed distance [m], shape (k,)."""
+    """Largest allowed distances [m], shape (2, k)."""
+    friction: Array
+    """Static friction of the two faces [-], shape (2, k); of the pair of bodies on both sides, if that is set."""
     push: Array
     """The force on `a`, or on `b`, along the inward normal there [N], shape (2, k)."""
     start: Array
@@ -137,7 +166,10 @@ class Places:
 def places(model: Model, surfaces: Sequence[Mesh], forces: PointForces, largest_gap: float) -> Places:
     """Find where forces act on the final surfaces."""
     count = len(forces.force)
-    at = Places(np.zeros(count), np.full(count, largest_gap), np.zeros((2, count)), np.zeros((2, count, 3)))
+    at = Places(
+        np.zeros((2, count)), np.full((2, count), largest_gap), np.zeros((2, count)), np.zeros((2, count)),
+        np.zeros((2, count, 3)),
+    )  # fmt: skip
     acting = forces.bonded | (forces.force != 0.0).any(axis=1)
     sides: dict[int, Sides] = {}
     for row, (which, sign) in enumerate(((forces.a, 1.0), (forces.b, -1.0))):
@@ -145,28 +177,33 @@ def places(model: Model, surfaces: Sequence[Mesh], forces: PointForces, largest_
             mine = np.flatnonzero(acting & (which == index))
             body, surface, points = model.bodies[index], surfaces[index], forces.position[mine]
             if index not in sides:
-                sides[index] = sides_of(Mesh.of(body.vertices, surface.faces), surface)
+                sides[index] = sides_of(Mesh.of(body.vertices, surface.faces), surface, body.distance)
             near = nearest(surface, points)
             at.push[row, mine] = largest_push(sides[index], near, sign * forces.force[mine])
             at.start[row, mine] = started(body, surface, points, near)
-            at.distance[mine] = np.maximum(at.distance[mine], near.distance)
+            at.distance[row, mine] = near.distance
+            rows = body.face_friction
+            at.friction[row, mine] = body.static_friction if rows is None else rows[near.face, 0]
             if isinstance(body, SoftBody):
-                at.allowed[mine] = np.maximum(at.allowed[mine], np.minimum(SIDE_SHARE * near.side, FARTHEST_M))
+                at.allowed[row, mine] = np.maximum(largest_gap, np.minimum(SIDE_SHARE * near.side, FARTHEST_M))
+    for a, b in np.unique(np.column_stack([forces.a, forces.b]), axis=0).tolist():
+        given = model.given_friction(model.bodies[a], model.bodies[b])
+        if given is not None:
+            at.friction[:, (forces.a == a) & (forces.b == b)] = given[0]
     return at
 
 
-def pushing_points(model: Model, forces: PointForces, at: Places) -> NDArray[np.bool_]:
+def pushing_points(forces: PointForces, at: Places) -> NDArray[np.bool_]:
     """Mask of the forces that push at the surfaces of both bodies, shape (k,): their sum lies inside the friction cones
     of both."""
     size = np.linalg.norm(forces.force, axis=1)
     ordered = np.column_stack([forces.a, forces.b])
     touching = ~forces.bonded & (size > 0.0)
     pushed: NDArray[np.bool_] = touching & (at.push[0] >= -PULL * size) & (at.push[1] >= 0.0)
+    least = size * (1.0 / np.hypot(1.0, CONE * np.sqrt(at.friction.prod(axis=0))) - UNEVEN)
     for pair in np.unique(ordered[touching], axis=0):
-        friction = model.friction(*(model.bodies[index] for index in pair.tolist()))[0]
-        steepest = 1.0 / np.hypot(1.0, CONE * friction) - UNEVEN
         mine = pushed & (ordered == pair).all(axis=1)
-        if (at.push[:, mine].sum(axis=1) < steepest * size[mine].sum()).any():
+        if (at.push[:, mine].sum(axis=1) < least[mine].sum()).any():
             pushed &= ~mine
     return pushed
 
@@ -177,13 +214,15 @@ def largest_gap_row(forces: PointForces, at: Places, largest_gap: float) -> Cert
     pair = np.sort(np.column_stack([forces.a, forces.b]), axis=1)
     touching = ~forces.bonded & (size > 0.0)
     rows = [CertificateRow.at_most(0.0, largest_gap)]
+    share = at.distance / at.allowed
+    side = np.argmax(share, axis=0)
     for one in np.unique(pair[touching], axis=0):
         mine = np.flatnonzero(touching & (pair == one).all(axis=1))
-        order = mine[np.argsort(at.distance[mine] / at.allowed[mine], kind="stable")]
+        order = mine[np.argsort(share[:, mine].max(axis=0), kind="stable")]
         before = np.cumsum(size[order]) - size[order]
         last = order[before < COUNTED * size[order].sum()][-1]
-        rows.append(CertificateRow.at_most(float(at.distance[last]), float(at.allowed[last])))
-    return min(rows, key=attrgetter("margin"))
+        rows.append(CertificateRow.at_most(float(at.distance[side[last], last]), float(at.allowed[side[last], last])))
+    return worst_row(rows)
 
 
 def started(body: Body, surface: Mesh, points: Array, near: Nearest) -> Array:
@@ -205,14 +244,18 @@ def frames(corner: Array) -> Array:
 
 
 def imbalances(
-    model: Model, surfaces: Sequence[Mesh], forces: PointForces, valid: NDArray[np.bool_]
+    model: Model,
+    surfaces: Sequence[Mesh],
+    forces: PointForces,
+    valid: NDArray[np.bool_],
+    centers: Mapping[str, Array],
 ) -> Iterator[float]:
     """Return the imbalance of each free body under valid forces [-]: force over its weight, or over the carried load if
-    that is larger, and torque about its centre of mass over the same times half its size. Torque that rolling
-    resistance may hold, the force times the largest lever of the surfaces, is not counted; nor is that of a soft body
-    whose lever is within its bending, as its centre is known no better. A body without a valid force is not held at
-    all."""
+    that is larger, and torque about its centre of mass over the same times half its size. Along gravity only what acts
+    along gravity is load, so squeezing carries no weight. Torque that rolling resistance may hold, the force times the
+    largest lever of the surfaces, is not counted. A body without a valid force is not held at all."""
     heaviest = max((body.mass for body in model.bodies if not body.fixed), default=0.0) * model.gravity_strength
+    down = model.gravity / max(model.gravity_strength, TINY)
     for index, body in enumerate(model.bodies):
         if body.fixed:
             continue
@@ -222,18 +265,24 @@ def imbalances(
         if len(own) == 0:
             yield float(np.linalg.norm(model.gravity) > 0.0)
             continue
-        carried = 0.5 * float(np.linalg.norm(own, axis=1).sum() - np.linalg.norm(own.sum(axis=0)))
-        scale = min(max(weight, carried), heaviest)
+        scale = min(max(weight, load_through(own)), heaviest)
+        scale_along = min(max(weight, load_through((own @ down)[:, None])), heaviest)
         rest = (own.sum(axis=0) + body.mass * model.gravity) * free_motions(body)[:3]
-        yield float(np.linalg.norm(rest)) / scale
+        along = float(rest @ down)
+        yield float(np.hypot(along / scale_along, np.linalg.norm(rest - along * down) / scale))
         partners = {index, *forces.a[second].tolist(), *forces.b[first].tolist()}
         lever = max(float(model.bodies[one].friction_rows[:, 2].max()) for one in partners)
         position = np.concatenate([forces.position[first], forces.position[second]])
-        now = surfaces[index].vertices
-        rotation, translation = best_rigid_motion(body.vertices, now, np.ones(len(body.vertices)))
-        if isinstance(body, SoftBody):
-            bent = now - (body.vertices @ rotation.T + translation)
-            lever += float(np.sqrt((bent**2).sum(axis=1).mean()))
-        arm = position - (rotation @ body.center_of_mass + translation)
+        center = centers.get(body.name)
+        if center is None:
+            every = np.ones(len(body.vertices))
+            rotation, translation = best_rigid_motion(body.vertices, surfaces[index].vertices, every)
+            center = rotation @ body.center_of_mass + translation
+        arm = position - center
         torque = np.linalg.norm(np.cross(arm, own).sum(axis=0) * free_motions(body)[3:])
         yield max(float(torque) / scale - lever, 0.0) / (0.5 * body.size)
+
+
+def load_through(force: Array) -> float:
+    """Load that forces (k, n) on a body pass on to others [N]: half of the part that cancels in their sum."""
+    return 0.5 * float(np.linalg.norm(force, axis=1).sum() - np.linalg.norm(force.sum(axis=0)))

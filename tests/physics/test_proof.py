@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from dcap.scene.types.mesh import Mesh
-from solver.certificate import PointForces
+from solver.certificate import CertificateRow, PointForces
 from solver.config import SolverConfig
 from solver.errors import UnstableStep
 from solver.model.bodies import Body, Model, SoftBody
 from solver.settle import settle
-from tasks.bodies.overlap import largest_push, nearest, overlap_row, sides_of
-from tasks.bodies.proof import contact_proof, largest_gap, proven
+from tasks.bodies.overlap import largest_push, nearest, overlap_row, sides_of, worst_row
+from tasks.bodies.proof import contact_proof, imbalances, largest_gap, proven
 
 Points = NDArray[np.float64]
 
@@ -303,6 +303,85 @@ def test_friction_without_a_normal_force_holds_nothing(lab) -> None:
     """A block beside a wall is not carried by forces along that."""
     assert not on_board(lab, [(0.025, y, z) for y in (-0.013, 0.013) for z in (0.019, 0.031)], 0.0, 0.1, False,
                         wall=True).holds  # fmt: skip
+
+
+@pytest.mark.parametrize("gap", [6e-4, 9e-4])
+@pytest.mark.parametrize("cell", [0.02, 0.03])
+def test_coarse_triangles_of_a_soft_block_do_not_let_it_hover(lab, gap: float, cell: float) -> None:
+    """Its own triangles may be chords of what it bends to, but the floor is exact."""
+    block = lab.soft("block", lab.Box(np.array([0.12, 0.12, 0.06])), [0, 0, 0.03 + gap], E=2e4, rho=300.0, cell=cell)
+    model = Model((block, lab.floor()), np.array([0.0, 0.0, -9.81]))
+    assert not held_from_below(model, block.vertices[block.vertices[:, 2] < gap + 1e-6]).gap_m.holds
+
+
+def test_an_open_block_may_not_hang_below_an_open_floor(lab) -> None:
+    """Sunk by its height, where its top meets the floor: a missing side hides from neither where the inside is."""
+    block, floor = lab.rigid("block", lab.Box(np.full(3, 0.05)), [0, 0, 0.025], mass=0.5), top_only(lab.floor())
+    middle = block.vertices[block.faces].mean(axis=1)
+    block = replace(block, faces=block.faces[middle[:, 0] < 0.0249])
+    model = Model((block, floor), np.array([0.0, 0.0, -9.81]))
+    assert held_from_below(model, np.array(FEET)).holds
+    assert not held_from_below(model, np.array(FEET), -0.05).holds
+
+
+def held_from_below(model: Model, where: Points, raised: float = 0.0):
+    """The proof where the weight of the first body, raised [m], is carried by the second at some places alike."""
+    count = len(where)
+    force = np.tile([0.0, 0.0, model.bodies[0].mass * 9.81 / count], (count, 1))
+    forces = PointForces(np.zeros(count, int), np.ones(count, int), where, force, np.zeros(count, bool))
+    ends = [lifted(raised)(model.bodies[0].vertices), *(body.vertices for body in model.bodies[1:])]
+    surfaces = [Mesh.of(x, body.faces) for x, body in zip(ends, model.bodies, strict=True)]
+    return contact_proof(model, surfaces, forces, 3e-4)
+
+
+def test_squeezing_carries_no_weight(lab) -> None:
+    """A light block in the air between a wall and a heavy box, which push it from both sides."""
+    block = lab.rigid("block", lab.Box(np.full(3, 0.05)), [0, 0, 0.025], mass=0.05)
+    wall = replace(lab.rigid("wall", lab.Box(np.array([0.02, 0.2, 0.2])), [-0.035, 0, 0.025]), fixed=True)
+    box = lab.rigid("box", lab.Box(np.full(3, 0.2)), [0.125, 0, 0.025], mass=20.0)
+    model = Model((block, wall, box), np.array([0.0, 0.0, -9.81]))
+    place = [[side * 0.025, y, z] for side in (-1.0, 1.0) for y in (-0.013, 0.013) for z in (0.02, 0.03)]
+    force = [[-side * 15.0, 0.0, 0.0] for side in (-1.0, 1.0) for _ in range(4)]
+    forces = PointForces(np.zeros(8, int), np.repeat([1, 2], 4), np.array(place), np.array(force), np.zeros(8, bool))
+    surfaces = [Mesh.of(body.vertices, body.faces) for body in model.bodies]
+    shares = list(imbalances(model, surfaces, forces, np.ones(8, bool), {}))
+    assert shares[0] == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(("of_faces", "holds"), [(0.5, True), (0.05, False)])
+def test_friction_is_that_of_the_faces_that_touch(lab, of_faces: float, holds: bool) -> None:
+    """Feet that push apart with eight tenths of their load need friction, which slippery faces do not have."""
+    block, floor = (
+        replace(body, static_friction=0.5, dynamic_friction=0.5, face_friction=np.tile(row, (len(body.faces), 1)))
+        for row in ([of_faces, of_faces, 0.0],)
+        for body in (lab.rigid("block", lab.Box(np.full(3, 0.05)), [0, 0, 0.025], mass=0.5), lab.floor())
+    )
+    model = Model((block, floor), np.array([0.0, 0.0, -9.81]))
+    each = 0.5 * 9.81 / 4.0
+    force = np.array([[0.8 * np.sign(x) * each, 0.0, each] for x, _, _ in FEET])
+    forces = PointForces(np.zeros(4, int), np.ones(4, int), np.array(FEET), force, np.zeros(4, bool))
+    surfaces = [Mesh.of(body.vertices, body.faces) for body in model.bodies]
+    assert contact_proof(model, surfaces, forces, 3e-4).holds == holds
+
+
+def test_torque_acts_about_the_material_of_what_bends(lab) -> None:
+    """A soft block is held under its centre of mass, wherever its surface would put that."""
+    block = lab.soft("block", lab.Box(np.full(3, 0.05)), [0, 0, 0.025], E=2e4, rho=4000.0, cell=0.0125)
+    model = Model((block, lab.floor()), np.array([0.0, 0.0, -9.81]))
+    surfaces = [Mesh.of(body.vertices, body.faces) for body in model.bodies]
+    where = np.array(FEET) + np.array([0.005, 0.0, 0.0])
+    force = np.tile([0.0, 0.0, block.mass * 9.81 / 4.0], (4, 1))
+    forces = PointForces(np.zeros(4, int), np.ones(4, int), where, force, np.zeros(4, bool))
+    moved = {"block": block.center_of_mass + np.array([0.005, 0.0, 0.0])}
+    assert contact_proof(model, surfaces, forces, 3e-4, moved).imbalance.holds
+    assert not contact_proof(model, surfaces, forces, 3e-4).imbalance.holds
+
+
+def test_a_row_that_is_no_number_is_the_worst() -> None:
+    """Wherever it stands among others."""
+    good, nan = CertificateRow.at_most(0.0, 1.0), CertificateRow.at_most(float("nan"), 1.0)
+    assert worst_row([good, nan, good]) is nan
+    assert not nan.holds
 
 
 def on_board(lab, where, lift: float, thick: float, soft: bool, *, wall: bool = False):
