@@ -128,7 +128,7 @@ class PhysicsOptions(Options):
     """Options that decide how bodies settle."""
 
     solver: Annotated[Literal["tl", "mls"], Setting("drop.solver.method")] = "tl"
-    """Method of the solver: tl (implicit, total-Lagrangian) or mls (the paper's explicit MLS-MPM)."""
+    """Method of the solver: tl (implicit, total-Lagrangian) or mls (explicit MLS-MPM, the paper's kind)."""
     resolution: Annotated[CellSize | None, Setting("particles.cell")] = None
     """Cell size at the contact [m]; default: from the physics."""
     threads: Annotated[NonNegativeInt, Setting("run.threads")] = 0
@@ -215,6 +215,14 @@ class PlaceOptions(StageOptions):
     """Write a film of the drop, too: drop.mp4."""
     surface: Literal["embedded", "iso"] = "embedded"
     """Surfaces of soft bodies: embedded, or also iso, those around the material points: iso.glb."""
+
+    @model_validator(mode="after")
+    def _paper_has_its_own_solver(self) -> "PlaceOptions":
+        if self.method == "paper" and "solver" in self.model_fields_set and self.solver != "mls":
+            raise ValueError("--method paper is --solver mls with the paper's numbers; leave --solver out")
+        if self.method == "paper" and self.stability:
+            raise ValueError(CROSSED)
+        return self
 
 
 class DatasetOptions(StageOptions):

@@ -3,6 +3,9 @@
 Each attempt calls the stages with its own configuration, and has its own record.
 """
 
+from contextlib import suppress
+
+from dcap.scene.errors import GeometryError
 from dcap.scene.types.choices import Anchor, Intent
 from dcap.scene.types.earlier import FreedThings
 from dcap.scene.types.materials import PartMaterials
@@ -40,16 +43,20 @@ def settle(
     settled = drop_task(particles, anchor, intent, seed, config=drop)
     if broke_down(settled):
         cells = coarsened(cells)
-        again = particles_task(scene, item, intent, anchor, materials, config=cells, freed=freed)
-        outcome = drop_task(again, anchor, intent, seed, config=drop)
-        if not outcome.infeasible:
-            particles, settled = again, outcome
+        with suppress(GeometryError):  # larger cells may be too coarse; the first drop says why it broke
+            again = particles_task(scene, item, intent, anchor, materials, config=cells, freed=freed)
+            outcome = drop_task(again, anchor, intent, seed, config=drop)
+            if not outcome.infeasible:
+                particles, settled = again, outcome
     for _ in range(FINER_GOES):
         elsewhere = ended_elsewhere(settled)
         if elsewhere is None:
             break
-        again = particles_task(scene, item, intent, anchor, materials, config=cells, ended=elsewhere, freed=freed)
-        outcome = drop_task(again, anchor, intent, seed, config=drop)
+        try:
+            again = particles_task(scene, item, intent, anchor, materials, config=cells, ended=elsewhere, freed=freed)
+            outcome = drop_task(again, anchor, intent, seed, config=drop)
+        except GeometryError:  # fine cells at two places may not fit into the budget; its note says where it is coarse
+            break
         if outcome.infeasible and not settled.infeasible:
             break
         particles, settled = again, outcome

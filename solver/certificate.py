@@ -209,7 +209,7 @@ class ContactRow:
     """Maximum over the loaded points."""
     points: int
     sliding_points: int | None = None
-    """Number of sliding points; tl only."""
+    """Number of sliding points."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)

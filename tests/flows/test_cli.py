@@ -45,6 +45,8 @@ BAD_USAGE = [
     (["drop", "nothing.yaml", "--out", "out"], "nothing.yaml: no such file"),
     (["place", "a", "b", "c", "--arch", "gpu"], "--arch 'gpu' is not one of"),
     (["place", "a", "b", "c", "--stability", "--solver", "mls"], "--stability needs --solver tl"),
+    (["place", "a", "b", "c", "--stability", "--method", "paper"], "--stability needs --solver tl"),
+    (["place", "a", "b", "c", "--method", "paper", "--solver", "tl"], "leave --solver out"),
     (["place", "a", "b", "c", "--method", "magic"], "--method 'magic' is not one of"),
     (["benchmark", "--methods", "magic"], "--methods 'magic'"),
     (["benchmark", "--workers", "0"], "--workers"),

@@ -5,18 +5,21 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from box_rooms import block, thing
 from mypy import api
 
+from dcap.scene.errors import GeometryError
 from dcap.scene.settings import PROJECT_ROOT
 from dcap.scene.types.choices import Anchor
 from dcap.scene.types.measures import Drift
 from dcap.scene.types.sample import GivenPlace, Sample
 from dcap.scene.types.segmentation import SegmentedObject
 from dcap.scene.types.settled import EndPose
+from flows import repeats
 from flows.methods import place_by
 from flows.place import STAGES, PlaceConfig, place
 from flows.repeats import COARSER
@@ -105,6 +108,28 @@ def test_the_list_of_stages_is_the_path_of_a_placement(
     names = [stage.name for stage in STAGES]
     dropped = names.index("drop") + 1
     assert called == [*names[:dropped], *["particles", "drop"] * (goes - 1), *names[dropped:]]
+
+
+@pytest.mark.parametrize(("elsewhere", "broke"), [(1, False), (0, True)])
+def test_a_repeat_that_is_refused_leaves_the_first_drop(
+    monkeypatch: pytest.MonkeyPatch, called: list[str], sample: Sample, *, elsewhere: int, broke: bool
+) -> None:
+    """Its cells may be too coarse, or too many."""
+    answers = iter([EndPose((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))] * elsewhere + [None])
+    monkeypatch.setattr("flows.repeats.ended_elsewhere", lambda _: next(answers))
+    monkeypatch.setattr("flows.repeats.broke_down", lambda _: broke)
+    calls, first = [], repeats.drop_task
+
+    def drop_once(*given: Any, **options: Any) -> Any:
+        calls.append(given)
+        if len(calls) > 1:
+            raise GeometryError("too few particles")
+        return first(*given, **options)
+
+    monkeypatch.setattr("flows.repeats.drop_task", drop_once)
+    place(sample, PlaceConfig())
+    assert len(calls) == 2
+    assert called[-1] == [stage.name for stage in STAGES][-1]
 
 
 @pytest.mark.parametrize(("method", "ways"), [("no_drop", ["rotation", "anchor"]), ("holodeck", ["holodeck"])])
