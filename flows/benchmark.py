@@ -9,7 +9,7 @@ import os
 import platform
 import time
 from collections.abc import Mapping, Sequence
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from functools import partial
@@ -18,37 +18,32 @@ from threading import Semaphore
 from typing import TYPE_CHECKING
 
 from dcap.evaluation.method_report import MethodTable, shown_lines
-from dcap.evaluation.methods import DCAP, METHODS, by_method, split_id, with_examples
-from dcap.evaluation.outcome_table import ExpectedOutcome, SampleOutcome, read_truth
+from dcap.evaluation.methods import DCAP, METHODS
+from dcap.evaluation.outcome_table import SampleOutcome
 from dcap.evaluation.report import write_report
 from dcap.evaluation.run_folder import RunSummary, sample_folder, summary_of
-from dcap.evaluation.sampling.splits import spread_samples
 from dcap.language.model.batch import batch_queue
 from dcap.language.model.ledger import check_budget, spending_of
 from dcap.language.protocol.client import ClientName
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import InputError
 from dcap.scene.machine_errors import is_server_error
-from dcap.scene.settings import data_root, runs_root, version
+from dcap.scene.settings import runs_root, version
 from dcap.scene.text import not_one_of
 from dcap.scene.types.sample import Sample
 from dcap.scene.written_files import JsonObject, object_to_json, write_whole
 from flows.configure import LEDGER, LanguageOptions
 from flows.display import Display, console_on_stderr, print_lines, print_table, summary_line
-from flows.failed_before import failed_before
 from flows.find_run import ASKED_VERSION, RUN, find_run, input_errors, read_keys, read_request
 from flows.judge_run import judge_run, judged_rows, write_rows
 from flows.output import readable_json, write_placement
 from flows.place import PlaceConfig
 from flows.place_one import stage_lines
-from flows.prepare_sugar import with_sugar
 from flows.run_files import load_run_request, located, read_result, sample_from_json
-from flows.run_names import benchmark_tags
 from flows.runners import RunnerName, SampleRunner
-from flows.sample_run import OVERVIEW, STAGE_NAMES, FailedSample, FinishedSample, plan_sample
-from flows.samples import EMBEDDED, SPLAT_ROOMS, TRUTH, load_samples, load_yaml
-from flows.scene_lists import of_scenes
+from flows.sample_run import OVERVIEW, STAGE_NAMES, FailedSample, FinishedSample, benchmark_tags, plan_sample
 from flows.scoring import scored_row, write_measures
+from flows.selection import Selection, dataset_samples, failed_before, truths_of
 from flows.server import pages_of, prefect_server
 from tasks.code import installed_version
 from tasks.mesh.stage import mesh_object_task, mesh_scene_task
@@ -57,13 +52,9 @@ from tasks.run_context import RunContext, use_context
 if TYPE_CHECKING:
     from flows.watched import BenchmarkPage, SampleJob
 
-DATASET_SEED = 0
 LOCAL = SampleRunner()
 MESH, BOTH_MESHES = "mesh", {mesh_scene_task.name, mesh_object_task.name}
 """Name by which people refer to the two stages together."""
-SPLATS = 500_000
-"""Gaussians per room of the embedded splat dataset, as many as in a scene of InteriorGS."""
-
 MOST_WAITING = 32
 """Most samples that collect questions for one batch or wait for workers of the pool; each occupies a thread."""
 LIBRARIES = (
@@ -87,19 +78,6 @@ class Run:
     def failed(self) -> int:
         """Number of samples that failed."""
         return sum(row.error != "" for row in self.rows)
-
-
-@dataclass(frozen=True, slots=True)
-class Selection:
-    """Choice of samples from a dataset."""
-
-    limit: int | None = None
-    spread: bool = False
-    """Whether a limit picks samples that differ as much as possible, rather than the first ones."""
-    scenes: str = ""
-    only_failed: bool = False
-    sugar: Path | None = None
-    """Folder of SuGaR, which reconstructs meshes for scenes that only have splats."""
 
 
 def run_benchmark(
@@ -245,42 +223,6 @@ def scored_rows(folder: Path, samples: Sequence[Sample], dataset: Path) -> tuple
     return tuple(sorted(rows, key=lambda row: order.index(row.method)))
 
 
-def dataset_samples(dataset: Path | None, methods: Sequence[str], selection: Selection) -> tuple[Path, list[Sample]]:
-    """The dataset's file and the selected samples, one per method. The embedded rooms are generated if they are
-    missing."""
-    path = dataset or EMBEDDED
-    if path.resolve() == EMBEDDED:
-        ensure_dataset(data_root(), DATASET_SEED)
-    elif path.resolve() == SPLAT_ROOMS:
-        rooms = [Path(sample.scene).name for sample in load_samples(path)]
-        ensure_dataset(data_root(), DATASET_SEED, rooms=list(dict.fromkeys(rooms)), splats=SPLATS)
-    every = load_samples(path)
-    chosen = of_scenes(every, selection.scenes, path.parent)
-    if selection.spread:
-        chosen = spread_samples(chosen, truths_of(path, chosen), selection.limit)
-    chosen = chosen[: selection.limit]
-    if selection.sugar is not None:
-        every = sugar_samples(every, selection.sugar)
-        chosen = [one for one in every if one.id in {two.id for two in chosen}]
-    return path, with_examples([by_method(sample, method) for sample in chosen for method in methods], every)
-
-
-def sugar_samples(samples: Sequence[Sample], sugar: Path) -> list[Sample]:
-    """Samples whose splat-only scenes are replaced by meshes from SuGaR."""
-    meshed = with_sugar({one.scene: one for one in samples}, sugar, threads=0, quiet=False)
-    return [
-        replace(one, scene=meshed[one.scene].scene, scene_options=meshed[one.scene].scene_options) for one in samples
-    ]
-
-
-def ensure_dataset(folder: Path, seed: int, *, rooms: Sequence[str] = (), splats: int = 0, scenes: int = 0) -> Path:
-    """Generate the embedded rooms and objects that are missing or incomplete."""
-    from dcap.synthetic.dataset import make_dataset
-
-    make_dataset(folder, seed, rooms=rooms, splats=splats, scenes=scenes)
-    return folder
-
-
 def new_run_folder(
     dataset: Path,
     samples: Sequence[Sample],
@@ -316,28 +258,17 @@ def new_run_folder(
 def free_folder(stem: str) -> Path:
     """Make a new folder among the runs."""
     name = f"{stem}-{datetime.now(UTC):%Y%m%d-%H%M%S}"
-    folder = runs_root() / name
-    suffix = 2
-    runs_root().mkdir(parents=True, exist_ok=True)
-    while not make_folder(folder):
-        folder = runs_root() / f"{name}-{suffix}"
-        suffix += 1
-    return folder
-
-
-def make_folder(folder: Path) -> bool:
-    """Make a folder; return False where it exists already."""
-    try:
-        folder.mkdir()
-    except FileExistsError:
-        return False
-    return True
+    for suffix in ("", *(f"-{number}" for number in range(2, 1000))):
+        with suppress(FileExistsError):
+            folder = runs_root() / f"{name}{suffix}"
+            folder.mkdir(parents=True)
+            return folder
+    raise InputError(f"{runs_root()}: a thousand runs are called {name}")
 
 
 def versions() -> dict[str, str]:
     """Versions of the libraries that compute the run; a library that is not installed is left out."""
-    found = {name: installed_version(name) for name in LIBRARIES}
-    told = {name: one for name, one in found.items() if one}
+    told = {name: one for name in LIBRARIES if (one := installed_version(name))}
     return {"dcap": version(), "python": platform.python_version(), "machine": platform.machine(), **told}
 
 
@@ -350,13 +281,6 @@ def finish(folder: Path, rows: Sequence[SampleOutcome], seconds: float) -> Run:
     write_whole(folder / "summary.json", readable_json(object_to_json(summary)))
     write_report(folder, rows, summary)
     return Run(folder, rows, summary, table)
-
-
-def truths_of(dataset: Path, samples: Sequence[Sample]) -> list[ExpectedOutcome | None]:
-    """Intended outcomes from the dataset's folder, None where there are none."""
-    path = dataset.parent / TRUTH
-    known = read_truth(load_yaml(path), str(path)) if path.is_file() else {}
-    return [known.get(split_id(sample.id)[1]) for sample in samples]
 
 
 def measured_config(config: PlaceConfig, methods: Sequence[str]) -> PlaceConfig:

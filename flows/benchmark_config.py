@@ -9,7 +9,7 @@ from dcap.cores import available_cores
 from dcap.evaluation.methods import methods_of
 from dcap.scene.errors import InputError
 from dcap.scene.settings import runs_root
-from flows.benchmark import Run, Selection, run_benchmark
+from flows.benchmark import Run, run_benchmark
 from flows.configure import LanguageOptions, configured, language_options, with_threads
 from flows.dataset_sample import SAMPLES_FILE, SampledDataset, SamplingOptions, sample_dataset
 from flows.display import print_lines
@@ -17,6 +17,7 @@ from flows.options import BenchmarkOptions, PlaceOptions, StageOptions
 from flows.place import PlaceConfig
 from flows.runners import RunnerName, SampleRunner, check_runner
 from flows.sample_files import slug
+from flows.selection import Selection
 from tasks.arch import chosen_arch
 from tasks.cache import MODEL_CALLS, SIMULATIONS
 

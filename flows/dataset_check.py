@@ -69,18 +69,15 @@ def check_dataset(path: Path | None) -> DatasetReport:
     if not os.path.exists(path):  # False, not an exception, for a name that no file can have
         raise InputError(f"{path}: no such file or folder")
     findings = Findings()
-    sort = _named if path.suffix.lower() in YAML_SUFFIXES else _found
-    scenes, objects = sort(path, findings)
+    if path.suffix.lower() in YAML_SUFFIXES:
+        scenes, objects = _named(path, findings)
+    else:
+        found = layout_of(path, findings)
+        scenes, objects = (found.scenes, found.meshes) if path.is_dir() else (found.meshes, [])
     facts = [check_scene(one, findings) for one in scenes]
     meshes = tuple(check_scene(one, findings) for one in objects)
     listed, counts = findings.all(), {one: findings.count(one) for one in Severity}
     return DatasetReport(path, listed, counts, tuple(_row(one, listed) for one in facts), meshes)
-
-
-def _found(path: Path, findings: Findings) -> tuple[list[Path], list[Path]]:
-    """Scenes and objects of a folder; a single mesh is a scene."""
-    found = layout_of(path, findings)
-    return (found.meshes, []) if not path.is_dir() else (found.scenes, found.meshes)
 
 
 def _named(path: Path, findings: Findings) -> tuple[list[Path], list[Path]]:

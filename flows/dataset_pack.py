@@ -1,10 +1,8 @@
 """A run as a dataset for others: settled meshes, maps, prompts and placements, with a manifest and a datasheet.
 
-In: a run, or the folder of one placement. Out: a folder or a .tar.gz whose bytes depend on the packed files alone:
-names are sorted, times, owners and modes fixed. It is written to a draft and moved into place, so it appears whole or
-not at all. It holds no paths of this machine: sources have their names alone.
-
-The datasheet of a packed dataset: content, origin and permitted use. In: its manifest.
+In: a run, or the folder of one placement. Out: a .tar.gz whose bytes depend on the packed files alone: names are
+sorted, times, owners and modes fixed. It is written to a draft and moved into place, so it appears whole or not at all.
+It holds no paths of this machine: sources have their names alone.
 """
 
 import gzip
@@ -13,7 +11,8 @@ import os
 import shutil
 import tarfile
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -65,7 +64,7 @@ Scenes and objects keep the licences of their sources. Number of samples by lice
 FORMAT, VERSION = "dcap dataset", 1
 """Format name in a manifest."""
 MANIFEST, README, DEFAULT = "manifest.json", "README.md", "dataset.tar.gz"
-ARCHIVES = (".tar.gz", ".tgz")
+ARCHIVE = ".tar.gz"
 RESULT = "placement.json"
 PACKED = (
     RESULT, "object.ply", "object.glb", "scene.glb", "scene.json", "scene_settled.ply", "deformed_*.ply", "maps/**/*",
@@ -100,14 +99,6 @@ def readme(manifest: Mapping[str, JsonValue]) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class LeftOut:
-    """A sample left out of the pack, and why."""
-
-    id: str
-    why: str
-
-
-@dataclass(frozen=True, slots=True)
 class Pack:
     """A written pack."""
 
@@ -121,22 +112,20 @@ def pack_run(run: str, out: Path | None) -> Pack:
     """Pack a run; InputError where nothing of it can be packed."""
     asked = load_request(run)
     target = out or asked.folder / DEFAULT
-    refuse_place(target)
+    if not target.name.endswith(ARCHIVE) or target.is_dir():
+        raise InputError(f"--out {target}: give the name of a file that ends in {ARCHIVE}")
     found, left = packable(asked)
     if not found:
-        why = "; ".join(f"{one.id}: {one.why}" for one in left[:3]) or "it has no samples"
+        why = "; ".join(f"{name}: {why}" for name, why in list(left.items())[:3]) or "it has no samples"
         raise InputError(f"{asked.folder}: there is nothing to pack: {why}")
     known = licences_of(asked)
     target.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=target.parent, prefix=".packing-") as name:
-        draft = Path(name) / stem_of(target)
+        draft = Path(name) / (target.name.removesuffix(ARCHIVE) or "dataset")
         draft.mkdir()
         manifest = write_draft(draft, asked, found, left, known)
-        if is_archive(target):
-            write_archive(draft, Path(name) / "archive")
-            os.replace(Path(name) / "archive", target)
-        else:
-            replace_folder(draft, target, Path(name) / "old")
+        write_archive(draft, Path(name) / "archive")
+        os.replace(Path(name) / "archive", target)
     return Pack(target, manifest, warnings_of(known, found, left))
 
 
@@ -148,64 +137,23 @@ def load_request(run: str) -> RunRequest:
     return load_run_request(find_run(run))
 
 
-def refuse_place(target: Path) -> None:
-    """Raise InputError for a target that holds other files, before anything is copied."""
-    if is_archive(target):
-        if target.is_dir():
-            raise InputError(f"--out {target}: a folder; give a file name, or a folder without {ARCHIVES[0]}")
-    elif target.suffix in (".zip", ".tar", ".gz", ".bz2", ".xz", ".7z"):
-        raise InputError(
-            f"--out {target}: {target.suffix} is not written; give a folder or a name that ends in .tar.gz"
-        )
-    elif target.is_file():
-        raise InputError(f"--out {target}: a file; give a folder or a name that ends in .tar.gz")
-    elif target.is_dir() and any(target.iterdir()) and not is_pack(target):
-        raise InputError(f"--out {target}: the folder holds other things; give an empty or a new one")
-
-
-def is_archive(path: Path) -> bool:
-    """Whether a target's name is that of an archive."""
-    return path.name.endswith(ARCHIVES)
-
-
-def is_pack(folder: Path) -> bool:
-    """Whether a folder is an earlier pack."""
-    try:
-        tree = json.loads((folder / MANIFEST).read_bytes())
-    except (OSError, ValueError):
-        return False
-    return isinstance(tree, dict) and tree.get("format") == FORMAT
-
-
-def stem_of(target: Path) -> str:
-    """The name of the folder inside an archive."""
-    name = target.name
-    for suffix in ARCHIVES:
-        name = name.removesuffix(suffix)
-    return name or "dataset"
-
-
 # contents of a pack ---------------------------------------------------------------------------------------------------
 
 
-def packable(asked: RunRequest) -> tuple[list[Sample], list[LeftOut]]:
-    """Samples with a result, and those without, by id."""
-    found, left = [], []
+def packable(asked: RunRequest) -> tuple[list[Sample], dict[str, str]]:
+    """Samples with a result, by id, and why others are left out."""
+    found, left = [], {}
     for name in sorted(asked.samples):
         folder = asked.folder_of(name)
         failure = folder / "error.txt"
         if failure.is_file():
-            left.append(LeftOut(name, f"failed: {without_paths(first_line(failure), asked.samples[name])}"))
+            said = failure.read_text(encoding="utf-8", errors="replace").partition("\n")[0]
+            left[name] = f"failed: {without_paths(said, asked.samples[name])}"
         elif result_of(folder) is None:
-            left.append(LeftOut(name, f"no readable {RESULT}"))
+            left[name] = f"no readable {RESULT}"
         else:
             found.append(asked.samples[name])
     return found, left
-
-
-def first_line(path: Path) -> str:
-    """The first line of a text."""
-    return next(iter(path.read_text(encoding="utf-8", errors="replace").splitlines()), "")
 
 
 def without_paths(message: str, sample: Sample) -> str:
@@ -244,7 +192,7 @@ def licences_of(asked: RunRequest) -> dict[str, str]:
     return {name: told.get(name, "").strip() or UNKNOWN for name in asked.samples}
 
 
-def warnings_of(known: Mapping[str, str], found: Sequence[Sample], left: Sequence[LeftOut]) -> tuple[str, ...]:
+def warnings_of(known: Mapping[str, str], found: Sequence[Sample], left: Mapping[str, str]) -> tuple[str, ...]:
     """Warnings for the person who passes the pack on."""
     unknown = [one.id for one in found if known[one.id] == UNKNOWN]
     told = []
@@ -254,14 +202,14 @@ def warnings_of(known: Mapping[str, str], found: Sequence[Sample], left: Sequenc
             f"the licence of the sources of {', '.join(unknown[:3])}{more} is unknown; find out before you pass it on, "
             "and state it as `licence` of the sample in the dataset's file"
         )
-    return (*told, *(f"left out: {one.id}: {one.why}" for one in left))
+    return (*told, *(f"left out: {name}: {why}" for name, why in left.items()))
 
 
 # writing --------------------------------------------------------------------------------------------------------------
 
 
 def write_draft(
-    draft: Path, asked: RunRequest, found: Sequence[Sample], left: Sequence[LeftOut], known: Mapping[str, str]
+    draft: Path, asked: RunRequest, found: Sequence[Sample], left: Mapping[str, str], known: Mapping[str, str]
 ) -> JsonObject:
     """All files of the pack; returns its manifest."""
     rows: list[JsonValue] = []
@@ -278,23 +226,23 @@ def write_draft(
     )
     if schema is not None:
         shutil.copyfile(schema, draft / SCHEMA)
-    prompts = [{"id": one.id, "prompt": one.prompt} for one in found]
-    (draft / "prompts.jsonl").write_bytes(b"".join(json_line(one) for one in prompts))
+    prompts = [json.dumps({"id": one.id, "prompt": one.prompt}, ensure_ascii=False) + "\n" for one in found]
+    (draft / "prompts.jsonl").write_bytes("".join(prompts).encode())
     verdicts = [str(row["verdict"]) for row in rows if isinstance(row, Mapping)]
     manifest: JsonObject = {
         "format": FORMAT,
         "version": VERSION,
         "dcap": version(),
-        "name": stem_of(draft),
+        "name": draft.name,
         "counts": {
             "samples": len(found),
             "at_rest": verdicts.count(AT_REST),
             "infeasible": len(verdicts) - verdicts.count(AT_REST),
             "left_out": len(left),
         },
-        "licences": licence_counts(known[one.id] for one in found),
+        "licences": dict(sorted(Counter(known[one.id] for one in found).items())),
         "samples": rows,
-        "left_out": [{"id": one.id, "why": one.why} for one in left],
+        "left_out": [{"id": name, "why": why} for name, why in left.items()],
     }
     (draft / README).write_text(readme(manifest), encoding="utf-8")
     manifest["files"] = [
@@ -303,11 +251,6 @@ def write_draft(
     ]
     (draft / MANIFEST).write_bytes(readable_json(manifest))
     return manifest
-
-
-def json_line(value: object) -> bytes:
-    """A line of JSON."""
-    return (json.dumps(value, ensure_ascii=False) + "\n").encode()
 
 
 def sample_row(sample: Sample, own: Path, folder: Path, names: Sequence[str], licence: str) -> JsonObject:
@@ -329,14 +272,6 @@ def sample_row(sample: Sample, own: Path, folder: Path, names: Sequence[str], li
     }
 
 
-def licence_counts(licences: Iterable[str]) -> JsonObject:
-    """How many samples each licence covers, by name."""
-    found: dict[str, int] = {}
-    for one in licences:
-        found[one] = found.get(one, 0) + 1
-    return {name: found[name] for name in sorted(found)}
-
-
 def names_below(folder: Path) -> list[str]:
     """All files below a folder, sorted by name."""
     return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
@@ -354,13 +289,3 @@ def write_archive(folder: Path, target: Path) -> None:
             entry.size, entry.mode = (folder / name).stat().st_size, MODE
             with (folder / name).open("rb") as file:
                 tar.addfile(entry, file)
-
-
-def replace_folder(draft: Path, target: Path, old: Path) -> None:
-    """Move a finished draft into place; an earlier pack there is deleted."""
-    for path in draft.rglob("*"):
-        path.chmod(0o755 if path.is_dir() else MODE)
-    draft.chmod(0o755)
-    if target.exists():
-        os.rename(target, old)
-    os.rename(draft, target)

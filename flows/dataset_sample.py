@@ -5,16 +5,20 @@ the deformable supports of the scenes as a table and a plot. The files appear wh
 """
 
 import os
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+import sys
+from collections.abc import Callable, Collection, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
+from rich.console import Console
+from rich.status import Status
 
 from dcap.evaluation.outcome_table import ExpectedOutcome
 from dcap.evaluation.sampling.questions import MOST_SAMPLES, SAMPLES, SampleDraft, SamplesRequest, misread
 from dcap.evaluation.sampling.requests import PlacedAsset, chance
-from dcap.evaluation.sampling.splits import shares_of, split_scenes
 from dcap.evaluation.supports_plot import save_supports_plot, supports_table
 from dcap.geometry.placement.poses import front_of
 from dcap.geometry.placement.upright import stands_as_read
@@ -22,33 +26,36 @@ from dcap.knowledge.kinds import deformable_supports, front_side, prior_of
 from dcap.knowledge.lexicon import label_words, thing_of
 from dcap.language.connect import Client, connect
 from dcap.language.protocol.requests import IntentRequest, ObjectView, vector
+from dcap.language.protocol.session import Session
 from dcap.scene.checks.findings import Findings
 from dcap.scene.checks.scene_folder import layout_of
-from dcap.scene.errors import BudgetError, InputError, LanguageError
+from dcap.scene.errors import BudgetError, DcapError, InputError, LanguageError
 from dcap.scene.readers.scenes.sugar import MESH_SUFFIXES
 from dcap.scene.settings import runs_root
 from dcap.scene.types.sample import Sample, SourceOptions
-from dcap.scene.types.segmentation import Segmentation
+from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
 from dcap.scene.written_files import draft_folder
 from flows.configure import configured, language_options
 from flows.options import PlaceOptions
+from flows.place import PlaceConfig
 from flows.prepare_sugar import with_sugar
 from flows.sample_files import (
     ASSETS,
     TRUTH_FILE,
-    SampledRow,
     asset_labels,
     check_free,
     dataset_text,
-    lists_of,
     slug,
     truth_text,
 )
-from flows.scene_contents import read_all
-from flows.scene_lists import named_paths, named_scenes
-from tasks.artifact import Store
+from flows.sample_run import sample_context
+from flows.selection import SPLIT_SUFFIX, named_paths, named_scenes, shares_of, split_scenes
+from tasks.artifact import Ref, Store
 from tasks.intent.rescale import rescale
+from tasks.mesh.stage import mesh_object_task, mesh_scene_task
 from tasks.requests.views import instance_views, object_view, room_center
+from tasks.run_context import RunContext
+from tasks.segment.stage import segment_object_task, segment_task
 
 SAMPLES_FILE = "samples.yaml"
 SUPPORTS_TABLE, SUPPORTS_PLOT = "supports.csv", "supports.png"
@@ -56,6 +63,9 @@ LARGEST_SEED = 1_000_000
 """Upper bound of the seeds of samples, excluded [-]."""
 LONGEST_NOUN = 3
 """Most words of a file's name that are used as the object's name [-]."""
+RefT = TypeVar("RefT")
+AT_A_TIME = 2
+"""Most scenes that are read in parallel: a large scan needs gigabytes."""
 TOLD = 3
 """Most left-out items that one line names [-]."""
 
@@ -112,7 +122,10 @@ def sample_dataset(
     scenes: Path, objects: Path, out: Path | None, sampling: SamplingOptions, options: PlaceOptions, *, quiet: bool
 ) -> SampledDataset:
     """Sample a data set; InputError for an unusable scene or object, unless `sampling.skip`."""
-    check_sampling(sampling)
+    if not 1 <= sampling.per_scene <= MOST_SAMPLES:
+        raise InputError(f"--per-scene {sampling.per_scene} is not between 1 and {MOST_SAMPLES}")
+    if not 0.0 <= sampling.infeasible < 1.0:
+        raise InputError(f"--infeasible {sampling.infeasible:g} is not a share, from 0 to below 1")
     shares = shares_of(sampling.splits) if sampling.splits else {}
     found, items = chosen_scenes(scenes, sampling.scenes), found_objects(objects)
     called = asset_labels(objects if objects.is_dir() else objects.parent, items.values())
@@ -124,12 +137,14 @@ def sample_dataset(
     if sampling.sugar is not None:
         sources = with_sugar(sources, sampling.sugar, threads=options.threads, quiet=quiet)
     things = {name: sample_for(name, "", one, options, called.get(one, "")) for name, one in items.items()}
-    read = read_all(sources, things, config, session, quiet=quiet)
-    left_out = dict(read.failed)
+    left_out: dict[str, str] = {}
+    with Console(file=sys.stderr, quiet=quiet, highlight=False, force_jupyter=False).status("reading") as status:
+        read_items = read_all(object_contents, things, config, session, left_out, status)
+        read_scenes = read_all(scene_contents, sources, config, session, left_out, status)
     report_unusable(left_out, sampling.skip, len(found) + len(items))
     store = Store.default()
     views, assets = {}, []
-    for name, ref in read.objects.items():
+    for name, ref in read_items.items():
         item = store.load(ref)
         assert isinstance(item, Segmentation)
         asset = asset_of(name, item)
@@ -143,7 +158,7 @@ def sample_dataset(
         raise InputError(f"{objects}: no object that the lexicon can classify; name the files: mug.glb, red_ball.obj")
     client = connect(config.intent.language, session)
     made, short = [], {}
-    for name, scene_ref in read.scenes.items():
+    for name, scene_ref in read_scenes.items():
         contents = store.load(scene_ref)
         assert isinstance(contents, Segmentation)
         try:
@@ -162,12 +177,44 @@ def sample_dataset(
     return write_dataset(path, made, things, views, sampling, shares, left_out)
 
 
-def check_sampling(sampling: SamplingOptions) -> None:
-    """Raise InputError for numbers out of range."""
-    if not 1 <= sampling.per_scene <= MOST_SAMPLES:
-        raise InputError(f"--per-scene {sampling.per_scene} is not between 1 and {MOST_SAMPLES}")
-    if not 0.0 <= sampling.infeasible < 1.0:
-        raise InputError(f"--infeasible {sampling.infeasible:g} is not a share, from 0 to below 1")
+def scene_contents(sample: Sample, config: PlaceConfig) -> Ref[SegmentedScene]:
+    """The things of the sample's scene."""
+    source = Store.default().add_source(sample.scene)
+    scan = mesh_scene_task(source, sample.scene_options, config=config.scene_mesh)
+    return segment_task(scan, config=config.segment)
+
+
+def object_contents(sample: Sample, config: PlaceConfig) -> Ref[SegmentedObject]:
+    """The sample's object with its parts."""
+    source = Store.default().add_source(sample.object)
+    scan = mesh_object_task(source, sample.object_options, config=config.object_mesh)
+    return segment_object_task(scan, config=config.segment)
+
+
+def read_all(
+    read: Callable[[Sample, PlaceConfig], RefT],
+    samples: Mapping[str, Sample],
+    config: PlaceConfig,
+    session: Session,
+    failed: dict[str, str],
+    status: Status,
+) -> dict[str, RefT]:
+    """Return the readable ones by name, from the cache where possible; the errors of the others go into `failed`."""
+
+    def one(name: str) -> RefT | None:
+        try:
+            with sample_context(samples[name], RunContext(session=session)):
+                return read(samples[name], config)
+        except DcapError as error:
+            failed[name] = " ".join(str(error).split())
+            return None
+
+    found: dict[str, RefT] = {}
+    with ThreadPoolExecutor(AT_A_TIME) as pool:
+        for done, (name, ref) in enumerate(zip(samples, pool.map(one, samples), strict=True), 1):
+            status.update(f"read {done} of {len(samples)}")
+            found |= {name: ref} if ref is not None else {}
+    return found
 
 
 def report_unusable(bad: Mapping[str, str], skip: bool, count: int) -> None:
@@ -287,28 +334,26 @@ def write_dataset(
 ) -> SampledDataset:
     """Write all files into one folder. Returns a summary of them."""
     splits = split_scenes([one.name for one in made], shares, sampling.seed) if shares else {}
-    rows: list[SampledRow] = []
+    rows: list[Sample] = []
+    truths: dict[str, ExpectedOutcome] = {}
     misses: dict[str, str] = {}
     for scene in made:
         for draft in scene.drafts:
             truth = draft.truth(scene.request)
-            name = id_of(scene.name, draft, truth, {row.id for row in rows})
+            name = id_of(scene.name, draft, truth, truths)
             seed = int(chance(sampling.seed, name, "seed") * LARGEST_SEED)
-            thing, source = items[draft.object], scene.source
-            rows.append(
-                SampledRow(
-                    name, Path(source.scene), Path(thing.object), draft.prompt, seed, truth, source.scene_options,
-                    thing.object_options,
-                )
-            )  # fmt: skip
-            asked = IntentRequest(draft.prompt, views[draft.object], scene.request.instances, scene.request.room_center)
-            missed = misread(asked, truth, draft.facing_id)
-            if missed:
+            thing = items[draft.object]
+            asked = replace(scene.source, object=thing.object, object_options=thing.object_options)
+            rows.append(replace(asked, id=name, prompt=draft.prompt, seed=seed))
+            truths[name] = truth
+            about = scene.request
+            read = IntentRequest(draft.prompt, views[draft.object], about.instances, about.room_center)
+            if missed := misread(read, truth, draft.facing_id):
                 misses[name] = f"{draft.prompt} {missed}"
     contents = {one.name: [instance.label for instance in one.contents.instances] for one in made}
-    texts = {path.name: dataset_text(rows, path.parent), TRUTH_FILE: truth_text(rows)}
+    texts = {path.name: dataset_text(rows, path.parent), TRUTH_FILE: truth_text(truths)}
     texts[SUPPORTS_TABLE] = supports_table(contents)
-    texts.update(lists_of(splits))
+    texts.update({f"{name}{SPLIT_SUFFIX}": "\n".join(scenes) + "\n" for name, scenes in splits.items()})
     with draft_folder(path.parent) as folder:
         for file, text in texts.items():
             (folder / file).write_text(text, encoding="utf-8")
@@ -319,7 +364,7 @@ def write_dataset(
         path=str(path),
         scenes=len(made),
         samples=len(rows),
-        infeasible=sum(not row.truth.feasible for row in rows),
+        infeasible=sum(not one.feasible for one in truths.values()),
         read_back=len(rows) - len(misses),
         splits={name: len(one) for name, one in splits.items()},
         left_out=left_out,
@@ -327,7 +372,7 @@ def write_dataset(
     )
 
 
-def id_of(scene: str, draft: SampleDraft, truth: ExpectedOutcome, taken: set[str]) -> str:
+def id_of(scene: str, draft: SampleDraft, truth: ExpectedOutcome, taken: Collection[str]) -> str:
     """A readable, unused id."""
     facing = "facing" if draft.facing_id else ""
     words = [scene, draft.object, truth.base or "absent", *draft.regions, truth.top, facing]

@@ -5,12 +5,18 @@ import threading
 import time
 from collections.abc import Collection, Sequence
 from pathlib import Path
-from types import TracebackType
 from typing import Self, TextIO
 
-from rich.console import Console, Group, RenderableType
-from rich.live import Live
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    SpinnerColumn,
+    TaskID,
+    TextColumn,
+    TimeElapsedColumn,
+)
 from rich.table import Table
 from rich.text import Text
 
@@ -45,50 +51,35 @@ class Display:
     def __init__(self, samples: Sequence[Sample]) -> None:
         self.console = console_on_stderr()
         self.progress = Progress(
-            SpinnerColumn(),
-            TextColumn("{task.description}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeElapsedColumn(),
-            TextColumn("{task.fields[left]}"),
-            console=self.console,
-        )
-        self.bar = self.progress.add_task("placing", total=len(samples), left="")
-        self.begin = time.monotonic()
+            SpinnerColumn(), TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(),
+            TimeElapsedColumn(), TextColumn("{task.fields[work]}", markup=False),
+            console=self.console, refresh_per_second=4,
+        )  # fmt: skip
+        self.bar = self.progress.add_task("placing", total=len(samples), work="")
         self.count, self.done, self.failures, self.stages = len(samples), 0, 0, 0
-        self.at_work: dict[str, tuple[str, str, float]] = {}
-        self.lock = threading.Lock()
-        self.live = Live(console=self.console, refresh_per_second=4, get_renderable=self.rendered)
+        self.begin, self.lines, self.lock = time.monotonic(), dict[str, TaskID](), threading.Lock()
 
     def __enter__(self) -> Self:
-        self.live.start()
+        self.progress.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.live.stop()
+    def __exit__(self, *_: object) -> None:
+        self.progress.stop()
         if not self.console.is_terminal:  # end the last line, which has no newline yet
             self.console.line()
 
-    def rendered(self) -> RenderableType:
-        """Return the bar and one line per sample at work."""
-        with self.lock:
-            stages = Text(f"  {self.stages} stages done" if self.stages else "")
-            lines = [stages] + [Text(work_line(sample, *work)) for sample, work in self.at_work.items()]
-        return Group(self.progress, *lines)
-
     def listener(self, sample: Sample) -> OnEvent:
-        """Return a listener for the stages of one sample."""
+        """Return a listener for the stages of one sample, which has a line while it is at work."""
 
         def on_event(event: StageEvent) -> None:
             with self.lock:
                 if event.event in (Event.STARTED, Event.PROGRESS):
-                    since = self.at_work.get(sample.id, ("", "", 0.0))
-                    begun = since[2] if since[0] == event.stage else time.monotonic()
-                    self.at_work[sample.id] = (event.stage, event.text, begun)
+                    if sample.id not in self.lines:
+                        self.lines[sample.id] = self.progress.add_task(sample.id[:SHOWN_WIDTH], total=1, work="")
+                    self.progress.update(self.lines[sample.id], work=f"{event.stage} {event.text[:40]}")
                 else:
                     self.stages += 1
+                    self.progress.update(self.bar, work=f"{self.stages} stages done")
 
         return on_event
 
@@ -111,17 +102,13 @@ class Display:
         if failure:
             self.console.print(Text("failed", "red"), f"{sample.id}: {failure}")
         with self.lock:
-            self.at_work.pop(sample.id, None)
+            if (line := self.lines.pop(sample.id, None)) is not None:
+                self.progress.remove_task(line)
             self.done += 1
             self.failures += failure != ""
             left = (time.monotonic() - self.begin) / self.done * (self.count - self.done)
-        self.progress.update(self.bar, completed=self.done, left=f"about {left / 60:.0f} min left" if left > 60 else "")
-
-
-def work_line(sample: str, stage: str, text: str, since: float) -> str:
-    """A line for a sample at work."""
-    seconds = time.monotonic() - since
-    return f"  {sample[:SHOWN_WIDTH]:<{SHOWN_WIDTH}} {stage:<14} {seconds:5.0f} s  {text[:40]}"
+        told = f"{self.stages} stages done" + (f", about {left / 60:.0f} min left" if left > 60 else "")
+        self.progress.update(self.bar, completed=self.done, work=told)
 
 
 def print_table(rows: Sequence[SampleOutcome], summary: RunSummary, folder: Path, cached: Collection[str] = ()) -> None:

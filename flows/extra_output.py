@@ -1,18 +1,13 @@
-"""Output on request, in folders that are written whole or not at all: conditioning maps, and the film of a drop.
+"""Output on request, in folders that are written whole or not at all: maps, the film of a drop, and exports.
 
-A folder of exported files, written whole or not at all.
-
-`export.json` lists the written files. A new export removes those of an earlier one; other files in the folder stay.
-
-Writes the conditioning maps of a finished placement into a folder: into a draft there, then file by file.
-
-In: the results of the stages, a camera and perhaps a photograph. Out: the folder; other files in it stay.
+`export.json` lists the files of an export. A new one removes those of an earlier one; other files in the folder stay,
+as they do next to maps.
 """
 
 import io
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path, PurePosixPath
 
@@ -28,11 +23,17 @@ from dcap.geometry.rendering.coverage import composite
 from dcap.geometry.rendering.map_files import COLMAP, COMPOSITE, FILES, write_maps
 from dcap.scene.errors import InputError
 from dcap.scene.readers.files import FORMATS, read_bytes, read_image
+from dcap.scene.text import not_one_of
+from dcap.scene.types.export_scene import ExportScene
+from dcap.scene.writers.mjcf import mjcf_files
+from dcap.scene.writers.urdf import urdf_files
+from dcap.scene.writers.usda import usda_files
 from dcap.scene.written_files import draft_folder
 from flows.options import check_out
-from flows.output import SETTLED_SPLATS, readable_json
+from flows.output import SETTLED_SPLATS, readable_json, settled_scene_splats, write_made
 from flows.placement_json import Values
 from flows.run_files import FinishedPlacement, finished_placement
+from tasks.export.settled_export import export_scene
 from tasks.render.config import RenderConfig
 from tasks.render.maps import conditioning_maps, placed
 from tasks.render.motion import drop_pictures
@@ -43,6 +44,8 @@ Files = Mapping[str, bytes]
 """Content by path within the folder."""
 
 FOLDER, LIST = "export", "export.json"
+WRITERS: Mapping[str, Callable[[ExportScene], Files]] = {"mjcf": mjcf_files, "urdf": urdf_files, "usd": usda_files}
+"""Formats of simulators: from a scene to the files."""
 SPLATS = "splats"
 """The settled Gaussians, one file without a list."""
 MAPS_FOLDER = "maps"
@@ -123,14 +126,13 @@ def write_maps_of(
 ) -> Path:
     """Write the maps of a finished placement; InputError where it has no rest state to be seen."""
     values, config = placement.values, placement.config.render
-    scene, item, anchor, settled = values.scene, values.item, values.anchor, values.settled
-    if scene is None or item is None or anchor is None or settled is None or values.renders is None:
-        reason = values.infeasible.reason.value if values.infeasible else "it has no pictures"
-        raise InputError(f"{placement.finished.sample.id} has no maps: {reason}")
+    final = values.need_final(lacks := f"{placement.finished.sample.id} has no maps")
+    if values.renders is None:
+        raise InputError(f"{lacks}: {values.reason}")
     view = automatic_camera(values, config) if camera is None else read_camera(camera, values.renders.camera_target)
     image = None if photo is None else read_photo(photo)
     surfaces = values.scene_surface, values.object_surface
-    what = placed(scene, item, anchor, values.materials, settled, *surfaces)
+    what = placed(final.scene, final.item, final.anchor, values.materials, final.settled, *surfaces)
     found = conditioning_maps(what, view, config, cutaway=camera is None)
     over = None if image is None else composite(found, image)
     check_out(folder)
@@ -193,15 +195,15 @@ def note_of(folder: Path) -> str:
 
 def write_film(placement: FinishedPlacement, folder: Path) -> Path | None:
     """Write the film of a placement's drop into a folder; None if its frames were not kept."""
-    values = placement.values
-    scene, item, anchor, settled = values.scene, values.item, values.anchor, values.settled
-    if scene is None or item is None or anchor is None or settled is None or settled.frames is None:
+    values, final = placement.values, placement.values.final
+    if final is None or final.settled.frames is None:
         return None
+    scene, item, anchor, settled = final.scene, final.item, final.anchor, final.settled
     config = placement.config.render
     config = config.model_copy(update={"size": SIZE, "closeup_factor": FARTHER * config.closeup_factor})
     around = settled_scene(scene, settled, anchor.base_id).scene
     things = Raycaster(around.mesh.submesh(np.flatnonzero(~structure_faces(around))))
-    thing = settled_item(item, anchor, settled.bodies[0])
+    thing = settled_item(item, anchor, final.body)
     camera = nearby(things, thing, automatic_camera(values, config), config)
     surfaces = values.scene_surface, values.object_surface
     with draft_folder(folder) as draft:
@@ -218,3 +220,38 @@ def write_film(placement: FinishedPlacement, folder: Path) -> Path | None:
         writer.close()
         os.replace(path, folder / FILM)
     return folder / FILM
+
+
+def exported_scene(placement: FinishedPlacement) -> ExportScene:
+    """The scene to export from a placement; InputError if it has no rest state."""
+    values = placement.values
+    final = values.need_final(lacks := f"{placement.finished.sample.id} has no rest state to export")
+    if values.particles is None or values.infeasible:
+        raise InputError(f"{lacks}: {values.reason}")
+    return export_scene(final.scene, final.item, final.anchor, values.materials, values.particles, final.settled)
+
+
+def export_sample(run: str, sample: str | None, kind: str, out: Path | None) -> Path:
+    """Write one sample in a format; returns the folder, by default `export/FORMAT` in the sample's own."""
+    if kind not in (*WRITERS, SPLATS):
+        raise InputError(f"--format {kind!r} {not_one_of(kind, (*WRITERS, SPLATS))}")
+    if out is not None:
+        check_out(out)
+    placement = finished_placement(run, sample)
+    folder = out or placement.folder / FOLDER / kind
+    check_out(folder)
+    if kind == SPLATS:
+        write_settled_splats(placement, folder)
+    else:
+        write_files(folder, WRITERS[kind](exported_scene(placement)), kind)
+    return folder
+
+
+def write_settled_splats(placement: FinishedPlacement, folder: Path) -> Path:
+    """Write scene_settled.ply into a folder; InputError where the scene has no Gaussians or nothing rests in it."""
+    check_out(folder)
+    made = settled_scene_splats(placement.finished, placement.values)
+    with draft_folder(folder) as draft:
+        write_made(made, draft)
+        os.replace(draft / SETTLED_SPLATS, folder / SETTLED_SPLATS)
+    return folder / SETTLED_SPLATS

@@ -10,7 +10,7 @@ from pydantic import BaseModel, ValidationError
 from dcap.scene.errors import InputError
 from dcap.scene.readers.files import read_json
 from dcap.scene.settings import runs_root
-from dcap.scene.text import shortened
+from dcap.scene.text import first_mistake, shortened
 
 RUN = "run.json"
 """File with the request of a run."""
@@ -59,8 +59,7 @@ def read_request(path: Path) -> dict[str, Any]:
     try:
         RequestKeys.model_validate(tree)
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        raise InputError(f"{path}: {'.'.join(map(str, first['loc']))}: {first['msg']}; {DAMAGED}") from None
+        raise InputError(f"{path}: {first_mistake(error)}; {DAMAGED}") from None
     return tree
 
 
@@ -80,6 +79,5 @@ def input_errors(path: Path) -> Iterator[None]:
     except (LookupError, TypeError, ValueError, AttributeError, AssertionError) as error:
         why = f"{type(error).__name__}: {shortened(str(error), SHOWN)}"
         if isinstance(error, ValidationError):
-            first = error.errors(include_url=False)[0]
-            why = f"{'.'.join(map(str, first['loc']))}: {first['msg']}"
+            why = first_mistake(error)
         raise InputError(f"{path}: {DAMAGED} ({why})") from None

@@ -17,12 +17,11 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from dcap.evaluation.comparison_report import comparison_table, write_comparison_table
 from dcap.evaluation.judging.judge import (
     COMPARISONS,
     JUDGING,
     JudgedPlacement,
-    JudgedScore,
+    Judgement,
     JudgeRecord,
     Standing,
     comparisons,
@@ -44,11 +43,12 @@ from dcap.evaluation.judging.rubric import RUBRIC, Metrics, row_metrics, rubric_
 from dcap.evaluation.method_report import MethodTable, method_table, write_method_table
 from dcap.evaluation.methods import OFFLINE, joined_id, split_id
 from dcap.evaluation.outcome_table import SampleOutcome
+from dcap.evaluation.preference_report import write_comparison_table
 from dcap.evaluation.run_folder import sample_folder
 from dcap.evaluation.statistics.comparisons import Comparison, read_comparisons
 from dcap.language.connect import connect
 from dcap.language.model.batch import batch_queue
-from dcap.language.model.ledger import Spending, spending_of
+from dcap.language.model.ledger import spending_of
 from dcap.language.offline.placing import object_name
 from dcap.language.protocol.client import ClientName, LanguageConfig
 from dcap.language.protocol.requests import Picture
@@ -73,18 +73,6 @@ WITHOUT_RUN = "judge"
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Judgement:
-    """Scores and comparisons of a run by one judge."""
-
-    record: JudgeRecord
-    scores: tuple[JudgedScore, ...]
-    """By sample and method."""
-    comparisons: tuple[Comparison, ...]
-    spending: Spending | None
-    """Tokens and cost of the questions of all judges of the run; None if no model was asked."""
-
-
-@dataclass(frozen=True, eq=False, slots=True)
 class JudgedRun:
     """A run that was judged."""
 
@@ -100,7 +88,7 @@ def judge_run(run: str, options: LanguageOptions, say: Callable[[str], None] = l
     folder, config = find_run(run), options.config()
     rows = read_rows(folder)
     judged = judgement_of(folder, rows, config, options, say)
-    write_judging(folder, judged.record, judged.scores, judged.comparisons, judged.spending)
+    write_judging(folder, judged)
     rows = with_judged_scores(rows, judged.scores)
     write_rows(folder, rows)
     table, csv = write_tables(folder, rows, judged.comparisons, judged.record)
@@ -117,7 +105,7 @@ def judged_rows(folder: Path, rows: Sequence[SampleOutcome]) -> tuple[tuple[Samp
         if not pairs(with_metrics(rows)):
             return tuple(rows), None
         judged = judgement_of(folder, rows, LanguageConfig(), LanguageOptions())
-        write_judging(folder, judged.record, judged.scores, judged.comparisons, judged.spending)
+        write_judging(folder, judged)
         found, compared, record = list(judged.scores), list(judged.comparisons), judged.record
     else:
         found, compared = read_scores(folder), read_comparisons(folder / JUDGING / COMPARISONS)
@@ -211,16 +199,11 @@ def with_pictures(folder: Path, rows: Sequence[SampleOutcome], methods: Sequence
     for row in sorted(judged, key=lambda one: methods.index(one.method)):
         if row.sample not in first:
             first[row.sample] = pictures_in(views_of(folder, row), BEFORE)
-    return [
-        judged_placement(
-            row,
-            row_metrics(row),
-            first[row.sample],
-            pictures_in(views_of(folder, row), PLACED),
-            names.get(row.sample, ""),
-        )
-        for row in judged
-    ]
+    found = []
+    for row in judged:
+        views = pictures_in(views_of(folder, row), PLACED)
+        found.append(judged_placement(row, row_metrics(row), first[row.sample], views, names.get(row.sample, "")))
+    return found
 
 
 def object_names(folder: Path) -> dict[str, str]:
@@ -251,7 +234,7 @@ def write_tables(
     """Write the table of scores and the table of comparisons."""
     offline = chooser_of(folder).client is ClientName.OFFLINE
     table = method_table(rows, compared, record, offline=offline, changed=changed)
-    write_comparison_table(folder, comparison_table(compared, record, offline=offline))
+    write_comparison_table(folder, compared, record, offline=offline)
     return table, write_method_table(folder, table)[0]
 
 

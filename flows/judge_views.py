@@ -5,10 +5,11 @@ In: a run's folder and its rows. Out: `views/` in the folder of each placement t
 taken before come from the store. All methods of a sample share its cameras.
 """
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+
+from pydantic import TypeAdapter
 
 from dcap.evaluation.judging.cameras import SampleCameras, sample_cameras
 from dcap.evaluation.judging.judge import Standing, standing_of
@@ -16,7 +17,7 @@ from dcap.evaluation.methods import joined_id
 from dcap.evaluation.outcome_table import SampleOutcome
 from dcap.evaluation.run_folder import sample_folder
 from dcap.scene.errors import InputError
-from dcap.scene.types.pictures import BEFORE, PLACED, JudgedViews, SceneBefore, Sights, Viewpoint
+from dcap.scene.types.pictures import BEFORE, PLACED, JudgedViews, SceneBefore, Sights
 from dcap.scene.written_files import write_whole
 from flows.find_run import input_errors, read_keys
 from flows.output import load, readable_json
@@ -31,10 +32,11 @@ VIEWS, CAMERAS = "views", "cameras.json"
 
 
 @dataclass(frozen=True, slots=True)
-class TakenFrom:
-    """Cameras of a placement's pictures."""
+class TakenFrom(SampleCameras):
+    """Cameras of a placement's pictures, and what the pictures show."""
 
-    cameras: SampleCameras
+    states: Mapping[str, str]
+    """Fingerprints of the final states by all methods, by METHOD/SAMPLE."""
     contact: tuple[float, float, float]
     """Centre of its close-up [m]."""
 
@@ -85,8 +87,9 @@ def take(run: Path, asked: RunRequest, names: Sequence[str]) -> None:
             for picture in pictures:
                 source = Store.default().folder(ref) / f"{picture}.png"
                 write_whole(folder / source.name, source.read_bytes())
-        contact = [round(float(x), 6) for x in seen[name].contact[cameras.direction]]
-        write_whole(folder / CAMERAS, readable_json({"states": states, **asdict(cameras), "contact": contact}))
+        x, y, z = (round(float(x), 6) for x in seen[name].contact[cameras.direction])
+        taken = TakenFrom(cameras.overview, cameras.direction, cameras.width, states, (x, y, z))
+        write_whole(folder / CAMERAS, readable_json(asdict(taken)))
 
 
 def sights_of_sample(finished: FinishedSample) -> Sights:
@@ -117,11 +120,5 @@ def taken_from(folder: Path) -> TakenFrom:
     path = folder / VIEWS / CAMERAS
     if not path.is_file():
         raise InputError(f"{path}: not there; move {folder / VIEWS} away and start again")
-    tree: Mapping[str, object] = read_keys(path)
     with input_errors(path):
-        x, y, z = (float(one) for one in json.loads(json.dumps(tree["contact"])))
-        view = tree["overview"]
-        assert isinstance(view, Mapping)
-        overview = Viewpoint(tuple(view["position"]), tuple(view["target"]), float(view["fov_deg"]))
-        cameras = SampleCameras(overview, int(str(tree["direction"])), float(str(tree["width"])))
-        return TakenFrom(cameras, (x, y, z))
+        return TypeAdapter(TakenFrom).validate_python(read_keys(path))

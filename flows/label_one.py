@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from dcap.evaluation.labels_page import Row, labels_page
+from dcap.evaluation.pages import Row, labels_page
 from dcap.geometry.segmentation.faces import main_level
 from dcap.language.protocol.client import ClientName
 from dcap.language.protocol.session import Session

@@ -10,13 +10,15 @@ import numpy as np
 from dcap.arrays import Array
 from dcap.scene.readers.scenes.placed_scene import OBJECT_NODE
 from dcap.scene.types.boxes import OrientedBox, min_area_box
+from dcap.scene.types.choices import Intent
 from dcap.scene.types.earlier import Deformation, EarlierPlacements, PlacedThing
 from dcap.scene.types.materials import PartMaterial
 from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.particles import Particles
 from dcap.scene.types.segmentation import Instance, Part, Segmentation
 from dcap.scene.types.settled import Settled
 from dcap.scene.writers.placed_scene import placed_scene_files_of
-from flows.placement_json import Values
+from flows.placement_json import FinalState, Values
 from tasks.render.settled_meshes import SettledScene, settled_item, settled_scene
 
 MOVED = 1e-7
@@ -29,11 +31,11 @@ def next_scene_files(values: Values, prompt: str) -> dict[str, bytes]:
     """scene.json and its companion files, by name."""
     if values.scene is None:
         return {}
-    known = values.settled and values.anchor and values.particles and values.materials
-    if not (known and values.item and values.settled and values.settled.bodies):
+    final = values.final
+    if final is None or values.particles is None or values.materials is None:
         return placed_scene_files_of(unchanged(values), None, None)
-    earlier, last = with_object(values, prompt)
-    return placed_scene_files_of(earlier, last, np.clip(values.item.face_part, 0, None))
+    earlier, last = with_object(values, final, values.particles, values.materials.rows, prompt)
+    return placed_scene_files_of(earlier, last, np.clip(final.item.face_part, 0, None))
 
 
 def unchanged(values: Values) -> EarlierPlacements:
@@ -44,23 +46,18 @@ def unchanged(values: Values) -> EarlierPlacements:
     return EarlierPlacements(values.scene.instances, (), (), (), ())
 
 
-def with_object(values: Values, prompt: str) -> tuple[EarlierPlacements, str]:
+def with_object(
+    values: Values, final: FinalState, particles: Particles, rows: tuple[PartMaterial, ...], prompt: str
+) -> tuple[EarlierPlacements, str]:
     """The scene with the object as one more placed thing, and its id."""
-    scene, settled, anchor, item = values.scene, values.settled, values.anchor, values.item
-    particles, materials = values.particles, values.materials
-    assert scene is not None
-    assert settled is not None
-    assert anchor is not None
-    assert item is not None
-    assert particles is not None
-    assert materials is not None
+    scene, settled, anchor, item = final.scene, final.settled, final.anchor, final.item
     before = unchanged(values)
     last = free_id(before)
     name_of = {body.name: body.instance for body in particles.bodies} | {OBJECT_NODE: last}
     free = [name_of[body.name] for body in particles.bodies if not body.fixed]
     after = settled_scene(scene, settled, anchor.base_id)
-    start = item.mesh.transformed(settled.bodies[0].world_from_start @ anchor.world_from_object)
-    rest = settled_item(item, anchor, settled.bodies[0])
+    start = item.mesh.transformed(final.body.world_from_start @ anchor.world_from_object)
+    rest = settled_item(item, anchor, final.body)
     forces = bearing(settled, name_of)
     pairs = tuple(pair for pair in forces if {*pair} & set(free))
     placed = {one.id: one for one in before.placed}
@@ -72,9 +69,9 @@ def with_object(values: Values, prompt: str) -> tuple[EarlierPlacements, str]:
     earlier = EarlierPlacements(
         instances=(
             *(at_new_place(one, after.scene, settled) if one.id in free else one for one in before.instances),
-            placed_instance(last, values, rest),
+            placed_instance(last, final, values.intent, rest),
         ),
-        materials=kept_materials(before, materials.rows, last),
+        materials=kept_materials(before, rows, last),
         placed=tuple(placed.values()),
         touching=tuple(sorted({*(p for p in before.touching if not {*p} & set(free)), *pairs})),
         deformations=(
@@ -130,22 +127,17 @@ def kept_materials(before: EarlierPlacements, rows: tuple[PartMaterial, ...], la
     return tuple(found.values())
 
 
-def placed_instance(last: str, values: Values, rest: Mesh) -> Instance:
+def placed_instance(last: str, final: FinalState, intent: Intent | None, rest: Mesh) -> Instance:
     """The object as an instance of the scene."""
-    item, anchor, settled, intent = values.item, values.anchor, values.settled, values.intent
-    assert item is not None
-    assert anchor is not None
-    assert settled is not None
-    assert intent is not None
-    own = item.instances[0]
-    pose = settled.bodies[0].world_from_start @ anchor.world_from_object
-    number = np.clip(item.face_part, 0, None)
+    own = final.item.instances[0]
+    pose = final.body.world_from_start @ final.anchor.world_from_object
+    number = np.clip(final.item.face_part, 0, None)
     parts = tuple(
         Part(part.name, box_around(rest.submesh(np.flatnonzero(number == index))), part.confidence)
         for index, part in enumerate(own.parts)
     )
     front = None if own.front is None else turned(own.front, pose[:3, :3] / np.cbrt(np.linalg.det(pose[:3, :3])))
-    label = intent.object_name or own.label
+    label = (intent.object_name if intent else "") or own.label
     return Instance(last, label, box_around(rest), parts, front, placed=True)
 
 

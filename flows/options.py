@@ -11,7 +11,7 @@ import tempfile
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, NonNegativeInt, PositiveInt, model_validator
 from pydantic.fields import FieldInfo
@@ -93,8 +93,6 @@ Language = Literal["", "offline", "anthropic", "openai", "replay"]
 Ambiguous = Annotated[Literal["ask", "best"], Setting("intent.ambiguous")]
 Up = Literal["auto", "y", "z", "-y", "-z"]
 Unit = Literal["auto", "m", "cm", "mm", "in"]  # the keys of METRES: a Literal cannot be computed
-UPS: tuple[str, ...] = get_args(Up)
-UNITS: tuple[str, ...] = get_args(Unit)
 CellSize = Annotated[float, within(0.0, LARGEST_RESOLUTION_M, f"a cell size between 0 and {LARGEST_RESOLUTION_M} m")]
 Mass = Annotated[float, within(0.0, float("inf"), "a positive number of kilograms")]
 Seed = Annotated[int, Field(ge=0, lt=LARGEST_SEED + 1)]

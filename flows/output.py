@@ -1,14 +1,8 @@
-"""Writes the results of a placement into a folder, with their records and the settled splats.
+"""Writes the results of a placement into a folder: geometry, pictures, placement.json, records and settled splats.
 
-Records of a placement: `records.json` next to placement.json, by which the cache keeps them.
-
-It lists the keys of the records, which hold everything else; `inputs` are artifacts that no stage made (source files,
-labels).
-
-Gaussians of a splat scene with the placement in them: scene_settled.ply.
-
-In: a finished sample and the results of its stages. Out: one file of plain 3DGS, in the scene file's own frame and
-unit, so that it can replace the input file.
+`records.json` lists the keys of the stages' records, by which the cache keeps them, and as `inputs` artifacts that no
+stage made (source files, labels). `scene_settled.ply` has the Gaussians of a splat scene with the placement in them:
+plain 3DGS in the scene file's own frame and unit, so that it can replace the input file.
 """
 
 import json
@@ -35,7 +29,7 @@ from dcap.scene.readers.scenes.sugar import find_splats
 from dcap.scene.readers.splats.formats import is_splats, read_gaussians
 from dcap.scene.types.choices import Anchor, Intent
 from dcap.scene.types.materials import PartMaterials
-from dcap.scene.types.mesh import Mesh, PaintedMesh, SourceSurface
+from dcap.scene.types.mesh import Mesh, SourceSurface
 from dcap.scene.types.outcome import Infeasible
 from dcap.scene.types.particles import Particles
 from dcap.scene.types.pictures import Renders
@@ -114,19 +108,20 @@ def splat_artifact(finished: FinishedSample, values: Values, folder: Path) -> di
 def settled_scene_splats(finished: FinishedSample, values: Values) -> SettledSplats:
     """Content of the file. InputError if the scene has no Gaussians, or the placement no rest state."""
     sample = finished.sample
-    scan, scene, item, anchor, settled = values.scan, values.scene, values.item, values.anchor, values.settled
     if splats_of(sample.scene) is None:
         raise InputError(f"{sample.scene}: no Gaussian splats; --format splats takes a placement in a scene of splats")
-    if scan is None or scene is None or item is None or anchor is None or settled is None:
-        reason = values.infeasible.reason.value if values.infeasible else "nothing settled"
-        raise InputError(f"{sample.id} has no settled splats: {reason}")
+    final = values.need_final(f"{sample.id} has no settled splats")
     store = Store.default()
     source = store.load(store.add_source(sample.scene))  # the file at the time of the placement
     assert isinstance(source, Source)
     kept = splats_of(str(source.path))
     assert kept is not None
-    colors = partial(surface_colors, painted(item.mesh, values.object_surface))
-    return settled_splats(read_gaussians(kept), scan.world_from_file, scene, item, anchor, settled, colors=colors)
+    assert values.scan is not None
+    colors = partial(surface_colors, painted(final.item.mesh, values.object_surface))
+    return settled_splats(
+        read_gaussians(kept), values.scan.world_from_file, final.scene, final.item, final.anchor, final.settled,
+        colors=colors,
+    )  # fmt: skip
 
 
 def write_made(made: SettledSplats, folder: Path) -> None:
@@ -188,7 +183,9 @@ def write_files(finished: FinishedSample, draft: Path) -> dict[str, str]:
     """Write all files of a placement; returns their names by kind."""
     store = Store.default()
     values = load_values(finished, store)
-    next_scene = write_next_scene(values, finished.sample.prompt, draft)
+    next_scene = next_scene_files(values, finished.sample.prompt)
+    for name, data in next_scene.items():
+        (draft / name).write_bytes(data)
     artifacts = (
         write_geometry(values, draft) | copy_pictures(finished, store, draft) | splat_artifact(finished, values, draft)
     )
@@ -198,7 +195,7 @@ def write_files(finished: FinishedSample, draft: Path) -> dict[str, str]:
         (RESULT, placement_json(finished, values, artifacts)),
     ):
         (draft / name).write_bytes(readable_json(tree))
-    return artifacts | next_scene | {name: name for name in (SCHEMA, RECORDS, RESULT)}
+    return artifacts | {name: name for name in (*next_scene, SCHEMA, RECORDS, RESULT)}
 
 
 def placement_key(finished: FinishedSample) -> str:
@@ -206,14 +203,6 @@ def placement_key(finished: FinishedSample) -> str:
     code = code_of(Path(__file__).resolve())
     records = [(one.record.key, one.record.seconds, *one.ref.to_json().values()) for one in finished.results]
     return json.dumps([asdict(finished.sample), records, code.digest, dict(code.libraries)], sort_keys=True)
-
-
-def write_next_scene(values: Values, prompt: str, folder: Path) -> dict[str, str]:
-    """Write the files that make the folder a scene for the next placement; returns their names."""
-    files = next_scene_files(values, prompt)
-    for name, data in files.items():
-        (folder / name).write_bytes(data)
-    return {name: name for name in files}
 
 
 def readable_json(tree: object) -> bytes:
@@ -225,15 +214,15 @@ def write_geometry(values: Values, folder: Path) -> dict[str, str]:
     """Write object.ply, object.glb, contacts.glb and scene.glb, each if there is something to write."""
     if values.scene is None:
         return {}
-    anchor, item = values.anchor, values.item
-    settled = values.settled if values.settled and values.settled.bodies and anchor and item else None
+    anchor, final = values.anchor, values.final
+    settled = final.settled if final else None
     around, look = scene_at_rest(values.scene, values.scene_surface, settled, anchor.base_id if anchor else "")
-    nodes = [Node("scene", children=tuple(scene_nodes(around.scene, look)))]
+    normals = corner_normals(around.scene.mesh)  # so that it looks alike in any viewer, with textures too
+    nodes = [Node("scene", children=tuple(labelled_nodes(around.scene, look.paint, normals)))]
     files = {"scene": "scene.glb"}
-    if settled and anchor and item:
-        own = settled.bodies[0]
-        (folder / "object.ply").write_bytes(mesh_to_ply(settled_item(item, anchor, own)))
-        thing = object_at_rest(item, values.object_surface, anchor, own)
+    if final and settled:
+        (folder / "object.ply").write_bytes(mesh_to_ply(settled_item(final.item, final.anchor, final.body)))
+        thing = object_at_rest(final.item, values.object_surface, final.anchor, final.body)
         node = Node("object", thing.mesh, paint=thing.paint, normals=corner_normals(thing.mesh))
         nodes.append(node)
         (folder / "object.glb").write_bytes(glb_bytes([node]))
@@ -257,11 +246,6 @@ def iso_glb(settled: Settled, particles: Particles) -> bytes:
         )
         nodes.append(node)
     return glb_bytes([Node("material", children=tuple(nodes))])
-
-
-def scene_nodes(scene: Segmentation, look: PaintedMesh) -> list[Node]:
-    """A node per instance and part; with normals where there are textures, so that both look alike in any viewer."""
-    return labelled_nodes(scene, look.paint, corner_normals(scene.mesh))
 
 
 def corner_normals(mesh: Mesh) -> NDArray[np.float32]:

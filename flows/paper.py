@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 
 from dcap.evaluation.methods import DCAP, methods_of, split_id
-from dcap.evaluation.paper.page import PaperNotes, SceneFacts, write_paper_page
+from dcap.evaluation.paper_page import PaperNotes, SceneFacts, write_paper_page
 from dcap.geometry.pieces import boundary_edges
 from dcap.scene.errors import InputError
 from dcap.scene.settings import runs_root
@@ -32,9 +32,8 @@ from flows.options import PaperOptions
 from flows.place import PlaceConfig
 from flows.prepare_sugar import mesh_source
 from flows.run_files import load_run_request
-from flows.run_names import benchmark_tags
 from flows.sample_files import slug
-from flows.sample_run import plan_sample
+from flows.sample_run import benchmark_tags, plan_sample
 from flows.samples import EMBEDDED
 from flows.server import prefect_server
 from flows.study.serve import prepare_study

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation as Turn
 
 from dcap.evaluation.metrics.right_place import part_missed, region_missed
+from dcap.scene.errors import InputError
 from dcap.scene.types.choices import Anchor, Intent
 from dcap.scene.types.materials import PartMaterial, PartMaterials
 from dcap.scene.types.mesh import SourceSurface
@@ -17,7 +18,7 @@ from dcap.scene.types.pictures import Renders, Visibility
 from dcap.scene.types.scan import BodyGeometry, Scan
 from dcap.scene.types.segmentation import Segmentation
 from dcap.scene.types.settled import LastState, PlacementChecks, Settled, SettledBody
-from dcap.scene.written_files import JsonObject, JsonValue, object_to_json, sorted_keys, to_json
+from dcap.scene.written_files import JsonObject, object_to_json, sorted_keys, to_json
 from flows.sample_run import FinishedSample
 from solver.certificate import Certificate, Verdict
 from tasks.render.particle_table import settled_materials
@@ -25,6 +26,21 @@ from tasks.render.particle_table import settled_materials
 AT_REST, AS_POSED = "at_rest", "as_posed"
 SCHEMA_VERSION = 1
 """Version of the keys of placement.json: keys are only added within a version."""
+
+
+@dataclass(frozen=True, slots=True)
+class FinalState:
+    """Values behind an object that came to rest, or was posed."""
+
+    scene: Segmentation
+    item: Segmentation
+    anchor: Anchor
+    settled: Settled
+
+    @property
+    def body(self) -> SettledBody:
+        """The placed object."""
+        return self.settled.bodies[0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +60,25 @@ class Values:
     infeasible: Infeasible | None
     scene_surface: SourceSurface = field(default_factory=SourceSurface.untextured)
     object_surface: SourceSurface = field(default_factory=SourceSurface.untextured)
+
+    @property
+    def final(self) -> FinalState | None:
+        """The final state; None without one."""
+        scene, item, anchor, settled = self.scene, self.item, self.anchor, self.settled
+        if scene is None or item is None or anchor is None or settled is None or not settled.bodies:
+            return None
+        return FinalState(scene, item, anchor, settled)
+
+    @property
+    def reason(self) -> str:
+        """Why there is no result, in a word."""
+        return self.infeasible.reason.value if self.infeasible else "nothing settled"
+
+    def need_final(self, lacks: str) -> FinalState:
+        """The final state; InputError without one, which says what it `lacks` and why."""
+        if (found := self.final) is None:
+            raise InputError(f"{lacks}: {self.reason}")
+        return found
 
 
 def visibility_of(found: Visibility) -> JsonObject:
@@ -67,7 +102,7 @@ def placement_json(finished: FinishedSample, values: Values, artifacts: Mapping[
     """The content of placement.json."""
     intent, anchor, settled = values.intent, values.anchor, values.settled
     body = object_body(settled)
-    verdict, reason = verdict_of(values)
+    last, (verdict, reason) = last_state(values), verdict_of(values)
     missed, messages = None, messages_of(values)
     if anchor and settled and body:
         missed = region_missed(support_point(settled, body), anchor.region_polygon) or off_its_part(values)
@@ -91,7 +126,7 @@ def placement_json(finished: FinishedSample, values: Values, artifacts: Mapping[
         "pre_drop": pose_of(anchor.world_from_object) if anchor else None,
         "pose": pose_of(body.world_from_start @ anchor.world_from_object) if anchor and body else None,
         "object_aabb": body.surface.bounds if body else None,
-        "contacts": contacts_of(values),
+        "contacts": [sorted_keys(object_to_json(row)) for row in last.contacts] if last else [],
         "materials": [material_row(row) for row in values.materials.rows] if values.materials else [],
         "geometry": [geometry_row(one) for one in values.particles.geometry] if values.particles else [],
         "soft_bodies": [object_to_json(row) for row in settled_materials(settled)] if settled else [],
@@ -152,12 +187,6 @@ def last_state(values: Values) -> Settled | LastState | None:
     """Last state of the drop, if there was one."""
     evidence = values.infeasible.evidence if values.infeasible else None
     return values.settled or (evidence if isinstance(evidence, LastState) else None)
-
-
-def contacts_of(values: Values) -> list[JsonValue]:
-    """Contacts in the last state."""
-    last = last_state(values)
-    return [sorted_keys(object_to_json(row)) for row in last.contacts] if last else []
 
 
 def certificate_of(values: Values) -> JsonObject | None:

@@ -9,10 +9,11 @@ from rich.table import Table
 
 from dcap.evaluation.methods import DCAP
 from dcap.scene.errors import MachineError
-from flows.benchmark import Selection, dataset_samples, measured_config
+from flows.benchmark import measured_config
 from flows.display import console_on
 from flows.place import PlaceConfig
 from flows.sample_run import Plan, StagePlan, plan_sample
+from flows.selection import Selection, dataset_samples
 
 
 @dataclass(frozen=True, slots=True)

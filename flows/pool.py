@@ -32,8 +32,7 @@ from dcap.scene.settings import resource
 from flows.configure import with_threads
 from flows.place import PlaceConfig
 from flows.run_files import located, sample_from_json
-from flows.run_names import sample_tags
-from flows.sample_run import FinishedSample, StageResult, error_line, plan_sample
+from flows.sample_run import FinishedSample, StageResult, error_line, plan_sample, sample_tags
 from flows.server import was_given_up
 from flows.watched import (
     PlacedSample,

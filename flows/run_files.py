@@ -7,11 +7,13 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
+from pydantic import TypeAdapter
+
 from dcap.evaluation.run_folder import sample_folder
 from dcap.language.protocol.client import LanguageConfig
 from dcap.scene.errors import InputError
 from dcap.scene.settings import runs_root
-from dcap.scene.types.sample import GivenPlace, KnownHeight, Sample, SourceOptions
+from dcap.scene.types.sample import Sample
 from dcap.scene.written_files import JsonObject, write_whole
 from flows.configure import LanguageOptions
 from flows.find_run import ASKED_VERSION, RUN, find_run, input_errors, read_keys, read_request
@@ -22,6 +24,7 @@ from flows.sample_run import FinishedSample, plan_sample
 from tasks.artifact import Store
 
 PLACEMENT = "sample.json"
+SAMPLE = TypeAdapter(Sample)
 UNFINISHED = "did not finish"
 """Message for a sample whose placement did not finish."""
 
@@ -63,11 +66,16 @@ class FinishedPlacement:
 
 def load_run_request(folder: Path) -> RunRequest:
     """Read the request of the run in a folder."""
-    tree = read_request(folder / RUN)
-    with input_errors(folder / RUN):
-        samples = {str(one["id"]): sample_from_json(one) for one in tree["samples"]}
-        config = PlaceConfig.model_validate(tree["config"])
-        return RunRequest(folder, samples, config, LanguageOptions(**tree["language"]))
+    return request_in(folder / RUN, one=False)
+
+
+def request_in(path: Path, *, one: bool) -> RunRequest:
+    """Read the request in a `run.json`, or in the `sample.json` of one placement."""
+    tree = read_request(path)
+    with input_errors(path):
+        samples = [sample_from_json(row) for row in ([tree["sample"]] if one else tree["samples"])]
+        config, language = PlaceConfig.model_validate(tree["config"]), LanguageOptions(**tree["language"])
+    return RunRequest(path.parent.resolve(), {sample.id: sample for sample in samples}, config, language, one=one)
 
 
 def read_result(folder: Path) -> tuple[JsonObject | None, str]:
@@ -96,14 +104,11 @@ def find_request(run: str, sample: str | None) -> tuple[RunRequest, str]:
     """Find the request and the sample's id for a sample of a run, or for the folder of a placement without a sample."""
     for folder in (Path(run), runs_root() / run):
         if (folder / PLACEMENT).is_file() and not (folder / RUN).is_file():
-            tree = read_request(folder / PLACEMENT)
-            with input_errors(folder / PLACEMENT):
-                one = sample_from_json(tree["sample"])
-                config = PlaceConfig.model_validate(tree["config"])
-                language = LanguageOptions(**tree["language"])
-            if sample not in (None, one.id):
+            asked = request_in(folder / PLACEMENT, one=True)
+            (name,) = asked.samples
+            if sample not in (None, name):
                 raise InputError(f"{run} is one placement: leave {sample!r} out")
-            return RunRequest(folder.resolve(), {one.id: one}, config, language, one=True), one.id
+            return asked, name
     asked = load_run_request(find_run(run))
     if not asked.samples:
         raise InputError(f"{asked.folder.name} has no samples")
@@ -157,16 +162,5 @@ def located(sample: Sample) -> Sample:
 
 
 def sample_from_json(tree: Mapping[str, object]) -> Sample:
-    """The sample that `asdict` wrote."""
-    values = dict(tree)
-    for name in ("scene_options", "object_options"):
-        options = values[name]
-        assert isinstance(options, dict)
-        values[name] = SourceOptions(**options)
-    for name, kind in (("place", GivenPlace), ("known_height", KnownHeight)):
-        given = values.get(name)
-        if isinstance(given, dict):
-            told = {key: tuple(one) if isinstance(one, list) else one for key, one in given.items()}
-            values[name] = kind(**told)  # type: ignore[arg-type]
-    values["examples"] = tuple(values.get("examples", ()))  # type: ignore[arg-type]
-    return Sample(**values)  # type: ignore[arg-type]
+    """The sample that `asdict` wrote; ValueError for another tree."""
+    return SAMPLE.validate_python(tree)

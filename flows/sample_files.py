@@ -7,25 +7,21 @@ knows; either may be empty. The label made from both is read like the stem of a 
 """
 
 import csv
-import json
 import os
 import re
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import fields
 from pathlib import Path
 
 from dcap.evaluation.outcome_table import ExpectedOutcome
 from dcap.knowledge.lexicon import is_a, thing_of, things
 from dcap.scene.errors import InputError
+from dcap.scene.readers.files import yaml_text
 from dcap.scene.text import LONGEST_WORDS, did_you_mean, unfit
-from dcap.scene.types.sample import SourceOptions
+from dcap.scene.types.sample import Sample, SourceOptions
 from flows.samples import TRUTH, load_samples, load_yaml
-from flows.scene_lists import SPLIT_SUFFIX
 
 TRUTH_FILE = TRUTH
-PLAIN = re.compile(r"[A-Za-z][A-Za-z0-9 ,.'_/-]*[A-Za-z0-9.?]")
-"""Text that YAML takes unquoted; other text is quoted."""
-NOT_TEXT = frozenset({"true", "false", "null", "yes", "no", "on", "off", "y", "n"})
 SAMPLES_HEAD = """\
 # Made by `dcap dataset sample`: put OBJECT into SCENE as PROMPT says. Paths are relative to this file.
 # The intended outcomes are in truth.yaml, which no stage reads.
@@ -37,20 +33,6 @@ TRUTH_HEAD = """\
 """
 ASSETS = "assets.csv"
 COLUMNS = ("file", "name", "category")
-
-
-@dataclass(frozen=True, slots=True)
-class SampledRow:
-    """A sample with its truth."""
-
-    id: str
-    scene: Path
-    object: Path
-    prompt: str
-    seed: int
-    truth: ExpectedOutcome
-    scene_options: SourceOptions
-    object_options: SourceOptions
 
 
 def slug(text: str) -> str:
@@ -80,52 +62,36 @@ def check_free(path: Path) -> None:
         )
 
 
-def dataset_text(rows: Sequence[SampledRow], folder: Path) -> str:
+def dataset_text(samples: Iterable[Sample], folder: Path) -> str:
     """The dataset file that lies in a folder."""
-    lines = [SAMPLES_HEAD.rstrip()]
-    for row in rows:
-        lines += [
-            f"- id: {scalar(row.id)}",
-            f"  scene: {scalar(relative(row.scene, folder))}",
-            f"  object: {scalar(relative(row.object, folder))}",
-            f"  prompt: {scalar(row.prompt)}",
-            f"  seed: {row.seed}",
-        ]
-        for prefix, options in (("", row.scene_options), ("object_", row.object_options)):
-            for one in fields(SourceOptions):
-                value = getattr(options, one.name)
-                lines += [f"  {prefix}{one.name}: {scalar(value)}"] if value != one.default else []
-    return "\n".join(lines) + "\n"
+    tree = []
+    for row in samples:
+        paths = {"scene": relative(Path(row.scene), folder), "object": relative(Path(row.object), folder)}
+        frames = {
+            f"{prefix}{one.name}": getattr(options, one.name)
+            for prefix, options in (("", row.scene_options), ("object_", row.object_options))
+            for one in fields(SourceOptions)
+            if getattr(options, one.name) != one.default
+        }
+        tree.append({"id": row.id, **paths, "prompt": row.prompt, "seed": row.seed, **frames})
+    return SAMPLES_HEAD + yaml_text(tree)
 
 
-def truth_text(rows: Sequence[SampledRow]) -> str:
-    """The truth file in the same folder."""
-    lines = [TRUTH_HEAD.rstrip()]
-    for row in rows:
-        truth = row.truth
-        lines += [f"{scalar(row.id)}:", f"  base: {scalar(truth.base)}"]
-        lines += [f"  base_id: {quoted(truth.base_id)}"] if truth.base_id else []
-        lines += [f"  part: {scalar(truth.part)}", f"  region: {scalar(truth.region)}"]
-        lines += [f"  top: {truth.top}"] if truth.top else []
-        lines += [f"  front: [{truth.front[0]:.4g}, {truth.front[1]:.4g}]"] if truth.front is not None else []
-        lines += [f"  feasible: {str(truth.feasible).lower()}", f"  reason: {scalar(truth.reason)}"]
-    return "\n".join(lines) + "\n"
-
-
-def lists_of(splits: Mapping[str, Sequence[str]]) -> dict[str, str]:
-    """A file of names for each split."""
-    return {f"{name}{SPLIT_SUFFIX}": "\n".join(scenes) + "\n" for name, scenes in splits.items()}
-
-
-def scalar(text: str) -> str:
-    """Text as a YAML scalar."""
-    plain = PLAIN.fullmatch(text) and text.lower() not in NOT_TEXT and ": " not in text and " #" not in text
-    return text if plain else quoted(text)
-
-
-def quoted(text: str) -> str:
-    """Text between quotes; a JSON string is one of YAML 1.2."""
-    return json.dumps(text, ensure_ascii=False)
+def truth_text(truths: Mapping[str, ExpectedOutcome]) -> str:
+    """The truth file in the same folder, of samples by their ids."""
+    tree = {}
+    for name, truth in truths.items():
+        tree[name] = {
+            "base": truth.base,
+            **({"base_id": truth.base_id} if truth.base_id else {}),
+            "part": truth.part,
+            "region": truth.region,
+            **({"top": truth.top} if truth.top else {}),
+            **({"front": [float(f"{one:.4g}") for one in truth.front]} if truth.front is not None else {}),
+            "feasible": truth.feasible,
+            "reason": truth.reason,
+        }
+    return TRUTH_HEAD + yaml_text(tree)
 
 
 def relative(path: Path, folder: Path) -> str:

@@ -2,22 +2,25 @@
 
 import os
 import traceback
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 from dcap.scene.errors import DcapError
 from dcap.scene.machine_errors import machine_error
+from dcap.scene.readers.scenes.sugar import MESH_SUFFIXES
 from dcap.scene.secrets import redacted
 from dcap.scene.types.sample import Sample
 from flows.methods import place_by
 from flows.place import SECTIONS, STAGES, PlaceConfig, PlacementRefs
-from flows.run_names import sample_tags
 from tasks.artifact import FILES, Record, Ref, Store
 from tasks.overview import overview_task
 from tasks.run_context import Event, Mode, OnEvent, RunContext, StageEvent, use_context
 from tasks.upkeep import why_not_cached
 
+LONGEST = 200
+"""Longest name or tag on a page of Prefect [characters]."""
 STAGE_NAMES = tuple(stage.name for stage in STAGES)
 OVERVIEW = overview_task.name
 """Stages of an infeasible placement after the stage that found it infeasible."""
@@ -197,3 +200,26 @@ def error_line(error: BaseException) -> str:
         lines = [lines[0], "…", lines[-1]]
     words = " ".join(" ".join(lines).split())
     return redacted(words if known else f"{type(error).__name__}: {words}")
+
+
+def sample_tags(sample: Sample, run: str = "") -> tuple[str, ...]:
+    """Return the tags of a sample's task run and of its stages."""
+    named = ("run", run), ("method", sample.method), ("scene", plain_name(sample.scene))
+    return tuple(shorten(f"{key}:{value}") for key, value in named if value)
+
+
+def benchmark_tags(run: str, methods: Sequence[str]) -> tuple[str, ...]:
+    """Return the tags of a benchmark's flow run."""
+    return (shorten(f"run:{run}"), *(f"method:{method}" for method in methods))
+
+
+def plain_name(path: str) -> str:
+    """Return the name of a file or folder, without a suffix or name that only says that it is a mesh."""
+    last = Path(path)
+    return last.stem if last.suffix.lower() in MESH_SUFFIXES else last.name
+
+
+def shorten(text: str) -> str:
+    """Return a name shortened to fit a line."""
+    line = " ".join("".join(one if one.isprintable() else " " for one in text).split())
+    return line if len(line) <= LONGEST else f"{line[: LONGEST - 1]}…"

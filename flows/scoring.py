@@ -10,6 +10,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +40,7 @@ from flows.sample_run import FinishedSample
 from tasks.artifact import Ref, Store
 from tasks.requests.surroundings import part_frame
 
+Kind = TypeVar("Kind")
 MEASURES = "measures.json"
 REFERENCED = frozenset(BESIDE)
 """Region words that mean a place next to something: the truth does not say next to what."""
@@ -59,15 +61,13 @@ def write_measures(finished: FinishedSample, out: Path) -> JsonObject | None:
     return tree
 
 
-def fingerprint(folder: Path) -> str:
-    """Digest of the measurements of a final state, which tells two final states apart; empty without measurements."""
-    path = folder / MEASURES
-    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
-
-
 def states_of(run: Path, names: Iterable[str]) -> dict[str, str]:
-    """Fingerprints of samples of a run by their names, METHOD/SAMPLE."""
-    return {name: fingerprint(sample_folder(run, name)) for name in names}
+    """Digest of the measurements of samples of a run, by their names, METHOD/SAMPLE; it tells two final states apart.
+    Empty without measurements."""
+    paths = {name: sample_folder(run, name) / MEASURES for name in names}
+    return {
+        name: hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else "" for name, path in paths.items()
+    }
 
 
 def changed_since(run: Path, states: Mapping[str, str]) -> tuple[str, ...]:
@@ -118,7 +118,7 @@ def scored_row(
         drift_s=number(drift.get("seconds")),
         referee_drift_m=number(referee.get("drift_m")),
         referee_drift_deg=number(referee.get("drift_deg")),
-        referee_supported=known_truth(referee.get("supported")),
+        referee_supported=supported if isinstance(supported := referee.get("supported"), bool) else None,
         referee_penetration_m=number(referee.get("penetration_m")),
         referee_s=number(referee.get("seconds")),
     )
@@ -169,8 +169,7 @@ def with_rules(
     scene, intent = kept.get("scene"), kept.get("intent")
     if not isinstance(scene, Mapping) or not isinstance(intent, Mapping):
         return row
-    known = loaded_scene(str(scene["kind"]), str(scene["sha256"]))
-    said = loaded_intent(str(intent["kind"]), str(intent["sha256"]))
+    known, said = loaded(Segmentation, Ref.from_json(scene)), loaded(Intent, Ref.from_json(intent))
     measures = kept["measures"]
     assert isinstance(measures, Mapping)
     if known is None or said is None or "front" not in measures:  # not there in older files
@@ -210,11 +209,6 @@ def number(value: object) -> float | None:
     return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
 
 
-def known_truth(value: object) -> bool | None:
-    """Yes or no, None where it is neither."""
-    return value if isinstance(value, bool) else None
-
-
 def scaled(value: object, factor: float) -> float | None:
     """A number in another unit, None where there is none."""
     found = number(value)
@@ -234,7 +228,7 @@ def meant_regions(
     words = truth.region.split()
     if not words or REFERENCED & set(words) or not isinstance(scene, Mapping):
         return ()
-    known = loaded_scene(str(scene["kind"]), str(scene["sha256"]))
+    known = loaded(Segmentation, Ref.from_json(scene))
     if known is None:
         return ()
     bases = [
@@ -249,19 +243,9 @@ def meant_regions(
     return tuple(found)
 
 
-@lru_cache(maxsize=4)
-def loaded_scene(kind: str, sha256: str) -> Segmentation | None:
-    """A segmented scene from the store; None where it is no longer there."""
-    ref: Ref[Segmentation] = Ref(kind, sha256)
+@lru_cache(maxsize=8)
+def loaded(kind: type[Kind], ref: Ref[Any]) -> Kind | None:
+    """A value of the store; None where it is no longer there."""
     store = Store.default()
     value = store.load(ref) if store.has(ref) else None
-    return value if isinstance(value, Segmentation) else None
-
-
-@lru_cache(maxsize=64)
-def loaded_intent(kind: str, sha256: str) -> Intent | None:
-    """The reading of a sentence from the store; None if it is no longer there."""
-    ref: Ref[Intent] = Ref(kind, sha256)
-    store = Store.default()
-    value = store.load(ref) if store.has(ref) else None
-    return value if isinstance(value, Intent) else None
+    return value if isinstance(value, kind) else None

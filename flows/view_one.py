@@ -8,9 +8,8 @@ import queue
 import sys
 import traceback
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
-from html import escape
 from pathlib import Path
 
 import viser
@@ -38,10 +37,6 @@ from flows.view.serving import arrange, open_browser, open_server, url_of
 from tasks.artifact import Store
 
 
-def announce_nothing(url: str, note: str) -> None:
-    """Announce nothing."""
-
-
 @dataclass(frozen=True, slots=True)
 class ViewPage:
     """Options of serving the page."""
@@ -49,7 +44,7 @@ class ViewPage:
     port: int = 8080
     browse: bool = True
     """Whether a browser is opened."""
-    say: Callable[[str, str], None] = announce_nothing
+    say: Callable[[str, str], None] = lambda url, note: None
     """Called with the page's address once it is up, and a note for the user, which may be empty."""
 
 
@@ -79,13 +74,9 @@ def view_sample(run: str, sample: str | None, frame: int | None, page: ViewPage)
     found = finished_placement(run, sample)
     if found.values.scene is None or found.values.item is None:
         raise InputError(f"{found.finished.sample.id} has no scene to be shown")
-    with serve_page(page) as server:
-        panel = show_placement(server, found, frame)
-        try:
-            announce(server, page)
-            work_off(queue.SimpleQueue())
-        finally:
-            panel.close()
+    with serve_page(page) as server, closing(show_placement(server, found, frame)):
+        announce(server, page)
+        work_off(queue.SimpleQueue())
 
 
 def show_placement(server: viser.ViserServer, found: FinishedPlacement, frame: int | None = None) -> PlacementPanel:
@@ -156,12 +147,10 @@ class ScenePage:
     def _pick_panel(self) -> PickPanel:
         """Show the scene without a placement."""
         picker = SurfacePicker(self._scene, self._scan.world_from_file, middle_of(self._scene))
-        rows = [f"<b>{escape(Path(self._asked.scene).name)}</b>"]
-        if self._asked.object:
-            rows.append(f"{escape(Path(self._asked.object).name)}: {escape(self._asked.prompt)}")
+        intro = Path(self._asked.scene).name, Path(self._asked.object).name, self._asked.prompt
         place = (lambda point: self.jobs.put(lambda: self.place(point))) if self._asked.object else None
         with self._server.atomic():
-            return PickPanel(self._server, self._view, picker, "<br>".join(rows), place)
+            return PickPanel(self._server, self._view, picker, intro, place)
 
 
 def view_scene(asked: ScenePrompt, page: ViewPage) -> None:
@@ -177,13 +166,9 @@ def view_scene(asked: ScenePrompt, page: ViewPage) -> None:
     assert isinstance(scan, Scan)
     assert isinstance(scene, Segmentation)
     assert isinstance(surface, SourceSurface)
-    with serve_page(page) as server:
-        shown = ScenePage(server, asked, scan, scene, surface)
-        try:
-            announce(server, page)
-            work_off(shown.jobs)
-        finally:
-            shown.close()
+    with serve_page(page) as server, closing(ScenePage(server, asked, scan, scene, surface)) as shown:
+        announce(server, page)
+        work_off(shown.jobs)
 
 
 def is_placement(run: str) -> bool:

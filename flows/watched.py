@@ -43,8 +43,7 @@ from dcap.scene.team_server import team_server
 from dcap.scene.types.outcome import Infeasible
 from dcap.scene.types.sample import Sample
 from flows.place import PlaceConfig
-from flows.run_names import sample_tags
-from flows.sample_run import FinishedSample, error_line, run_sample
+from flows.sample_run import FinishedSample, error_line, run_sample, sample_tags
 from flows.server import give_up_server, own_server_has_ended, was_given_up
 from tasks.artifact import Store
 from tasks.cache import INFEASIBLE, reason_line

@@ -11,7 +11,6 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from dcap.evaluation.aim_scores import Aim, Marks, aim_of, marks, shares
 from dcap.evaluation.outcome_table import ExpectedOutcome, read_truth
 from dcap.language.offline.client import OfflineClient
 from dcap.scene.errors import LanguageError
@@ -25,6 +24,7 @@ from dcap.synthetic.recipes import object_recipes
 from dcap.synthetic.rooms import BuiltRoom
 from dcap.synthetic.shapes import joined
 from flows.samples import EMBEDDED, TRUTH, load_yaml
+from perf.aim_scores import Aim, Marks, aim_of, marks, shares
 from perf.segments import read_room
 from tasks.anchor.stage import AnchorConfig, anchor
 from tasks.artifact import Source

@@ -15,13 +15,13 @@ from dcap.scene.settings import data_root
 from dcap.scene.types.choices import Anchor
 from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
 from dcap.scene.types.settled import Settled
-from flows.benchmark import DATASET_SEED, ensure_dataset
 from flows.extra_output import automatic_camera, write_film, write_maps_of
 from flows.options import PlaceOptions
 from flows.output import write_geometry
 from flows.place_one import place_files
 from flows.placement_json import Values
 from flows.run_files import FinishedPlacement, finished_placement
+from flows.selection import DATASET_SEED, ensure_dataset
 from perf.stopwatch import best
 from tasks.render.settled_meshes import painted_item, painted_scene, settled_scene, shown
 from tasks.render.stage import photograph, render

@@ -11,7 +11,6 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from dcap.evaluation.segment_scores import GroundTruth, Score, label_accuracy, scores
 from dcap.geometry.distance import MeshDistance
 from dcap.language.offline.client import OfflineClient
 from dcap.scene.types.mesh import Mesh
@@ -20,6 +19,7 @@ from dcap.scene.types.scan import Scan
 from dcap.scene.writers.interiorgs import write_interiorgs
 from dcap.synthetic.recipes import room_names
 from dcap.synthetic.rooms import BuiltRoom, build_room
+from perf.segment_scores import GroundTruth, Score, label_accuracy, scores
 from tasks.artifact import Source
 from tasks.mesh.stage import MeshConfig, mesh_scene
 from tasks.segment.stage import SegmentConfig, segment

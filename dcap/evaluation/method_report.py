@@ -12,33 +12,27 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.evaluation.judging.judge import JudgeRecord, Standing, standing_of
+from dcap.evaluation.judging.judge import JudgeRecord, Standing, standing_of, without_placement
 from dcap.evaluation.judging.rubric import RUBRIC
 from dcap.evaluation.methods import DCAP, METHODS, baselines_among, shown_name
 from dcap.evaluation.outcome_table import SampleOutcome
-from dcap.evaluation.statistics.agreement import side_report
+from dcap.evaluation.statistics.agreement import SideReport, side_report
 from dcap.evaluation.statistics.bootstrap import LEVEL, RESAMPLES
-from dcap.evaluation.statistics.comparisons import Comparison, JudgedAxis, on_axis
-from dcap.evaluation.statistics.method_tables import ScoreRow, score_rows
+from dcap.evaluation.statistics.comparisons import AXES, Comparison, JudgedAxis, on_axis
+from dcap.evaluation.statistics.method_tables import COMPOSITE, DAGGER, ELO, ScoreRow, score_rows
 from dcap.evaluation.statistics.ratings import ANCHOR_RATING
-from dcap.evaluation.statistics.score_summary import ScoreSummary
-from dcap.evaluation.table_files import TABLES, csv_of, number, table_files, tex_escaped, write_table
+from dcap.evaluation.table_files import TABLES, csv_of, number, remove_table, tex_escaped, tex_of, write_table
 
 TABLE1, METRIC_SCORES = "table1", "metric_scores"
 """File names of the table by a model, and by the rubric."""
 TITLES = {TABLE1: "Table 1: scores", METRIC_SCORES: "Metrics: scores by stated rules"}
 """Titles of the tables."""
 REFEREE_HINT = "it needs MuJoCo, pip install dcap[referee], and two methods; measures.json says why it could not judge"
-COMPOSITE, ELO = "composite", "elo"
-AXES = (JudgedAxis.RIGHT_PLACE, JudgedAxis.PHYSICS_NATURALNESS)
-HEAD = (
-    "Method",
-    "Right Place $\\uparrow$",
-    "P \\& N $\\uparrow$",
-    "Composite (GM) $\\uparrow$",
-    "Elo $\\uparrow$",
-    "n",
-)
+HEADINGS = ("right place", "physics & nat.", "composite", "Elo", "n")
+TEX_HEADINGS = (
+    "Method", "Right Place $\\uparrow$", "P \\& N $\\uparrow$", "Composite (GM) $\\uparrow$", "Elo $\\uparrow$", "n",
+)  # fmt: skip
+NO_SCORE = "-"
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -56,10 +50,8 @@ class MethodTable:
     anchor: str
     """Method whose Elo is fixed; empty if nothing was compared."""
     record: JudgeRecord
-    tie_rate: float
-    """Share of ties in all comparisons [-]."""
-    left_share: float | None
-    """Share of the left side among the decided ones [-]; None without any."""
+    sides: SideReport
+    """Ties and preference of a side in all comparisons."""
     offline: bool
     """Whether the baselines ran without a model; their names show it."""
     referee: tuple[int, int]
@@ -88,27 +80,25 @@ def method_table(
     resamples: int = RESAMPLES,
 ) -> MethodTable:
     """The table of rows with scores."""
-    order = list(METHODS)
-    methods = tuple(sorted({row.method for row in rows}, key=order.index))
+    methods = tuple(sorted({row.method for row in rows}, key=list(METHODS).index))
     given = score_arrays(rows, methods)
     scores = {name: value for name, value in given.items() if not np.isnan(value).all()}
-    compared = [name for name in methods if any(name in one.pair for one in on_axis(comparisons, JudgedAxis.OVERALL))]
-    there = [one for one in compared if one in scores]
+    compared = {name for one in on_axis(comparisons, JudgedAxis.OVERALL) for name in one.pair}
     baselines = baselines_among(list(scores))
-    anchor = next((name for name in reversed(there) if name in baselines), "")
+    anchor = next((name for name in reversed(methods) if name in compared and name in baselines), "")
     found = score_rows(scores, comparisons, baselines, anchor, DCAP, resamples) if scores else []
-    habits = side_report(comparisons)
+    scored = [row for row in rows if record.judge == RUBRIC and standing_of(row) is Standing.JUDGED
+              and row.physics_naturalness is not None]  # fmt: skip
     return MethodTable(
         methods=methods,
         rows={row.method: row for row in found},
-        lowest={name: count(rows, name, Standing.LOWEST) for name in methods},
+        lowest=without_placement(rows),
         left_out={name: int(np.isnan(given[name]).all(axis=1).sum()) for name in methods},
         anchor=anchor,
         record=record,
-        tie_rate=habits.tie_rate,
-        left_share=habits.left_share,
+        sides=side_report(comparisons),
         offline=offline,
-        referee=with_referee(rows, record),
+        referee=(sum(row.referee_drift_m is not None for row in scored), len(scored)),
         changed=changed,
     )
 
@@ -123,23 +113,9 @@ def score_arrays(rows: Sequence[SampleOutcome], methods: Sequence[str]) -> dict[
     }
 
 
-def count(rows: Sequence[SampleOutcome], method: str, standing: Standing) -> int:
-    """Rows of a method with a standing."""
-    return sum(row.method == method and standing_of(row) is standing for row in rows)
-
-
-def with_referee(rows: Sequence[SampleOutcome], record: JudgeRecord) -> tuple[int, int]:
-    """Number of placements that the rubric scored with the referee's drift, and of all; (0, 0) for another judge."""
-    scored = [row for row in rows if record.judge == RUBRIC and standing_of(row) is Standing.JUDGED
-              and row.physics_naturalness is not None]  # fmt: skip
-    return sum(row.referee_drift_m is not None for row in scored), len(scored)
-
-
 def write_method_table(run: Path, table: MethodTable) -> tuple[Path, Path]:
     """Write the table into a run, and remove that of an earlier judge of the other kind."""
-    other = METRIC_SCORES if table.file == TABLE1 else TABLE1
-    for path in table_files(run / TABLES, other):
-        path.unlink(missing_ok=True)
+    remove_table(run / TABLES, METRIC_SCORES if table.file == TABLE1 else TABLE1)
     return write_table(run / TABLES, table.file, csv_text(table), tex_text(table))
 
 
@@ -153,7 +129,7 @@ def row_cells(table: MethodTable, method: str) -> dict[str, object]:
     row, record = table.rows.get(method), table.record
     cells: dict[str, object] = {"method": method, "name": table.name(method)}
     for axis in AXES:
-        one = summary(row, axis) if row else None
+        one = row.scores.get(axis) if row else None
         values = (one.mean, one.spread, one.interval.low, one.interval.high) if one else (None,) * 4
         cells |= {f"{axis}{k}": number(v) for k, v in zip(("", "_sd", "_low", "_high"), values, strict=True)}
         cells |= {f"{axis}_n": one.samples if one else 0, **tested(row, axis)}
@@ -167,46 +143,48 @@ def row_cells(table: MethodTable, method: str) -> dict[str, object]:
     if table.file == METRIC_SCORES:
         cells |= {"with_referee": "{} of {}".format(*table.referee)}
     cells |= {"judge": record.judge, "same_family": record.same_family}
-    return cells | {"tie_rate": number(table.tie_rate), "left_share": number(table.left_share)}
-
-
-def summary(row: ScoreRow, axis: JudgedAxis) -> ScoreSummary | None:
-    """A row's scores on an axis; None where it has none."""
-    return row.right_place if axis is JudgedAxis.RIGHT_PLACE else row.physics_naturalness
+    return cells | {"tie_rate": number(table.sides.tie_rate), "left_share": number(table.sides.left_share)}
 
 
 def samples_of(row: ScoreRow | None) -> str:
     """Number of samples with a score, by axis if they differ."""
-    counts = [one.samples if one else 0 for one in (summary(row, axis) for axis in AXES)] if row else [0]
+    counts = [row.scores[axis].samples if axis in row.scores else 0 for axis in AXES] if row else [0]
     return "/".join(map(str, dict.fromkeys(counts)))
 
 
 def tested(row: ScoreRow | None, name: str) -> dict[str, object]:
     """p and mark of a column."""
-    return {f"{name}_p": number(row.p.get(name) if row else None), f"{name}_significant": bool(row and row.marks[name])}
+    return {f"{name}_p": number(row.p(name) if row else None), f"{name}_significant": bool(row and row.mark(name))}
+
+
+def shown_cells(row: ScoreRow | None) -> list[str]:
+    """Scores, composite, Elo with its interval, and samples of a method as text."""
+    if row is None:
+        return [NO_SCORE] * 4 + [samples_of(row)]
+    cells = [f"{one.mean:.2f} ± {one.spread:.2f}{row.mark(axis)}" if (one := row.scores.get(axis)) else NO_SCORE
+             for axis in AXES]  # fmt: skip
+    cells.append(NO_SCORE if row.composite is None else f"{row.composite:.2f}{row.mark(COMPOSITE)}")
+    elo = row.elo
+    ends = f" [{elo.interval.low:.0f}, {elo.interval.high:.0f}]" if elo else ""
+    return [*cells, f"{elo.rating:.0f}{row.mark(ELO)}{ends}" if elo else NO_SCORE, samples_of(row)]
 
 
 def tex_text(table: MethodTable) -> str:
     """The table in the paper's layout, with notes as comments."""
-    lines = [f"% {note}" for note in notes(table)]
-    lines += ["\\begin{tabular}{lccccr}", "\\hline", f"{' & '.join(HEAD)} \\\\", "\\hline"]
-    lines += [f"{' & '.join(tex_cells(table, method))} \\\\" for method in table.methods]
-    return "\n".join([*lines, "\\hline", "\\end{tabular}"]) + "\n"
+    rows = []
+    for method in table.methods:
+        *cells, count = shown_cells(table.rows.get(method))
+        rows.append([tex_escaped(table.name(method)), *map(tex_cell, cells), count])
+    return tex_of(TEX_HEADINGS, rows, "lccccr", notes(table))
 
 
-def tex_cells(table: MethodTable, method: str) -> list[str]:
-    """A method's row; a dash for a missing score."""
-    row, name = table.rows.get(method), tex_escaped(table.name(method))
-    if row is None:
-        return [name, *["--"] * 4, samples_of(row)]
-    marks = {key: "^{\\dagger}" if mark else "" for key, mark in row.marks.items()}
-    scored = [(summary(row, axis), marks[axis]) for axis in AXES]
-    cells = [f"${one.mean:.2f} \\pm {one.spread:.2f}{mark}$" if one else "--" for one, mark in scored]
-    cells.append("--" if row.composite is None else f"${row.composite:.2f}{marks[COMPOSITE]}$")
-    elo = row.elo
-    ends = f"{{\\small $[{elo.interval.low:.0f}, {elo.interval.high:.0f}]$}}" if elo else ""
-    rated = f"${elo.rating:.0f}{marks[ELO]}$ {ends}" if elo else "--"
-    return [name, *cells, rated, samples_of(row)]
+def tex_cell(text: str) -> str:
+    """A cell of `shown_cells` in LaTeX: intervals are small."""
+    if text == NO_SCORE:
+        return "--"
+    value, bracket, interval = text.partition(" [")
+    value = value.replace("±", "\\pm").replace(DAGGER, "^{\\dagger}")
+    return f"${value}$" + (f" {{\\small $[{interval}$}}" if bracket else "")
 
 
 def notes(table: MethodTable) -> list[str]:
@@ -224,8 +202,9 @@ def notes(table: MethodTable) -> list[str]:
     if table.changed:
         shown = ", ".join(table.changed[:3]) + (" ..." if len(table.changed) > 3 else "")
         said.append(f"{len(table.changed)} placements have changed since they were judged ({shown}): judge again.")
-    left = "" if table.left_share is None else f", {100 * table.left_share:.0f} % of the others for the left side"
-    said.append(f"Comparisons in both orders: {100 * table.tie_rate:.0f} % ties{left}.")
+    share = table.sides.left_share
+    left = "" if share is None else f", {100 * share:.0f} % of the others for the left side"
+    said.append(f"Comparisons in both orders: {100 * table.sides.tie_rate:.0f} % ties{left}.")
     said.append("Mean and standard deviation over samples; composite: geometric mean of the two means.")
     if any(samples_of(row) != str(row.samples) for row in table.rows.values()):
         said.append(
@@ -246,19 +225,6 @@ def notes(table: MethodTable) -> list[str]:
 
 def shown_lines(table: MethodTable) -> list[str]:
     """The table for a terminal."""
-    lines = [line_of("", ["right place", "physics & nat.", "composite", "Elo"], "n")]
-    for method in table.methods:
-        row = table.rows.get(method)
-        cells = ["-"] * 4
-        if row:
-            scored = [(summary(row, axis), row.marks[axis] or " ") for axis in AXES]
-            cells = [f"{one.mean:.2f} ± {one.spread:.2f}{mark}" if one else "-" for one, mark in scored]
-            cells.append("-" if row.composite is None else f"{row.composite:.2f}{row.marks[COMPOSITE] or ' '}")
-            cells.append(f"{row.elo.rating:.0f}{row.marks[ELO] or ' '}" if row.elo else "-")
-        lines.append(line_of(table.name(method), cells, samples_of(row)))
+    rows = [("", *HEADINGS), *((table.name(one), *shown_cells(table.rows.get(one))) for one in table.methods)]
+    lines = [f"{name:32s}{''.join(f'{cell:>20s}' for cell in cells)}{count:>6s}" for name, *cells, count in rows]
     return [*lines, *notes(table)]
-
-
-def line_of(name: str, cells: Sequence[str], samples: str) -> str:
-    """A line of the table for a terminal."""
-    return f"{name:32s}{''.join(f'{cell:>16s}' for cell in cells)}{samples:>6s}"

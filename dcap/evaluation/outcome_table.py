@@ -2,8 +2,10 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
+from typing import Annotated, Literal
 
 import numpy as np
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, StrictBool, TypeAdapter, ValidationError
 from scipy.spatial.transform import Rotation as Turn
 
 from dcap.evaluation.methods import DCAP, split_id
@@ -14,28 +16,40 @@ from dcap.scene.types.sample import Sample
 AT_REST, AS_POSED = "at_rest", "as_posed"
 SAME_REGION = {"middle": "center"}
 """Region words that mean the same place."""
-TOPS = ("up", "down", "sideways")
 QUADRANT_DEG = 45.0
 """Largest angle off a direction word, which means the nearest of up, down and the four sides: half of a right angle."""
+
+
+def direction(value: tuple[float, float]) -> tuple[float, float]:
+    """A finite direction of some length; ValueError otherwise."""
+    if not np.isfinite(value).all() or not np.any(value):
+        raise ValueError("expected a direction [x, y]")
+    return value
+
+
+Word = Annotated[str, BeforeValidator(lambda value: "" if value is None else value)]
+Direction = Annotated[tuple[float, float], AfterValidator(direction)]
 
 
 @dataclass(frozen=True, slots=True)
 class ExpectedOutcome:
     """The intended outcome of a sample; no stage sees it."""
 
-    base: str
+    __pydantic_config__ = ConfigDict(extra="forbid", coerce_numbers_to_str=True)
+
+    base: Word = ""
     """Label of the intended support."""
-    part: str
-    region: str
+    part: Word = ""
+    region: Word = ""
     """Canonical region words that the sentence asks for; empty if it asks for none."""
-    feasible: bool
-    reason: str
+    feasible: StrictBool = True
+    reason: Word = ""
     """Intended reason code; empty if feasible."""
-    base_id: str = ""
+    base_id: Word = ""
     """Id of the intended support; empty if several will do."""
-    top: str = ""
-    """Direction of the object's own top (+z as read): up, down or sideways; empty if the sentence leaves it open."""
-    front: tuple[float, float] | None = None
+    top: Annotated[Literal["", "up", "down", "sideways"], BeforeValidator(lambda value: value or "")] = ""
+    """Direction of the object's own top (+z as read); empty if the sentence leaves it open."""
+    front: Direction | None = None
     """World xy direction of the object's own front (+y as read); None if the sentence leaves it open."""
 
 
@@ -123,57 +137,30 @@ def read_truth(tree: object, where: str) -> dict[str, ExpectedOutcome]:
     return {key: truth_of(row, f"{where}: {key}") for key, row in rows.items()}
 
 
-def text_of(row: Mapping[str, object], key: str, where: str) -> str:
-    """A word; empty if missing."""
-    value = row.get(key)
-    if value is not None and not isinstance(value, str | int | float):
-        raise InputError(f"{where}: {key} is {short(value)}, expected text")
-    return str(value or "")
-
-
 def truth_of(row: object, where: str) -> ExpectedOutcome:
     """One intended outcome."""
     if not isinstance(row, Mapping):
         raise InputError(f"{where}: expected keys and values, found {short(row)}")
-    known = ("id", *(one.name for one in fields(ExpectedOutcome)))
-    for key in row:
+    try:
+        return TypeAdapter(ExpectedOutcome).validate_python({key: one for key, one in row.items() if key != "id"})
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        key = str(first["loc"][0])
+        known = [one.name for one in fields(ExpectedOutcome)]
         if key not in known:
-            raise InputError(f"{where}: unknown key {key!r}{did_you_mean(key, known)}")
-    feasible, top = row.get("feasible", True), text_of(row, "top", where)
-    if not isinstance(feasible, bool):
-        raise InputError(f"{where}: feasible is {short(feasible)}, expected true or false")
-    if top not in ("", *TOPS):
-        raise InputError(f"{where}: top {top!r} is not one of {', '.join(TOPS)}")
-    return ExpectedOutcome(
-        base=text_of(row, "base", where),
-        part=text_of(row, "part", where),
-        region=text_of(row, "region", where),
-        feasible=feasible,
-        reason=text_of(row, "reason", where),
-        base_id=text_of(row, "base_id", where),
-        top=top,
-        front=direction(row.get("front"), where),
-    )
-
-
-def direction(value: object, where: str) -> tuple[float, float] | None:
-    """A horizontal direction from a list of two numbers; None stays None."""
-    if value is None:
-        return None
-    numbers = [float(one) for one in value if isinstance(one, int | float)] if isinstance(value, list) else []
-    if len(numbers) != 2 or not np.isfinite(numbers).all() or not np.any(numbers):
-        raise InputError(f"{where}: front is {short(value)}, expected a direction [x, y]")
-    return numbers[0], numbers[1]
+            raise InputError(f"{where}: unknown key {key!r}{did_you_mean(key, known)}") from None
+        raise InputError(f"{where}: {key} is {short(row.get(key))}: {first['msg']}") from None
 
 
 def row_of(
     sample: Sample, tree: Mapping[str, object] | None, error: str, truth: ExpectedOutcome | None
 ) -> SampleOutcome:
     """The row of a sample from its placement.json or its error."""
-    found: Mapping[str, object] = tree or {}
-    base = found.get("base")
-    timings = found.get("timings")
+    found = tree or {}
     method, name = split_id(sample.id)
+    base = found.get("base")
+    base = base if isinstance(base, Mapping) else {}
+    timings = found.get("timings")
     row = SampleOutcome(
         sample=name,
         method=method,
@@ -183,8 +170,8 @@ def row_of(
         verdict=str(found.get("verdict", "failed")),
         reason=str(found.get("reason") or ""),
         message=str(found.get("message") or ""),
-        base=str(base["label"]) if isinstance(base, Mapping) else "",
-        base_id=str(base["id"]) if isinstance(base, Mapping) else "",
+        base=str(base.get("label", "")),
+        base_id=str(base.get("id", "")),
         part=str(found.get("part") or ""),
         region=str(found.get("region") or ""),
         region_missed=bool(found.get("region_missed")),

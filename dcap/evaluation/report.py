@@ -10,13 +10,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from jinja2 import FileSystemLoader, StrictUndefined
-from jinja2.sandbox import SandboxedEnvironment
-
 from dcap.evaluation.method_report import TITLES
 from dcap.evaluation.methods import DCAP, METHODS, shown_name
 from dcap.evaluation.outcome_table import AS_POSED, SampleOutcome
-from dcap.evaluation.page3d.viewer import PAGE, ShownModel, write_view3d
+from dcap.evaluation.pages import rendered
 from dcap.evaluation.run_folder import RunSummary, placement_folder
 from dcap.evaluation.run_page.placeit3d_table import placeit3d_table
 from dcap.evaluation.run_page.placement_files import (
@@ -33,7 +30,6 @@ from dcap.evaluation.run_page.sections import (
     HASHES,
     KINDS,
     Timings,
-    baselines_ahead,
     costs_table,
     failure_of,
     failures_of,
@@ -44,11 +40,11 @@ from dcap.evaluation.run_page.sections import (
     timings_of,
 )
 from dcap.evaluation.run_page.tables import ShownTable, metrics_table, table_from_csv
+from dcap.evaluation.view3d import PAGE, ShownModel, write_view3d
 from dcap.language.model.ledger import in_words
 from dcap.scene.types.pictures import BEFORE
 from dcap.scene.written_files import write_whole
 
-TEMPLATES = Path(__file__).parent / "templates"
 PICTURES = (
     ("clean", "before"),
     ("asked", "as asked"),
@@ -58,8 +54,6 @@ PICTURES = (
 )
 MOST_TILES = 120
 """Most failures in the gallery [-]; the filter finds all of them."""
-MOST_AHEAD = 200
-"""Most rows of the table of samples on which a baseline is ahead [-]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,7 +110,7 @@ def write_report(folder: Path, rows: Sequence[SampleOutcome], summary: RunSummar
     models = models_of(folder, cards)
     strips = strips_of(cards, models)
     by_method = {name: [card for card in cards if card.row.method == name] for name in names}
-    failures, ahead = failures_of(rows), baselines_ahead(rows)
+    failures = failures_of(rows)
     several = len(names) > 1
     values = {
         "title": folder.name, "summary": summary, "tiles": tiles_of(summary, rows), "asked": model_use(summary),
@@ -127,22 +121,12 @@ def write_report(folder: Path, rows: Sequence[SampleOutcome], summary: RunSummar
         "tables": shown_tables(folder, rows, names), "figure": supports_figure(folder, rows),
         "failures": failures[:MOST_TILES], "all_failures": len(failures),
         "card_of": {(one.row.sample, one.row.method): one for one in cards},
-        "is_ahead": {(one.row.sample, one.row.method) for one in ahead},
-        "ahead": ahead[:MOST_AHEAD], "all_ahead": len(ahead), "samples_ahead": len({one.row.sample for one in ahead}),
-        "score_cells": score_cells, "page3d": PAGE, "models": models, "hashes": HASHES,
+        "page3d": PAGE, "models": models, "hashes": HASHES,
         "costs": costs_table({name: [one.timings for one in own] for name, own in by_method.items()}, names),
         "provenance": provenance_of(folder, [placement_folder(folder, row.method, row.sample) for row in rows]),
     }  # fmt: skip
-    environment = SandboxedEnvironment(
-        loader=FileSystemLoader(TEMPLATES),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    page = environment.get_template("report.html.j2").render(values)
     path = folder / "report.html"
-    write_whole(path, page.encode())
+    write_whole(path, rendered("report.html.j2", values).encode())
     return path
 
 

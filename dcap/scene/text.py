@@ -13,6 +13,10 @@ import difflib
 import re
 import unicodedata
 from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pydantic import ValidationError
 
 LONGEST_PROMPT = 10_000
 """Maximum length of a sentence [characters]: some three pages, a hundred times the longest usual one."""
@@ -69,6 +73,12 @@ def unfit(text: str, most: int, *, lines: bool = False) -> str:
     except UnicodeEncodeError:
         return "is not valid UTF-8; check the terminal's encoding"
     return ""
+
+
+def first_mistake(error: "ValidationError") -> str:
+    """The first invalid value that pydantic found, in a line: its keys, and what is wrong with it."""
+    first = error.errors(include_url=False)[0]
+    return f"{'.'.join(map(str, first['loc']))}: {first['msg']}"
 
 
 def visible(text: str) -> str:

@@ -15,8 +15,8 @@ import typer
 
 from dcap.scene.errors import MachineError
 from dcap.scene.settings import runs_root, shared_store_url, version
-from flows.cli.border import check_words, end_output, report_error
-from flows.cli.checks import Json, Run, Verbose, typed_flags, with_options
+from flows.cli.border import check_words, report_error
+from flows.cli.checks import Json, Run, Verbose, print_result, typed_flags, with_options
 from flows.cli.data import cache_app, dataset_app
 from flows.cli.results import diff, export, judge, maps, provenance, study_app, view
 from flows.find_run import find_run
@@ -118,7 +118,7 @@ def place(
         assert isinstance(messages, list)
         for message in messages:
             print(f"{key.removesuffix('s')}: {message}", file=sys.stderr)
-    print(json.dumps(tree, indent=2, ensure_ascii=False) if as_json else f"results: {folder}")
+    print_result(tree, f"results: {folder}", as_json=as_json)
     return exit_code(tree)
 
 
@@ -142,7 +142,7 @@ def drop(
     from flows.place_one import drop_case
 
     tree = drop_case(case, options, out, quiet=as_json)
-    print(json.dumps(tree, indent=2) if as_json else f"{tree['verdict']}\nresults: {out}")
+    print_result(tree, f"{tree['verdict']}\nresults: {out}", as_json=as_json)
     return 0 if tree["verdict"] == "at_rest" else INFEASIBLE
 
 
@@ -150,12 +150,10 @@ def drop(
 @with_options(BenchmarkOptions)
 def benchmark(options: BenchmarkOptions, as_json: Json = False) -> int:
     """Place every sample of a dataset by each method and report."""
-    from dcap.scene.written_files import object_to_json
     from flows.benchmark_config import place_dataset
 
     run = place_dataset(options)
-    if as_json:
-        print(json.dumps(object_to_json(run.summary), indent=2, ensure_ascii=False))
+    print_result(run.summary, "", as_json=as_json)
     return SOME_FAILED if run.failed else 0
 
 
@@ -168,11 +166,8 @@ def paper(options: PaperOptions, as_json: Json = False) -> int:
     from flows.paper import run_paper
 
     made = run_paper(options)
-    if as_json:
-        tree = {**object_to_json(made.run.summary), "page": str(made.page), "study": made.study}
-        print(json.dumps(tree, indent=2, ensure_ascii=False))
-    else:
-        print(f"{made.study}\n{made.page}")
+    tree = {**object_to_json(made.run.summary), "page": str(made.page), "study": made.study}
+    print_result(tree, f"{made.study}\n{made.page}", as_json=as_json)
     return SOME_FAILED if made.run.failed else 0
 
 
@@ -181,7 +176,6 @@ def paper(options: PaperOptions, as_json: Json = False) -> int:
 def plan(options: PlanOptions, as_json: Json = False) -> int:
     """Show what a benchmark would run and why, without running anything."""
     from dcap.evaluation.methods import methods_of
-    from dcap.scene.written_files import to_json
     from flows.configure import configured, language_options
     from flows.plan import plan_benchmark
     from tasks.arch import chosen_arch
@@ -196,8 +190,7 @@ def plan(options: PlanOptions, as_json: Json = False) -> int:
         stages=options.stages,
         to_stderr=as_json,
     )
-    if as_json:
-        print(json.dumps(to_json(rows), indent=2, ensure_ascii=False))
+    print_result(rows, "", as_json=as_json)
     return 0
 
 
@@ -214,7 +207,7 @@ def rerun(
     from flows.output import result_line
 
     tree, page = rerun_sample(run, sample, options.stage, options.max_cost)
-    print(json.dumps(tree, indent=2, ensure_ascii=False) if as_json else f"{result_line(tree)}\nreport: {page}")
+    print_result(tree, f"{result_line(tree)}\nreport: {page}", as_json=as_json)
     return exit_code(tree)
 
 
@@ -284,7 +277,6 @@ def config_show(
 ) -> int:
     """Show the settings in force and where each came from: default, file, environment or flag, as if given to a
     command."""
-    from dcap.scene.written_files import to_json
     from flows.given_settings import Origin, section_of, settings_file
     from flows.settings import OWN, secrets, settings_in_force
 
@@ -292,15 +284,12 @@ def config_show(
     if not every:
         rows = [one for one in rows if one.origin is not Origin.DEFAULT or section_of(one.key) in OWN]
     file = settings_file()
-    if as_json:
-        tree = to_json({"file": str(file) if file else None, "settings": rows, "secrets": secrets()})
-        print(json.dumps(tree, indent=2, ensure_ascii=False))
-        return 0
-    print(f"# {file or 'no dcap.yaml'}")
+    tree = {"file": str(file) if file else None, "settings": rows, "secrets": secrets()}
+    lines = [f"# {file or 'no dcap.yaml'}"]
     for one in rows:
-        print(f"{one.key} = {json.dumps(one.value, ensure_ascii=False)}  # {one.origin} {one.where}".rstrip())
-    for name, state in secrets().items():
-        print(f"# {name}: {state}")
+        lines += [f"{one.key} = {json.dumps(one.value, ensure_ascii=False)}  # {one.origin} {one.where}".rstrip()]
+    lines += [f"# {name}: {state}" for name, state in secrets().items()]
+    print_result(tree, "\n".join(lines), as_json=as_json)
     return 0
 
 
@@ -314,7 +303,8 @@ def main(arguments: list[str] | None = None) -> int:
                 code = int(context.command.invoke(context) or 0)
         except typer.Exit as finished:
             code = finished.exit_code
-        end_output()
+        if sys.stdout is not None:
+            sys.stdout.flush()  # a full disk or a closed pipe is reported now rather than after the end
         return code
     except (KeyboardInterrupt, typer.Abort):
         say_interrupted()

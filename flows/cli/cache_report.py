@@ -1,6 +1,5 @@
 """Contents, damage and unneeded artifacts of the cache: `dcap cache ls|du|gc|verify`."""
 
-import json
 import os
 import sys
 from collections import defaultdict
@@ -14,7 +13,7 @@ from rich.table import Table
 
 from dcap.scene.errors import InputError
 from dcap.scene.settings import cache_root, runs_root
-from flows.cli.checks import note
+from flows.cli.checks import note, print_result
 from flows.display import console_on
 from flows.find_run import RUN, EarlierRunError
 from flows.run_files import PLACEMENT
@@ -36,7 +35,7 @@ def cache_listing(*, as_json: bool) -> int:
         rows[ref.kind]["artifacts"] += 1
         rows[ref.kind]["bytes"] += store.size(ref)
     if as_json:
-        print_json({"folder": str(store.root), "kinds": rows})
+        print_result({"folder": str(store.root), "kinds": rows}, "", as_json=True)
         return 0
     table = Table("kind", "artifacts", "MiB", title=str(store.root))
     for kind, row in sorted(rows.items()):
@@ -51,7 +50,8 @@ def cache_sizes(*, as_json: bool) -> int:
     """Print the size of each stage's results in the cache."""
     rows = usages()
     if as_json:
-        print_json({"folder": str(cache_root()), "stages": as_rows(rows), "bytes": sum(row.size for row in rows)})
+        tree = {"folder": str(cache_root()), "stages": as_rows(rows), "bytes": sum(row.size for row in rows)}
+        print_result(tree, "", as_json=True)
     else:
         console_on(sys.stdout).print(usage_table(rows, str(cache_root())))
     return 0
@@ -71,7 +71,7 @@ def cache_collection(older_than_days: float, others: Sequence[Path], *, delete_i
             "records": len(what.records), "artifacts": len(what.artifacts), "litter": len(what.litter),
             "bytes": what.size, "stages": as_rows(what.usage), "young": young, "deleted": delete_it,
         }  # fmt: skip
-        print_json(tree)
+        print_result(tree, "", as_json=True)
     else:
         show_collection(what, len(folders), unknown, young, older_than_days, deleted=delete_it)
     return 0
@@ -161,7 +161,7 @@ def cache_verification(*, repair_it: bool, as_json: bool) -> int:
             "damaged_records": [{"path": str(one.path), "why": one.why} for one in found if one.ref is None],
             "repaired": repair_it and bool(found),
         }
-        print_json(tree)
+        print_result(tree, "", as_json=True)
     else:
         console = console_on(sys.stdout)
         for one in found:
@@ -186,11 +186,6 @@ def usage_table(rows: Iterable[CacheUsage], title: str) -> Table:
 def as_rows(rows: Iterable[CacheUsage]) -> list[dict[str, object]]:
     """Return rows for `--json`."""
     return [{("bytes" if key == "size" else key): value for key, value in asdict(row).items()} for row in rows]
-
-
-def print_json(tree: object) -> None:
-    """Print a tree on standard output."""
-    console_on(sys.stdout).print_json(json.dumps(tree))
 
 
 def mebibytes(size: int) -> str:

@@ -1,6 +1,7 @@
 """Shared by the commands: their parameters, from the models of flows/options.py, and notes to a person."""
 
 import inspect
+import json
 from collections.abc import Callable, Iterator
 from functools import wraps
 from types import NoneType
@@ -96,6 +97,15 @@ def typed_flags(context: typer.Context) -> dict[str, object]:
         for name, value in context.params.items()
         if getattr(context.get_parameter_source(name), "name", "") == COMMANDLINE
     }
+
+
+def print_result(value: object, words: str, *, as_json: bool) -> None:
+    """Print a result on standard output: as JSON, or in words if there are any."""
+    from dcap.scene.written_files import to_json
+
+    text = json.dumps(to_json(value), indent=2, ensure_ascii=False) if as_json else words
+    if text:
+        typer.echo(text)
 
 
 def note(text: str) -> None:

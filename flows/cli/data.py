@@ -1,6 +1,5 @@
 """Commands about data: `dcap dataset make|label|check|sample|pack|prepare-sugar` and `dcap cache ls|du|gc|verify`."""
 
-import json
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -8,7 +7,7 @@ from typing import Annotated
 import typer
 
 from dcap.scene.types.sample import SourceOptions
-from flows.cli.checks import Json, PlacedRun, note, with_options
+from flows.cli.checks import Json, PlacedRun, note, print_result, with_options
 from flows.options import PlaceOptions, check_out
 
 MOST_SCENES = 10_000
@@ -34,7 +33,7 @@ def dataset_make(
 ) -> int:
     """Generate the embedded rooms and objects where they are missing."""
     from dcap.scene.settings import data_root
-    from flows.benchmark import ensure_dataset
+    from flows.selection import ensure_dataset
 
     chosen = [name.strip() for name in rooms.split(",") if name.strip()]
     print(ensure_dataset(folder or data_root(), seed, rooms=chosen, splats=splats, scenes=scenes))
@@ -59,15 +58,13 @@ def dataset_prepare_sugar(
         check_out(out)
 
     from dcap.geometry.splatting.camera_path import PathConfig
-    from dcap.scene.written_files import object_to_json
     from flows.prepare_sugar import prepare_sugar, summary
 
     config = PathConfig(views=views, width=width, height=height, seed=seed)
     folder, record = prepare_sugar(
         scene, out, SourceOptions(options.up, options.unit), config, threads=options.threads, quiet=as_json
     )
-    tree = object_to_json(record)
-    print(json.dumps(tree, indent=2, ensure_ascii=False) if as_json else summary(folder, record))
+    print_result(record, summary(folder, record), as_json=as_json)
     return 0
 
 
@@ -92,7 +89,7 @@ def dataset_label(
     things = tree["things"]
     assert isinstance(things, list)
     where = f"{len(things)} things: {folder / LABELS}\npictures: {folder / PAGE}"
-    print(json.dumps(tree, ensure_ascii=False) if as_json else where)
+    print_result(tree, where, as_json=as_json)
     return 0
 
 
@@ -119,7 +116,6 @@ def dataset_sample(
     as_json: Json = False,
 ) -> int:
     """Make a data set of placements (sentence, object, intended outcome) for a folder of scenes."""
-    from dcap.scene.written_files import object_to_json
     from flows.dataset_sample import SamplingOptions, sample_dataset
 
     sampling = SamplingOptions(per_scene, seed, infeasible, splits, listed, skip)
@@ -129,7 +125,7 @@ def dataset_sample(
     for name, missed in made.misses.items():
         print(f"note: {name}: the embedded reader takes it otherwise: {missed}", file=sys.stderr)
     if as_json:
-        print(json.dumps(object_to_json(made), indent=2, ensure_ascii=False))
+        print_result(made, "", as_json=True)
         return 0
     share = 100.0 * made.read_back / made.samples
     print(f"{made.samples} samples in {made.scenes} scenes, {made.infeasible} of them to be refused")
@@ -161,7 +157,7 @@ def dataset_check(
     if plot is not None:
         plot_suffix(plot)  # before a check that may take minutes
     report = check_dataset(path)
-    print(json.dumps(as_tree(report), indent=2, ensure_ascii=False) if as_json else in_words(report))
+    print_result(as_tree(report), in_words(report), as_json=as_json)
     if plot is not None:
         write_plot(report, plot)
     if table is not None:
@@ -173,7 +169,7 @@ def dataset_check(
 def dataset_pack(
     run: PlacedRun,
     out: Annotated[
-        Path | None, typer.Option(metavar="FILE.tar.gz|FOLDER", help="Default: dataset.tar.gz in the run's folder.")
+        Path | None, typer.Option(metavar="FILE.tar.gz", help="Default: dataset.tar.gz in the run's folder.")
     ] = None,
     as_json: Json = False,
 ) -> int:
@@ -187,7 +183,7 @@ def dataset_pack(
     assert isinstance(counts, dict)
     told = ", ".join(f"{number} {name.replace('_', ' ')}" for name, number in counts.items())
     where = f"{told}\n{pack.path} ({MANIFEST}, {README})"
-    print(json.dumps(pack.manifest, indent=2, ensure_ascii=False) if as_json else where)
+    print_result(pack.manifest, where, as_json=as_json)
     return 0
 
 

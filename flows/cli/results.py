@@ -3,27 +3,19 @@
 `dcap study serve|report`.
 """
 
-import json
 import sys
-from collections.abc import Mapping, Sequence
-from dataclasses import fields
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from dcap.scene.errors import InputError
-from flows.cli.checks import Json, PlacedRun, Run, Sample, note, with_options
+from flows.cli.checks import Json, PlacedRun, Run, Sample, note, print_result, with_options
 from flows.find_run import find_run
 from flows.options import JudgeOptions, PlaceOptions, check_prompt
 from flows.own_requests import LOOPBACK, origin_of
 
-if TYPE_CHECKING:
-    from dcap.evaluation.run_diff import RunDiff
-
-SHOWN = 40
-"""Rows of a table of differences; `--json` has all."""
-DIGITS = 6
 study_app = typer.Typer(no_args_is_help=True, help="A study in which people compare the methods of a run.")
 
 
@@ -66,49 +58,16 @@ def diff(
 ) -> int:
     """Compare verdicts, poses, metrics, settings and versions of two runs."""
     from dcap.scene.written_files import object_to_json
-    from flows.diff import diff_folders
+    from flows.diff import diff_folders, difference_lines
 
     found = diff_folders(one, other)
-    if as_json:
-        tree = {"equal": found.equal, **object_to_json(found)}
-        if not times:
-            del tree["times"]
-        print(json.dumps(tree, indent=2, ensure_ascii=False))
-        return 0
-    print(f"a: {found.a}\nb: {found.b}")
-    if found.equal:
-        print("no difference")
-    for line in difference_lines(found, times=times):
-        print(line)
+    tree = {"equal": found.equal, **object_to_json(found)}
+    if not times:
+        del tree["times"]
+    same = ["no difference"] if found.equal else []
+    lines = [f"a: {found.a}", f"b: {found.b}", *same, *difference_lines(found, times=times)]
+    print_result(tree, "\n".join(lines), as_json=as_json)
     return 0
-
-
-def difference_lines(found: "RunDiff", *, times: bool) -> list[str]:
-    """Return all tables as lines."""
-    lines = [f"only in {name}: {', '.join(samples)}" for name, samples in (("a", found.only_a), ("b", found.only_b))
-             if samples]  # fmt: skip
-    for name in ("outcomes", "poses", "metrics", "asked", "config", "versions", *(["times"] if times else [])):
-        lines += table_lines(name, getattr(found, name))
-    return lines
-
-
-def table_lines(name: str, rows: Sequence[object]) -> list[str]:
-    """Return a table with its heading; nothing for no rows."""
-    if not rows:
-        return []
-    columns = [one.name for one in fields(rows[0])]  # type: ignore[arg-type]
-    cells = [columns, *([table_cell(getattr(row, column)) for column in columns] for row in rows[:SHOWN])]
-    widths = [max(len(row[index]) for row in cells) for index in range(len(columns))]
-    lines = ["  ".join(f"{word:<{width}}" for word, width in zip(row, widths, strict=True)).rstrip() for row in cells]
-    more = [f"... {len(rows) - SHOWN} more, all with --json"] if len(rows) > SHOWN else []
-    return ["", f"{name} ({len(rows)})", *lines, *more]
-
-
-def table_cell(value: object) -> str:
-    """Return a value as a table shows it."""
-    if value is None:
-        return "-"
-    return f"{value:.{DIGITS}g}" if isinstance(value, float) else str(value)
 
 
 def provenance(
@@ -118,15 +77,10 @@ def provenance(
     as_json: Json = False,
 ) -> int:
     """Walk back from a result to its inputs: stages, settings, code, versions, seeds, prompts and hashes."""
-    from dcap.scene.written_files import object_to_json
     from flows.provenance import provenance_lines, provenance_of
 
     found = provenance_of(artifact)
-    if as_json:
-        print(json.dumps(object_to_json(found), indent=2, ensure_ascii=False))
-        return 0
-    for line in provenance_lines(found):
-        print(line)
+    print_result(found, "\n".join(provenance_lines(found)), as_json=as_json)
     return 0
 
 
@@ -160,7 +114,7 @@ def export(
     out: Annotated[Path | None, typer.Option(help="Folder; default: export/FORMAT in the sample's own.")] = None,
 ) -> int:
     """Write the settled scene for a simulator, or as Gaussians."""
-    from flows.export_one import export_sample
+    from flows.extra_output import export_sample
 
     print(export_sample(run, sample, format, out))
     return 0
@@ -279,7 +233,7 @@ def study_report(run: Run) -> int:
 
     found = report_study(run)
     for row in found.table.rows:
-        won, mark = row.rates.get(JudgedAxis.OVERALL), row.marks.get(JudgedAxis.OVERALL, "")
+        won, mark = row.rates.get(JudgedAxis.OVERALL), row.mark(JudgedAxis.OVERALL)
         if won is None or row.rating is None:
             continue
         share = f"{100 * won.rate:5.1f} % [{100 * won.interval.low:.1f}, {100 * won.interval.high:.1f}] {mark}".rstrip()

@@ -1,38 +1,33 @@
-"""The web application of a study: pages, pictures and votes by a rater's link; pictures of checks.
+"""The web application of a study: pages, pictures and votes by a rater's link; pictures of its attention checks.
 
 Everything but the style, the scripts and the refusals is below `/s/TOKEN/`. A comparison, a side and a number name a
 file, never a path, so that nothing outside of the study can be reached and no address reveals a method.
 
-Pictures of attention checks, by the cameras and the renderer of the run's own, so that they look the same.
-
-In: the placement that a check is made from, and its surface at rest and as shown. Out: a picture for each of the
-placement's own, with the same name and size. The overview is from the same camera; the close-up from the same direction
-and distance, centred on the contact that is shown, as for other methods. Walls in front of a camera are cut away if
-the placement says which things are walls (scene.json).
+Pictures of a check have the names, sizes, cameras and renderer of the placement's own, so that they look the same. The
+overview is from the same camera; the close-up from the same direction and distance, centred on the contact that is
+shown, as for other methods. Walls in front of a camera are cut away if the placement says which things are walls
+(scene.json).
 """
 
-from collections.abc import Awaitable, Callable, Mapping, MutableMapping
+from collections.abc import Awaitable, Callable, Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from fastapi import Depends, FastAPI, HTTPException, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import FileResponse, HTMLResponse, JSONResponse, PlainTextResponse, Response
-from jinja2 import FileSystemLoader, StrictUndefined
-from jinja2.sandbox import SandboxedEnvironment
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 from starlette.exceptions import HTTPException as WebError
-from starlette.types import ASGIApp, Receive, Scope, Send
 
 from dcap.evaluation.judging.cameras import CLOSEUPS, SAMPLES, Direction, PlacedThing, camera_of
-from dcap.evaluation.page3d.viewer import ORBIT, three_script
+from dcap.evaluation.pages import rendered
 from dcap.evaluation.statistics.comparisons import JudgedAxis
 from dcap.evaluation.study.attention import PlacedSurface
-from dcap.evaluation.study.design import Side, StudyItem
-from dcap.evaluation.study.placements import ShownPlacement
+from dcap.evaluation.study.design import ShownPlacement, Side, StudyItem
 from dcap.evaluation.study.session import StudySession
+from dcap.evaluation.view3d import ORBIT, three_script
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.rendering.picture import picture
 from dcap.geometry.rendering.surface import PreparedMeshes
@@ -58,7 +53,6 @@ VIEWS = {"overview": "Overview", "closeup": "Close-up of the contact"}
 """Captions of the views of a placement."""
 MOST_BYTES = 4096
 """Largest body [bytes]: an answer has about 150."""
-REQUEST = "http.request"
 HEADERS = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; "
     "connect-src 'self' blob: data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
@@ -92,8 +86,6 @@ class StudyAnswer(BaseModel, extra="forbid"):
 def study_app(session: StudySession, own: OwnRequests) -> FastAPI:
     """The application of one study; it answers requests from its own pages only."""
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
-    pages = StudyPages(session)
-    app.add_middleware(BodyLimit)
     app.add_middleware(OwnRequestsOnly, own, "--url")
 
     def rater_of(token: str) -> str:
@@ -110,7 +102,11 @@ def study_app(session: StudySession, own: OwnRequests) -> FastAPI:
 
     @app.middleware("http")
     async def guard(request: Request, proceed: Callable[[Request], Awaitable[Response]]) -> Response:
-        answer = await proceed(request)
+        length = request.headers.get("content-length", "")
+        if request.method == "POST" and not (length.isdigit() and int(length) <= MOST_BYTES):
+            answer: Response = PlainTextResponse(f"the answer must state its length, at most {MOST_BYTES} bytes", 413)
+        else:
+            answer = await proceed(request)
         answer.headers.update(HEADERS)
         if "cache-control" not in answer.headers:
             answer.headers.update(NEVER)
@@ -118,7 +114,7 @@ def study_app(session: StudySession, own: OwnRequests) -> FastAPI:
 
     @app.exception_handler(WebError)
     def explain(_: Request, error: WebError) -> Response:
-        return HTMLResponse(pages.refusal(str(error.detail)), error.status_code)
+        return HTMLResponse(page("refusal.html.j2", message=str(error.detail)), error.status_code)
 
     @app.exception_handler(RequestValidationError)
     def wrong(_: Request, error: RequestValidationError) -> Response:
@@ -127,11 +123,11 @@ def study_app(session: StudySession, own: OwnRequests) -> FastAPI:
 
     @app.get("/s/{token}")
     def introduce(token: str, rater: Annotated[str, Depends(rater_of)]) -> HTMLResponse:
-        return HTMLResponse(pages.introduction(token, rater))
+        return HTMLResponse(introduction(session, token, rater))
 
     @app.get("/s/{token}/compare")
     def compare(token: str, rater: Annotated[str, Depends(rater_of)]) -> HTMLResponse:
-        return HTMLResponse(pages.comparison(token, rater))
+        return HTMLResponse(comparison(session, token, rater))
 
     @app.post("/s/{token}/votes")
     def vote(token: str, rater: Annotated[str, Depends(rater_of)], answer: StudyAnswer) -> JSONResponse:
@@ -189,83 +185,37 @@ def study_app(session: StudySession, own: OwnRequests) -> FastAPI:
     return app
 
 
-class BodyLimit:
-    """Reads a request's body and passes it on, or answers 413 if it is larger than MOST_BYTES, whatever its header
-    says."""
-
-    def __init__(self, app: ASGIApp) -> None:
-        self._app = app
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass a request on as long as it is small."""
-        if scope["type"] != "http":
-            await self._app(scope, receive, send)
-            return
-        told = dict(scope["headers"]).get(b"content-length", b"0")
-        body = await body_of(receive) if told.isdigit() and int(told) <= MOST_BYTES else None
-        if body is None:
-            await PlainTextResponse(f"more than {MOST_BYTES} bytes", status_code=413)(scope, receive, send)
-            return
-        waiting: list[MutableMapping[str, Any]] = [{"type": REQUEST, "body": body, "more_body": False}]
-
-        async def again() -> MutableMapping[str, Any]:
-            return waiting.pop() if waiting else await receive()
-
-        await self._app(scope, again, send)
+def introduction(session: StudySession, token: str, rater: str) -> str:
+    """The scene, the asset and the sentence of the rater's next comparison; thanks where there is none."""
+    item, (done, total) = session.current(rater), session.progress(rater)
+    if item is None:
+        return page("done.html.j2", done=done, total=total)
+    run = session.run
+    return page(
+        "introduction.html.j2", base=f"/s/{token}", item=item.item, prompt=run.prompts[item.sample], done=done,
+        total=total, first=done == 0, scene=run.clean_picture(item.sample) is not None,
+        asset=run.asset_picture(item.sample) is not None,
+        asset_model=run.asset_model(item.sample) is not None and bool(three_script()),
+    )  # fmt: skip
 
 
-async def body_of(receive: Receive) -> bytes | None:
-    """The body of a request; None where it is too large."""
-    body, more = b"", True
-    while more and len(body) <= MOST_BYTES:
-        message = await receive()
-        body += message.get("body", b"")
-        more = message["type"] == REQUEST and message.get("more_body", False)
-    return body if len(body) <= MOST_BYTES else None
+def comparison(session: StudySession, token: str, rater: str) -> str:
+    """The two placements of the rater's next comparison, and the questions."""
+    item, (done, total) = session.current(rater), session.progress(rater)
+    if item is None:
+        return page("done.html.j2", done=done, total=total)
+    views = [VIEWS[path.stem] for path in session.pictures(item, Side.LEFT)]
+    return page(
+        "comparison.html.j2", base=f"/s/{token}", item=item.item, prompt=session.run.prompts[item.sample],
+        done=done, total=total, views=views, sides=[side.value for side in Side],
+        questions=[(axis.value, *QUESTIONS[axis]) for axis in session.design.questions],
+        models=session.has_models(item) and bool(three_script()),
+    )  # fmt: skip
 
 
-class StudyPages:
-    """Writes the pages of one study."""
-
-    def __init__(self, session: StudySession) -> None:
-        self._session = session
-        self._templates = SandboxedEnvironment(
-            loader=FileSystemLoader(TEMPLATES), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
-            lstrip_blocks=True,
-        )  # fmt: skip
-
-    def introduction(self, token: str, rater: str) -> str:
-        """The scene, the asset and the sentence of the rater's next comparison; thanks where there is none."""
-        item, (done, total) = self._session.current(rater), self._session.progress(rater)
-        if item is None:
-            return self._page("done.html.j2", done=done, total=total)
-        run = self._session.run
-        return self._page(
-            "introduction.html.j2", base=f"/s/{token}", item=item.item, prompt=run.prompts[item.sample], done=done,
-            total=total, first=done == 0, scene=run.clean_picture(item.sample) is not None,
-            asset=run.asset_picture(item.sample) is not None,
-            asset_model=run.asset_model(item.sample) is not None and bool(three_script()),
-        )  # fmt: skip
-
-    def comparison(self, token: str, rater: str) -> str:
-        """The two placements of the rater's next comparison, and the questions."""
-        item, (done, total) = self._session.current(rater), self._session.progress(rater)
-        if item is None:
-            return self._page("done.html.j2", done=done, total=total)
-        views = [VIEWS[path.stem] for path in self._session.pictures(item, Side.LEFT)]
-        return self._page(
-            "comparison.html.j2", base=f"/s/{token}", item=item.item, prompt=self._session.run.prompts[item.sample],
-            done=done, total=total, views=views, sides=[side.value for side in Side],
-            questions=[(axis.value, *QUESTIONS[axis]) for axis in self._session.design.questions],
-            models=self._session.has_models(item) and bool(three_script()),
-        )  # fmt: skip
-
-    def refusal(self, message: str) -> str:
-        """A page with an error message."""
-        return self._page("refusal.html.j2", message=message)
-
-    def _page(self, template: str, **values: object) -> str:
-        return self._templates.get_template(template).render(**values)
+def page(template: str, **values: object) -> str:
+    """A page of the study."""
+    return rendered(template, values, TEMPLATES)
 
 
 def check_pictures(
@@ -276,9 +226,9 @@ def check_pictures(
     views, taken = surface_views(shown, things_of(placement.folder)), taken_from(placement.folder)
     contact = np.array(taken.contact)
     if not np.array_equal(shown.thing_bounds, settled.thing_bounds):
-        contact = contact_of(shown, things_of(placement.folder), CLOSEUPS[taken.cameras.direction])
+        contact = contact_of(shown, things_of(placement.folder), CLOSEUPS[taken.direction])
     found = {}
-    for name, view in zip(PLACED, (taken.cameras.overview, taken.cameras.closeup_at(contact)), strict=True):
+    for name, view in zip(PLACED, (taken.overview, taken.closeup_at(contact)), strict=True):
         camera = camera_of(view)
         meshes = views.seen_by(camera) if isinstance(views, SceneViews) else views
         found[name] = picture(meshes, camera, samples=SAMPLES).rgb

@@ -17,8 +17,7 @@ import uvicorn
 from dcap.evaluation.judging.judge import without_placement
 from dcap.evaluation.methods import joined_id
 from dcap.evaluation.study.attention import LIFTED, MODEL, SETTLED, check_folder, make_checks
-from dcap.evaluation.study.design import method_pairs, per_pair, questions_of
-from dcap.evaluation.study.placements import StudyRun, read_study_run
+from dcap.evaluation.study.design import StudyRun, method_pairs, per_pair, questions_of, read_study_run
 from dcap.evaluation.study.session import StudySession
 from dcap.evaluation.study.study_folder import (
     STUDY_FOLDER,

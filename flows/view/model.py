@@ -2,8 +2,6 @@
 
 In: results of the stages. Out: `PlacementView`. A placement without a rest state shows as much as is known: the room,
 the pose before the drop, and the pose in which the drop ended.
-
-Colours of numbers: the dent, from deep to raised, and materials told apart.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -47,16 +45,9 @@ HOVER = 1.5e-3
 """Offset of drawn contact points from the surface, which would hide them [m]."""
 OFF_WALL, OFF_FLOOR = 0.3, 0.5
 """Distance that a point inside the room keeps from a wall and from the floor [m]."""
-CLOSEUP, CLOSEUP_LIFT = 1.6, 0.35
-"""Distance of the close-up over the object's diagonal, and its height over its distance along the floor [-]."""
 LEAST_DOT, LARGEST_DOT = 1e-3, 8e-3
 """Size of the dot of a contact point [m]: a few points far apart stay points."""
 UP = np.array([0.0, 0.0, 1.0])
-
-
-def span_of(height: Array) -> float:
-    """Displacement with the strongest colour [m]."""
-    return float(max(np.abs(height).max(initial=0.0), LEAST_SPAN))
 
 
 def heat_colors(height: Array, span: float) -> NDArray[np.uint8]:
@@ -65,11 +56,6 @@ def heat_colors(height: Array, span: float) -> NDArray[np.uint8]:
     end = np.where(share < 0.0, np.array(DEEP, dtype=float), np.array(RAISED, dtype=float))
     middle = np.array(LEVEL, dtype=float)
     return np.asarray(np.round(middle + np.abs(share) * (end - middle)), dtype=np.uint8)
-
-
-def css(color: tuple[int, int, int]) -> str:
-    """A colour in CSS."""
-    return "rgb({}, {}, {})".format(*color)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -145,8 +131,6 @@ class PlacementView:
 
     pieces: tuple[RoomPiece, ...]
     view: StartView
-    closeup: StartView | None
-    """Near the contact, from the same side; None where there is no object."""
     thing: MovingObject | None
     """None if no stage reached a pose."""
     bending: MovingSurfaces | None
@@ -203,11 +187,10 @@ def placement_view(values: Values, config: PlaceConfig) -> PlacementView:
     return PlacementView(
         pieces=repainted(pieces, textures.pieces),
         view=view,
-        closeup=closeup(view, thing, anchor) if thing and anchor else None,
         thing=thing,
         bending=bending,
         base_id=base_id,
-        span=span_of(bending.heights(last, base_id) if bending else np.zeros(0)),
+        span=max(float(np.abs(bending.heights(last, base_id)).max(initial=0.0)) if bending else 0.0, LEAST_SPAN),
         frames=frames,
         time=motion.time[frames] if motion else frames.astype(float),
         settled=motion is not None,
@@ -228,7 +211,7 @@ def scene_view(scene: Segmentation, config: PlaceConfig, surface: SourceSurface 
     pieces = list(room_pieces(shown.scene, look, np.zeros(len(look.mesh.faces), dtype=bool), middle_of(scene), {}))
     textures = fitted_textures([one.surface.paint for one in pieces], None, None, 1)
     return PlacementView(
-        repainted(pieces, textures.pieces), view, None, None, None, "", 1.0, np.zeros(1, dtype=np.int64), np.zeros(1),
+        repainted(pieces, textures.pieces), view, None, None, "", 1.0, np.zeros(1, dtype=np.int64), np.zeros(1),
         False, True, None, None, (), shown.notes + textures.notes,
     )  # fmt: skip
 
@@ -293,16 +276,6 @@ def start_view(values: Values, config: PlaceConfig) -> StartView:
     assert values.scene is not None
     camera = camera_for(values.scene, values.intent, values.anchor, config.overview)
     return StartView(camera.position, camera.target, config.overview.fov_deg)
-
-
-def closeup(view: StartView, thing: MovingObject, anchor: Anchor) -> StartView:
-    """Near the anchor, from the side of the pictures' camera but lower, so that a dent shows."""
-    way = view.position - anchor.surface_point
-    way = way / np.linalg.norm(way[:2]) if np.linalg.norm(way[:2]) > 0.0 else np.array([0.0, -1.0, 0.0])
-    way[2] = CLOSEUP_LIFT
-    diagonal = float(np.linalg.norm(np.ptp(thing.start.mesh.vertices, axis=0)))
-    position = anchor.surface_point + CLOSEUP * diagonal * way / float(np.linalg.norm(way))
-    return StartView(position, anchor.surface_point, view.fov_deg)
 
 
 def middle_of(scene: Segmentation) -> Array:

@@ -1,6 +1,6 @@
 """Draws a placement in a viser scene: one node per part of the room, the object, the dent, and the marks.
 
-Nodes: `/room/ID/PART`, below it `dent/FRAME` if it bends; `/object/FRAME`, `/pre_drop`; `/contact`, `/anchor/...`,
+Nodes: `/room/ID/PART`, below it `dent/FRAME` if it bends; `/object/FRAME`; `/contact`, `/anchor/...`,
 `/ray`, `/particles/...`. The page gets the shapes of all frames at once and shows one of them: a shape sent later
 would be missing until the page has read it.
 """
@@ -18,8 +18,6 @@ from flows.view.model import MaterialCloud, PlacementView, RoomPiece, StartView,
 from flows.view.page_glb import PageSurface, glb_of
 from flows.view.surface import DrawnSurface
 
-GHOST_OPACITY, GLASS_OPACITY = 0.25, 0.35
-"""Opacity of the object before the drop, and of the transparent object at rest [-]."""
 ANCHOR_COLOR, NORMAL_COLOR, RAY_COLOR, CONTACT_COLOR = (230, 30, 120), (40, 90, 220), (240, 140, 20), (255, 90, 20)
 ENVIRONMENT = 0.35
 """Strength of the ambient light [-], in addition to viser's own light from above."""
@@ -45,7 +43,6 @@ class PlacementNodes:
         set_light(self._scene)
         self.pieces = [add_piece(self._scene, one, view, self.frame) for one in view.pieces]
         self.thing, self._shapes = self._thing_nodes()
-        self.ghost = self._ghost_node()
         self.contact = self._contact_node()
         self.anchor, self.ray = self._anchor_nodes()
         self.clouds = [add_cloud(self._scene, number, one) for number, one in enumerate(view.clouds)]
@@ -77,6 +74,11 @@ class PlacementNodes:
                 for dent, data in zip(one.dents, glbs_of(self._bent(one.piece, heat=on)), strict=True):
                     dent.glb_data = data
 
+    def show_clouds(self, on: bool) -> None:
+        """Show the material points."""
+        for one in self.clouds:
+            one.visible = on
+
     def _bent(self, piece: RoomPiece, *, heat: bool) -> Iterator[DrawnSurface]:
         """The bending faces of a part at each frame."""
         view = self.view
@@ -85,17 +87,6 @@ class PlacementNodes:
             assert piece.bends is not None
             colors = heat_colors(view.bending.heights(frame, view.base_id), view.span) if heat else None
             yield view.bending.surface(frame, piece.bends, colors)
-
-    def show_glass(self, on: bool) -> None:
-        """Make the object transparent, so that the contact patch is seen."""
-        thing = self.view.thing
-        if thing is None:
-            return
-        with self._lock:
-            opacity = GLASS_OPACITY if on else 1.0
-            surfaces = (thing.surface(frame) for frame in self.view.frames.tolist()[: len(self._shapes)])
-            for node, data in zip(self._shapes, glbs_of(surfaces, opacity=opacity), strict=True):
-                node.glb_data = data
 
     def _move(self) -> None:
         """Set the poses of rigidly moving nodes."""
@@ -118,13 +109,6 @@ class PlacementNodes:
             self._scene.add_glb(f"/object/{number}", data, visible=len(frames) == 1 or number == self.frame)
             for number, data in enumerate(files)
         ]
-
-    def _ghost_node(self) -> viser.GlbHandle | None:
-        thing = self.view.thing
-        if thing is None:
-            return None
-        data = glb_of(thing.surface(0), opacity=GHOST_OPACITY)
-        return self._scene.add_glb("/pre_drop", data, cast_shadow=False, receive_shadow=False, visible=False)
 
     def _contact_node(self) -> viser.PointCloudHandle | None:
         contact = self.view.contact
@@ -199,12 +183,12 @@ def add_piece(scene: viser.SceneApi, piece: RoomPiece, view: PlacementView, show
     return PieceNode(piece, parent, dents)
 
 
-def glbs_of(surfaces: Iterable[DrawnSurface], *, opacity: float = 1.0) -> Iterator[bytes]:
+def glbs_of(surfaces: Iterable[DrawnSurface]) -> Iterator[bytes]:
     """GLB files of the same faces at several frames."""
     page: PageSurface | None = None
     for one in surfaces:
         page = page or PageSurface(one)
-        yield page.glb(one, opacity=opacity)
+        yield page.glb(one)
 
 
 def set_pose(node: viser.SceneNodeHandle, pose: NDArray[np.float64]) -> None:

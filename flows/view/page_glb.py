@@ -53,7 +53,7 @@ class PageSurface:
         for one in self._primitives(self._document):
             one.setdefault("material", len(self._document["materials"]) - 1)
 
-    def glb(self, surface: DrawnSurface, *, opacity: float = 1.0, both_sides: bool = True) -> bytes:
+    def glb(self, surface: DrawnSurface, *, both_sides: bool = True) -> bytes:
         """GLB file of the same faces, perhaps moved or in other vertex colours."""
         document, blocks = copy.deepcopy(self._document), list(self._blocks)
 
@@ -89,7 +89,12 @@ class PageSurface:
             for one, turn in zip(self._primitives(document), turns, strict=True):
                 still = put(None, np.zeros_like(turn), componentType=FLOAT, type="VEC3", **AT_ORIGIN)
                 one["targets"] = [{"POSITION": still, "NORMAL": put(None, turn, componentType=FLOAT, type="VEC3")}]
-        restyle(document["materials"], opacity, both_sides=both_sides)
+        for style in document["materials"]:
+            look = style["pbrMetallicRoughness"]
+            *tint, alpha = look.get("baseColorFactor", [1.0] * 4)
+            look |= {"baseColorFactor": [*(ALBEDO * light for light in tint), alpha]}
+            look |= {"metallicFactor": 0.0, "roughnessFactor": ROUGHNESS}
+            style["doubleSided"] = both_sides
         return packed(document, blocks)
 
     def _values(self, accessor: int, kind: str, width: int) -> NDArray[np.generic]:
@@ -102,21 +107,9 @@ class PageSurface:
         return [one for mesh in document["meshes"] for one in mesh["primitives"]]
 
 
-def restyle(materials: list[Document], opacity: float, *, both_sides: bool) -> None:
-    """Give all materials of a document a look that suits the page's light."""
-    for one in materials:
-        look = one["pbrMetallicRoughness"]
-        *tint, alpha = look.get("baseColorFactor", [1.0] * 4)
-        look |= {"baseColorFactor": [*(ALBEDO * light for light in tint), opacity * alpha]}
-        look |= {"metallicFactor": 0.0, "roughnessFactor": ROUGHNESS}
-        one["doubleSided"] = both_sides
-        if opacity < 1.0:
-            one["alphaMode"] = "BLEND"
-
-
-def glb_of(surface: DrawnSurface, *, opacity: float = 1.0, both_sides: bool = True) -> bytes:
+def glb_of(surface: DrawnSurface, *, both_sides: bool = True) -> bytes:
     """GLB file of a surface."""
-    return PageSurface(surface).glb(surface, opacity=opacity, both_sides=both_sides)
+    return PageSurface(surface).glb(surface, both_sides=both_sides)
 
 
 def alike(surface: DrawnSurface) -> NDArray[np.int64]:

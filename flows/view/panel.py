@@ -1,23 +1,21 @@
-"""The panel next to the scene: the slider over the drop, visibility of nodes, texts, and signals.
-
-Signals of the settling over their thresholds, as series of a plot: at rest where all are below one.
-"""
+"""The panel next to the scene: the slider over the drop, visibility of nodes, texts, and a plot of the signals."""
 
 import threading
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import viser
 from viser import uplot
 
 from dcap.arrays import Array
-from dcap.scene.types.choices import Rotation
+from dcap.evaluation.pages import environment
+from dcap.scene.types.choices import POSE_OF_THE_FILE, Rotation
 from dcap.scene.types.settled import Settled
 from dcap.scene.written_files import JsonValue
-from flows.view import texts
-from flows.view.model import PlacementView
+from flows.view.model import DEEP, LEVEL, RAISED, PlacementView
 from flows.view.nodes import PieceNode, PlacementNodes, place_cameras
 
 FLOOR, CEILING = 1e-3, 1e9
@@ -27,7 +25,30 @@ FRAME_SECONDS = 0.06
 """Time between two frames while it plays [s]: frames are equally spaced in motion, not in time."""
 MOST_BOXES = 60
 """Most things with a check box each; above, things with one label share a box [-]."""
+UNITS = {
+    "linear_speed": "m/s", "angular_speed": "rad/s", "particle_speed": "m/s", "center_drift": "m", "box_change": "m",
+    "angle_rad": "rad", "distance_m": "m", "change_rad": "rad", "tilt_rad": "rad", "turn_rad": "rad",
+}  # fmt: skip
+"""Units of rows of the certificate; other rows are ratios."""
+GROUPS = {"signals": "at rest", "kick": "after a kick", "placement": "as asked", "lean": "leans as asked"}
 STROKES = ("#1c7ed6", "#e8590c", "#2f9e44", "#9c36b5", "#c2255c")
+
+
+def number(value: object) -> str:
+    """A number with three digits; a dash for none."""
+    if value is None:
+        return "-"
+    return f"{value:.3g}" if isinstance(value, (int, float)) and not isinstance(value, bool) else str(value)
+
+
+TEXTS = environment(Path(__file__).parent)
+TEXTS.filters["number"] = number
+TEXTS.globals |= {"units": UNITS, "groups": GROUPS}
+
+
+def said(text: str, *values: object) -> str:
+    """A text of the panel as HTML, by its name in the template."""
+    return str(getattr(TEXTS.get_template("panel.html.j2").module, text)(*values))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -78,17 +99,13 @@ class PlacementPanel:
         self._closed = threading.Event()
         self._playing = threading.Event()
         gui = server.gui
-        self.verdict = gui.add_html(texts.page(texts.verdict(text.tree)))
+        self.verdict = gui.add_html(said("verdict", text.tree))
         self._add_slider(gui)
         tabs = gui.add_tab_group()
         with tabs.add_tab("Show"):
             self._add_toggles(gui)
         with tabs.add_tab("Certificate"):
-            gui.add_html(texts.page(texts.certificate(text.tree["certificate"])))
-            gui.add_html(texts.page("<h4>placement</h4>", texts.facts(text.tree)))
-            gui.add_html(texts.page("<h4>contacts</h4>", texts.contacts(text.tree["contacts"])))
-            for key in ("warnings", "notes"):
-                gui.add_html(texts.page(f"<h4>{key}</h4>", texts.messages(text.tree, key)))
+            gui.add_html(said("facts_tab", text.tree))
         if text.signals is not None:
             with tabs.add_tab("Signals"):
                 add_signals(gui, text.signals)
@@ -96,7 +113,7 @@ class PlacementPanel:
             with tabs.add_tab("Rotation"):
                 add_rotation(gui, text.rotation)
         with tabs.add_tab("Materials"):
-            gui.add_html(texts.page(texts.materials(text.tree["materials"])))
+            gui.add_html(said("materials", text.tree["materials"]))
         self._player = threading.Thread(target=self._play, name="view-play", daemon=True)
         self._player.start()
 
@@ -152,18 +169,15 @@ class PlacementPanel:
     def _say_time(self) -> None:
         """Show the time of the frame."""
         frame, last = self._nodes.frame, len(self._view.time) - 1
-        self.time.content = texts.page(moment(self._view, frame, last))
+        self.time.content = said("line", moment(self._view, frame, last))
 
     def _add_toggles(self, gui: viser.GuiApi) -> None:
         """Add the boxes that show and hide nodes."""
         nodes, view = self._nodes, self._view
         if view.notes:
-            gui.add_html(texts.page(texts.bullets(view.notes, "")))
+            gui.add_html(said("notes", view.notes))
         if nodes.thing is not None:
             shown_box(gui, "object", [nodes.thing], on=True)
-            self._switch("see through the object", nodes.show_glass)
-        if nodes.ghost is not None:
-            shown_box(gui, "pose before the drop", [nodes.ghost], on=False)
         if nodes.contact is not None:
             shown_box(gui, "contact patch", [nodes.contact], on=True)
         if nodes.anchor is not None:
@@ -171,40 +185,28 @@ class PlacementPanel:
         if nodes.ray is not None:
             shown_box(gui, "vertical ray", [nodes.ray], on=False)
         if view.bending is not None:
-            self._add_heat(gui)
+            self._switch(
+                gui, "dent as a heat map", said("heat_legend", view.span, (DEEP, LEVEL, RAISED)), nodes.show_heat
+            )
         if nodes.clouds:
-            self._add_clouds(gui)
+            self._switch(
+                gui,
+                "material points",
+                said("cloud_legend", {one.material: one.color for one in view.clouds}),
+                nodes.show_clouds,
+            )
         add_room(gui, nodes.pieces)
         gui.add_button("Start view").on_click(lambda _: place_cameras(self._server, view.view))
-        if view.closeup is not None:
-            near = view.closeup
-            gui.add_button("Close-up of the contact").on_click(lambda _: place_cameras(self._server, near))
 
-    def _add_heat(self, gui: viser.GuiApi) -> None:
-        """Add the heat map with its colour bar."""
-        legend = gui.add_html(texts.heat_legend(self._view.span), visible=False)
+    def _switch(self, gui: viser.GuiApi, label: str, legend_text: str, show: Callable[[bool], None]) -> None:
+        """Add a check box, initially off, whose legend shows when it is on."""
+        box = gui.add_checkbox(label, initial_value=False)
+        legend = gui.add_html(legend_text, visible=False)
 
-        def show(on: bool) -> None:
-            legend.visible = on
-            self._nodes.show_heat(on)
-
-        self._switch("dent as a heat map", show, order=legend.order - 0.5)
-
-    def _add_clouds(self, gui: viser.GuiApi) -> None:
-        """Add the material points with their colours."""
-        legend = gui.add_html(texts.cloud_legend(self._view.clouds), visible=False)
-
-        def show(on: bool) -> None:
-            legend.visible = on
-            for one in self._nodes.clouds:
-                one.visible = on
-
-        self._switch("material points", show, order=legend.order - 0.5)
-
-    def _switch(self, label: str, show: Callable[[bool], None], order: float | None = None) -> None:
-        """Add a check box, initially off."""
-        box = self._server.gui.add_checkbox(label, initial_value=False, order=order)
-        box.on_update(lambda _: show(bool(box.value)))
+        @box.on_update
+        def _(_: object) -> None:
+            legend.visible = bool(box.value)
+            show(legend.visible)
 
 
 def moment(view: PlacementView, frame: int, last: int) -> str:
@@ -264,7 +266,7 @@ def add_room(gui: viser.GuiApi, pieces: list[PieceNode]) -> None:
 def add_signals(gui: viser.GuiApi, signals: SignalSeries) -> None:
     """Add a plot of the signals over their thresholds, on a logarithmic axis."""
     one = np.ones_like(signals.time)
-    gui.add_html(texts.page("Each signal over its threshold: at rest where all are below 1 for a while."))
+    gui.add_html(said("line", "Each signal over its threshold: at rest where all are below 1 for a while."))
     lines = [
         uplot.Series(label=name.replace("_", " "), stroke=STROKES[number % len(STROKES)], width=1.5)
         for number, name in enumerate(signals.share)
@@ -280,13 +282,11 @@ def add_signals(gui: viser.GuiApi, signals: SignalSeries) -> None:
         legend=uplot.Legend(show=True),
         aspect=1.1,
     )  # fmt: skip
-    rows = [(name.replace("_", " "), texts.number(limit), texts.UNITS.get(name, ""))
-            for name, limit in signals.threshold.items()]  # fmt: skip
-    gui.add_html(texts.page(texts.table(("signal", "threshold", ""), rows, (1,))))
+    gui.add_html(said("thresholds", signals.threshold))
 
 
 def add_rotation(gui: viser.GuiApi, rotation: Rotation) -> None:
     """Add the chosen rotation, and the three pictures if a model saw some."""
-    gui.add_html(texts.page(texts.rotation_words(rotation)))
+    gui.add_html(said("rotation", rotation, POSE_OF_THE_FILE))
     for axis, picture in zip("xyz", rotation.pictures, strict=False):
         gui.add_image(picture, label=f"half a turn about {axis}")

@@ -8,7 +8,6 @@ The page of a scene in which nothing is placed yet: click a point, read its comm
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from html import escape
 
 import numpy as np
 import viser
@@ -16,10 +15,9 @@ import viser
 from dcap.arrays import Array
 from dcap.geometry.raycast import Raycaster
 from dcap.scene.types.segmentation import Segmentation
-from flows.view import texts
 from flows.view.model import UNASSIGNED, PlacementView
 from flows.view.nodes import ANCHOR_COLOR, add_piece, place_cameras, set_light
-from flows.view.panel import add_room
+from flows.view.panel import add_room, said
 
 STEP = 1e-3
 """Rounding of coordinates [m]."""
@@ -111,7 +109,7 @@ class PickPanel:
         server: viser.ViserServer,
         view: PlacementView,
         picker: SurfacePicker,
-        intro: str,
+        intro: tuple[str, str, str],
         place: Callable[[PickedPoint], None] | None,
     ) -> None:
         self._server, self._picker, self._place = server, picker, place
@@ -122,17 +120,17 @@ class PickPanel:
         self._radius = min(MARKER_LARGEST, MARKER * float(np.linalg.norm(np.ptp(corners, axis=0))))
         self._marker: viser.IcosphereHandle | None = None
         gui = server.gui
-        gui.add_html(texts.page(intro))
-        self.told = gui.add_html(texts.page("<p>Click a point of the scene.</p>"))
+        gui.add_html(said("scene", *intro))
+        self.told = gui.add_html(said("line", "Click a point of the scene."))
         self.button = gui.add_button("Place here", disabled=True, visible=place is not None)
         self.state = gui.add_html("")
         if view.notes:
-            gui.add_html(texts.page(texts.bullets(view.notes, "")))
+            gui.add_html(said("notes", view.notes))
         add_room(gui, self.pieces)
         gui.add_button("Start view").on_click(lambda _: place_cameras(server, view.view))
         place_cameras(server, view.view)
         self.button.on_click(lambda _: self.press())
-        self._listener = server.scene.on_click()(self._clicked)
+        self._listener = server.scene.on_click()(lambda event: self.point_at(event.ray_origin, event.ray_direction))
 
     def close(self) -> None:
         """Ignore further clicks; the server removes the widgets."""
@@ -140,7 +138,7 @@ class PickPanel:
 
     def say(self, text: str, *, wrong: bool = False) -> None:
         """Show one line of status."""
-        self.state.content = texts.page(f'<p class="{"no" if wrong else ""}">{escape(text)}</p>')
+        self.state.content = said("line", text, wrong)
         self.button.disabled = self.picked is None
 
     def point_at(self, origin: tuple[float, ...], direction: tuple[float, ...]) -> None:
@@ -150,24 +148,20 @@ class PickPanel:
         )  # fmt: skip
         found = self._picker.pick(np.array(origin), np.array(direction), hidden)
         if found is None:
-            self.told.content = texts.page("<p>Nothing of the scene is there; click a surface.</p>")
+            self.told.content = said("line", "Nothing of the scene is there; click a surface.")
             return
         self.picked = found
         self._marker = self._server.scene.add_icosphere(
             "/picked", self._radius, color=ANCHOR_COLOR, position=found.position
         )
         where = f"on {found.label} ({found.instance})" if found.label else found.instance
-        self.told.content = texts.page(f"<p>{escape(where)}</p><p><code>{escape(found.option)}</code></p>")
+        self.told.content = said("picked", where, found.option)
         self.button.disabled = False
-
-    def _clicked(self, event: viser.SceneClickEvent) -> None:
-        """Handle a click into the scene."""
-        self.point_at(event.ray_origin, event.ray_direction)
 
     def press(self) -> None:
         """Handle the button: it is disabled until this placement is done."""
         if self.picked is None or self._place is None or self.button.disabled:
             return
         self.button.disabled = True
-        self.state.content = texts.page("<p>Placing; the stages are listed in the terminal.</p>")
+        self.state.content = said("line", "Placing; the stages are listed in the terminal.")
         self._place(self.picked)

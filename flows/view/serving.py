@@ -2,7 +2,6 @@
 
 import logging
 import os
-import socket
 import sys
 import webbrowser
 from collections.abc import Callable, Iterator
@@ -15,18 +14,15 @@ from websockets.asyncio import server
 from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
-from dcap.scene.errors import InputError
 from flows.own_requests import FETCH, LOOPBACK, REFUSED, OwnRequests
 
-PORTS = 20
-"""Number of ports that are tried [-]."""
 PANEL_WIDTH = 440
 """[pixel]."""
 
 
 class LocalViewer(viser.ViserServer):
     """A server that cannot be reached from outside this machine: viser's public sharing is disabled, and requests from
-    foreign pages are refused (handshake.py)."""
+    foreign pages are refused (`guarded`)."""
 
     def request_share_url(self, verbose: bool = True) -> str | None:
         """Share nothing."""
@@ -34,11 +30,11 @@ class LocalViewer(viser.ViserServer):
 
 
 def open_server(port: int) -> LocalViewer:
-    """A server on `port`, or on the next free one; viser's output is discarded."""
+    """A server on `port`, or on the next free one, which viser finds; its output is discarded."""
     rich.reconfigure(stderr=True, quiet=True)  # viser prints to standard output, which is for the URL alone
     logging.getLogger("websockets").setLevel(logging.CRITICAL)  # browsers open connections that they never use
     with guarded_servers(OwnRequests.to(LOOPBACK)):
-        server = LocalViewer(host=LOOPBACK, port=free_port_from(port), label="dcap", verbose=False)
+        server = LocalViewer(host=LOOPBACK, port=port, label="dcap", verbose=False)
     arrange(server)
     return server
 
@@ -50,35 +46,14 @@ def arrange(server: viser.ViserServer) -> None:
     server.gui.main_panel.set_width(PANEL_WIDTH)
 
 
-def free_port_from(port: int) -> int:
-    """The first port from `port` on which nobody listens."""
-    for one in range(port, min(port + PORTS, 65536)):
-        with socket.socket() as probe:
-            if os.name == "posix":  # ports in TIME_WAIT count as free
-                probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            try:
-                probe.bind((LOOPBACK, one))
-            except OSError:
-                continue
-            return one
-    raise InputError(f"--port {port}: it and the {PORTS - 1} after it are taken or not allowed; give another")
-
-
 def url_of(server: viser.ViserServer) -> str:
     """The page's address."""
     return f"http://{LOOPBACK}:{server.get_port()}"
 
 
-def has_display() -> bool:
-    """Whether the machine can show a browser window."""
-    if sys.platform != "linux":
-        return True
-    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
-
-
 def open_browser(url: str) -> None:
     """Open the page if there is a display."""
-    if has_display():
+    if sys.platform != "linux" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
         webbrowser.open(url)
 
 

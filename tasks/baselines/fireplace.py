@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, NonNegativeInt, PositiveInt
 
-from dcap.evaluation.baselines.fireplace.item_surfaces import ItemSurfaces, item_surfaces
+from dcap.evaluation.baselines.fireplace.anchors import ItemSurfaces, item_surfaces
 from dcap.evaluation.baselines.fireplace.placement import (
     RestingItem,
     SolvedPlacement,

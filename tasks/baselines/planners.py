@@ -19,8 +19,7 @@ from dataclasses import replace
 import numpy as np
 from pydantic import BaseModel, NonNegativeInt, PositiveInt
 
-from dcap.evaluation.baselines.asset import CanonicalAsset, canonical_asset, proposed_anchor
-from dcap.evaluation.baselines.floor_plan import floor_plan_of
+from dcap.evaluation.baselines.floor_plan import CanonicalAsset, canonical_asset, floor_plan_of, proposed_anchor
 from dcap.evaluation.baselines.holodeck.floor_search import CENTIMETRES, floor_place, floor_pose
 from dcap.evaluation.baselines.holodeck.receptacle import collides, fits_on, is_small, is_thin, receptacle_place
 from dcap.evaluation.baselines.holodeck.scores import parsed_relations

@@ -38,7 +38,6 @@ ERRORS = [
     (OSError(errno.EMFILE, os.strerror(errno.EMFILE), "/x"), ("Too many open files", "ulimit -n", "--workers")),
     (OSError(errno.ENAMETOOLONG, os.strerror(errno.ENAMETOOLONG), "x" * 5000), ("too long", "shorter")),
     (ConnectionRefusedError(errno.ECONNREFUSED, os.strerror(errno.ECONNREFUSED)), ("Connection refused",)),
-    (BrokenPipeError(errno.EPIPE, os.strerror(errno.EPIPE)), ("Broken pipe",)),
     (MemoryError("Unable to allocate 9.9 GiB"), ("out of memory (Unable", "--workers")),
     (MemoryError(), ("out of memory; close",)),
     (ImportError("libX.so: failed to map segment from shared object"), ("out of memory", "ulimit -v", "libX.so")),
@@ -227,15 +226,13 @@ def test_a_reader_that_leaves_ends_the_program_without_a_word(tmp_path: Path, bu
 
 @pytest.mark.slow
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="only Linux has a device that is full")
-@pytest.mark.parametrize(
-    ("buffered", "words"), [(True, "standard output: No space left on device"), (False, "No space left")]
-)
-def test_output_that_cannot_be_written_is_told(tmp_path: Path, buffered: bool, words: str) -> None:
+@pytest.mark.parametrize("buffered", [True, False])
+def test_output_that_cannot_be_written_is_told(tmp_path: Path, buffered: bool) -> None:
     """Standard output on a full disk: one line and exit code 2."""
     done = shell(tmp_path, "cache ls > /dev/full", buffered=buffered)
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
-    assert words in done.stderr
+    assert "No space left" in done.stderr
 
 
 @pytest.mark.parametrize(

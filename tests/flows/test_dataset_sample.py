@@ -13,7 +13,7 @@ from dcap.scene.errors import InputError
 from dcap.scene.types.sample import Sample
 from flows.cli.app import main
 from flows.samples import load_samples, load_yaml
-from flows.scene_lists import of_scenes
+from flows.selection import of_scenes
 
 pytestmark = pytest.mark.usefixtures("data")
 

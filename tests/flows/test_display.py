@@ -26,7 +26,7 @@ def shown(display: Display) -> str:
     """What stands on the screen."""
     console = Console(width=120, color_system=None)
     with console.capture() as capture:
-        console.print(display.rendered())
+        console.print(display.progress.get_renderable())
     return capture.get()
 
 

@@ -6,8 +6,7 @@ import pytest
 
 from dcap.scene.errors import InputError
 from flows.cli.app import main
-from flows.export_one import FORMATS
-from flows.extra_output import LIST, clear_exports, write_files
+from flows.extra_output import LIST, WRITERS, clear_exports, write_files
 
 FILES = {"scene.xml": b"<mujoco/>", "meshes/ball.obj": b"v 0 0 0\n"}
 
@@ -79,7 +78,7 @@ def test_a_write_that_fails_leaves_no_half(tmp_path: Path, monkeypatch: pytest.M
 
 
 @pytest.mark.parametrize(("arguments", "words"), [
-    (["--format", "blend"], f"--format 'blend' is not one of {', '.join(FORMATS)}"),
+    (["--format", "blend"], f"--format 'blend' is not one of {', '.join(WRITERS)}"),
     ([], "--format"),
     (["--format", "mjcf"], "'nothing' is not a run"),
 ])  # fmt: skip

@@ -8,9 +8,9 @@ from dcap.scene.errors import InputError
 from dcap.scene.types.sample import Sample
 from flows.benchmark import keep_result, new_run_folder
 from flows.configure import LanguageOptions
-from flows.failed_before import failed_before
 from flows.place import PlaceConfig
 from flows.sample_run import Plan
+from flows.selection import failed_before
 
 GOOD, BAD, LATER = (Sample(name, "room", "ball", "put it") for name in ("good", "bad", "later"))
 
@@ -47,7 +47,7 @@ def test_what_finished_is_in_the_new_table(data: Path, monkeypatch: pytest.Monke
     """A finished sample whose stages are all cached costs nothing and keeps its row."""
     run_of(data / "set.yaml", BAD)
     cached = Plan(GOOD, (), finished=object())  # type: ignore[arg-type]
-    monkeypatch.setattr("flows.failed_before.plan_sample", lambda sample, config, bring: cached)
+    monkeypatch.setattr("flows.selection.plan_sample", lambda sample, config, bring: cached)
     assert failed_before(data / "set.yaml", [GOOD, BAD, LATER], PlaceConfig()) == [GOOD, BAD]
 
 

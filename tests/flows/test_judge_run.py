@@ -15,12 +15,12 @@ from fake_api import FakeApi, data_of, error, message, question_of, says
 from judged import REPLY, SCORES, placement
 from many_methods_run import METHODS, SAMPLES, many_methods_run, method_folder, row, write_rows
 
-from dcap.evaluation.comparison_report import comparison_table
 from dcap.evaluation.judging.known_answers import KnownAnswer
 from dcap.evaluation.judging.questions import EXAMPLES
 from dcap.evaluation.judging.rubric import RUBRIC, SCALES
 from dcap.evaluation.method_report import method_table
 from dcap.evaluation.outcome_table import SampleOutcome
+from dcap.evaluation.preference_report import write_comparison_table
 from dcap.evaluation.statistics.comparisons import JudgedAxis, read_comparisons
 from dcap.scene.types.pictures import PLACED
 from flows.benchmark import finish, rewrite_page
@@ -42,7 +42,7 @@ OTHERS = (
 def few_resamples(monkeypatch: pytest.MonkeyPatch) -> None:
     """Intervals are not what is tested here."""
     monkeypatch.setattr("flows.judge_run.method_table", partial(method_table, resamples=50))
-    monkeypatch.setattr("flows.judge_run.comparison_table", partial(comparison_table, resamples=50))
+    monkeypatch.setattr("flows.judge_run.write_comparison_table", partial(write_comparison_table, resamples=50))
 
 
 @pytest.fixture

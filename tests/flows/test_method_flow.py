@@ -8,7 +8,7 @@ import pytest
 from direct_stages import run_directly
 from tiny_rooms import solid, table, write_tiny_objects, write_tiny_rooms
 
-from dcap.evaluation.baselines.asset import proposed_anchor
+from dcap.evaluation.baselines.floor_plan import proposed_anchor
 from dcap.evaluation.methods import by_method
 from dcap.evaluation.outcome_table import AS_POSED, ExpectedOutcome, SampleOutcome
 from dcap.evaluation.run_folder import sample_folder
@@ -20,7 +20,7 @@ from dcap.scene.types.segmentation import Segmentation
 from dcap.scene.types.settled import Settled
 from dcap.scene.writers.glb import Node, glb_bytes
 from dcap.scene.written_files import JsonObject
-from flows.benchmark import Selection, dataset_samples, keep_result
+from flows.benchmark import keep_result
 from flows.judge_views import VIEWS
 from flows.methods import examples_of
 from flows.output import write_geometry
@@ -28,6 +28,7 @@ from flows.place import PlaceConfig
 from flows.placement_json import Values
 from flows.sample_run import FinishedSample, plan_sample, run_sample
 from flows.scoring import read_measures, scored_row
+from flows.selection import Selection, dataset_samples
 from tasks.artifact import Ref, Store
 from tasks.run_context import RunContext
 

@@ -1,7 +1,7 @@
 """The options of the commands: declared once, the same everywhere, none of them lost."""
 
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 
@@ -11,7 +11,7 @@ from dcap.scene.types.scan import METRES
 from flows.benchmark_config import benchmark_config
 from flows.cli import app as cli
 from flows.configure import changed, configured
-from flows.options import KEYS, UNITS, AllSettings, BenchmarkOptions, DropOptions, PlaceOptions
+from flows.options import KEYS, AllSettings, BenchmarkOptions, DropOptions, PlaceOptions, Unit
 from flows.place import PlaceConfig
 from flows.place_one import drop_case, sample_of
 from flows.settings import effective_options, value_at
@@ -76,7 +76,7 @@ def test_the_command_line_hands_everything_over(
 
 def test_every_unit_is_an_option() -> None:
     """What a file may be counted in can be said."""
-    assert set(UNITS) == {"auto", *METRES}
+    assert set(get_args(Unit)) == {"auto", *METRES}
 
 
 def test_an_unknown_option_names_the_nearest() -> None:

@@ -1,7 +1,7 @@
 """Runs have tags to look for."""
 
 from dcap.scene.types.sample import Sample
-from flows.run_names import LONGEST, benchmark_tags, sample_tags, shorten
+from flows.sample_run import LONGEST, benchmark_tags, sample_tags, shorten
 
 BALL = Sample("one", "/data/rooms/bedroom_01", "/data/objects/ball.glb", "put it on the bed")
 TABLE = Sample("holodeck/three", "/data/table.v2.glb", "mug.obj", "put it there", method="holodeck")

@@ -13,7 +13,7 @@ from dcap.scene.types.outcome import Infeasible, Reason
 from dcap.scene.types.sample import Sample
 from dcap.scene.types.scan import Scan
 from dcap.scene.writers.gaussians import write_compressed_splats, write_splats
-from flows.export_one import write_settled_splats
+from flows.extra_output import write_settled_splats
 from flows.output import SETTLED_SPLATS, splat_artifact, splats_of
 from flows.place import PlaceConfig
 from flows.placement_json import Values

@@ -2,8 +2,7 @@
 
 from box_rooms import ROOM, mug, thing
 
-from dcap.evaluation.baselines.asset import canonical_asset
-from dcap.evaluation.baselines.floor_plan import floor_plan_of
+from dcap.evaluation.baselines.floor_plan import canonical_asset, floor_plan_of
 from dcap.evaluation.baselines.layoutgpt import layout_request
 from dcap.language.protocol.questions import LayoutRequest, RelationsRequest, names_of
 from dcap.language.protocol.requests import IntentRequest, vector

@@ -24,7 +24,7 @@ TREE = {
     "verdict": "at_rest", "reason": None, "message": None, "prompt": "put <it> there",
     "base": {"id": "bed", "label": "bed"},
     "part": "body", "region": "center", "region_missed": False, "scale": 1.0, "mass": 0.3, "visible_fraction": 1.0,
-    "contacts": [], "materials": [], "warnings": ["a & b"],
+    "contacts": [], "materials": [], "warnings": ["a & b"], "notes": [],
 }  # fmt: skip
 
 

@@ -9,8 +9,7 @@ from fastapi.testclient import TestClient
 from many_methods_run import many_methods_run
 
 from dcap.evaluation.study.attention import LIFTED, MODEL, SETTLED, check_folder
-from dcap.evaluation.study.design import method_pairs, per_pair
-from dcap.evaluation.study.placements import read_study_run
+from dcap.evaluation.study.design import method_pairs, per_pair, read_study_run
 from dcap.evaluation.study.session import StudySession
 from dcap.evaluation.study.study_folder import STUDY_FOLDER, StudyDesign, VoteJournal, tokens_for, write_design
 from dcap.scene.types.pictures import PLACED

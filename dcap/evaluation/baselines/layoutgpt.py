@@ -9,24 +9,11 @@ room's own things are lines already, with lines for their parts too, so that a s
 sentence says what is wanted and exactly one new line is asked for; its size gives way to the asset's own; orientation 0
 looks along -y; `top` grows along +y; heights are counted from the floor.
 
-Turns a floor plan into the question, and the answer into the pose that it proposes.
-
-Exactly one new line in the layout makes a placement. Its size is replaced by the asset's; its middle is the middle of
-the asset's box; its orientation turns the asset about the vertical. Nothing else is changed.
-
-Chooses the other rooms that the model sees: the K with the most similar floors, as many as fit into the prompt.
-
-As in the source (`load_features`, `get_closest_room`, `form_prompt_for_chatgpt`): floors are compared as pictures of
-64 x 64 pixels by the mean of the squared differences, the nearest comes first, and the first that would exceed the
+Floors are compared as in the source: by the mean of the squared differences, and the first room that would exceed the
 limit ends the list. Pictures have one scale, so that floors are compared by shape and size, each about its own middle.
 Ours: the square is as wide as the longest room that is compared (the source's is 6.2 m for bedrooms, whose pictures end
 there); tokens are counted by the rule by which GPT-2 divides text before it merges letters (Radford et al., 2019), a
 piece of more than `LONG_PIECE` letters as several, because the table of merges itself is not at hand.
-
-Metres as the pixels of a layout, and back.
-
-As in the source (`load_room_boxes` with normalisation): a 256th of the room's shorter side is a pixel, and numbers are
-cut to integers. A room of 4 m has pixels of 16 mm: no height in a layout is finer.
 """
 
 import re
@@ -39,7 +26,7 @@ import shapely
 from numpy.typing import NDArray
 
 from dcap.arrays import Array
-from dcap.evaluation.baselines.asset import CanonicalAsset
+from dcap.evaluation.baselines.floor_plan import CanonicalAsset
 from dcap.language.protocol.questions import CssBox, LayoutLine, LayoutRequest, parsed_layout
 from dcap.language.protocol.requests import IntentRequest, vector
 from dcap.scene.types.floor_plan import FloorPlan, FloorPlans, PlanBox

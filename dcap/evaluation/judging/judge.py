@@ -4,22 +4,14 @@ In: placements with their pictures and metrics, and a client. Out: rows of score
 depends on the placements alone, so that recorded replies give the same tables to the last byte. Pairs are formed
 within a sample only; every question stands for itself, and a batch may hold them all.
 
-The folder `judging/` of a run: scores, comparisons, and their judge.
+In the folder `scores.parquet` has a row for each placement, `comparisons.parquet` one for each axis of each comparison,
+`judge.json` the judge and how far it can be trusted. The same judgement gives the same bytes, except for its cost.
 
-`scores.parquet` has a row for each placement, `comparisons.parquet` one for each axis of each comparison, `judge.json`
-the judge and how far it can be trusted. The same judgement gives the same bytes, except for its cost.
-
-Pictures for a judge, read from a run's folder on demand.
-
-In: `clean.png` (the scene before), `asset.png` (the object alone) and the views of a placement, PNG. Out: names and
-makers of pictures for a question.
-
-Decides which placements are judged, and how the others count: the same rule for every method and judge.
-
-A sample that should be infeasible is left out: there is nothing to place well. Of the others a placement is judged if
-it has a final state, by whichever method; a method that finds no place, or fails, gets the lowest score on both axes
-without a question, so that refusing hard samples does not pay. If no intended outcome is stated, a method that finds no
-place may be right: the sample is left out for it. Comparisons need a final state of both.
+One rule for every method and judge decides what is judged, and how the rest counts. A sample that should be infeasible
+is left out: there is nothing to place well. Of the others a placement is judged if it has a final state, by whichever
+method; a method that finds no place, or fails, gets the lowest score on both axes without a question, so that refusing
+hard samples does not pay. If no intended outcome is stated, a method that finds no place may be right: the sample is
+left out for it. Comparisons need a final state of both.
 """
 
 import json
@@ -234,21 +226,28 @@ class JudgeRecord:
     """Fingerprints of the judged final states, by method and sample: `dcap rerun` may change them afterwards."""
 
 
-def write_judging(
-    run: Path,
-    record: JudgeRecord,
-    scores: Sequence[JudgedScore],
-    comparisons: Sequence[Comparison],
-    spending: Spending | None,
-) -> Path:
+@dataclass(frozen=True, eq=False, slots=True)
+class Judgement:
+    """Scores and comparisons of a run by one judge."""
+
+    record: JudgeRecord
+    scores: tuple[JudgedScore, ...]
+    """By sample and method."""
+    comparisons: tuple[Comparison, ...]
+    spending: Spending | None
+    """Tokens and cost of the questions of all judges of the run; None if no model was asked."""
+
+
+def write_judging(run: Path, judged: Judgement) -> Path:
     """Write a judgement into a run; returns its folder."""
-    folder = run / JUDGING
+    folder, comparisons = run / JUDGING, judged.comparisons
     folder.mkdir(exist_ok=True)
     with whole_file(folder / SCORES) as draft:
-        pq.write_table(pa.Table.from_pylist([asdict(one) for one in scores], schema=SCORE_COLUMNS), draft)
+        pq.write_table(pa.Table.from_pylist([asdict(one) for one in judged.scores], schema=SCORE_COLUMNS), draft)
     write_comparisons(folder / COMPARISONS, comparisons)
     sides = {axis.value: side_tree(side_report(on_axis(comparisons, axis))) for axis in JudgedAxis}
-    tree = {**asdict(record), "sides": sides, "language": object_to_json(spending) if spending else None}
+    tree = {**asdict(judged.record), "sides": sides}
+    tree["language"] = object_to_json(judged.spending) if judged.spending else None
     text = json.dumps(tree, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
     write_whole(folder / JUDGE, text.encode())
     return folder

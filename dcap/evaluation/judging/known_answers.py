@@ -6,12 +6,7 @@ obvious 5 cm and by the 5, 2 and 1 mm that are typical of proposals; better than
 way; and better placed than one elsewhere. In each pair one placement is better on the stated axis; nothing is claimed
 about other axes.
 
-In: the name of a room with a bed. Out: placements with metrics measured on their meshes (known_room.py).
-
-Measures how often a judge is right about pairs with a known answer.
-
-In: a client and pairs (known_answers.py). Out: number of right answers, over both orders of every pair, by the flaw
-of the worse one. A tie is not right, however small the difference is.
+Every pair is asked in both orders. A tie is not right, however small the difference is.
 """
 
 from collections.abc import Iterator, Sequence

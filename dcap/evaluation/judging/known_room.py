@@ -7,9 +7,8 @@ shape and depth of [J85]. Metrics that would need a simulation are null.
 [J85] Johnson, Contact Mechanics, 1985, ch. 3.4 and 4.2.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 
 import numpy as np
 import trimesh
@@ -147,12 +146,8 @@ class RoomWithBall:
                 return {BED: self.below(middle)[0], FLOOR: point}
         raise InputError(f"room {self.name} has no free floor next to its bed; known answers need some")
 
-    @cached_property
-    def center(self) -> Callable[[BallPlace], Array]:
-        """`let_down`, kept for each place."""
-        return cache(self.let_down)
-
-    def let_down(self, place: BallPlace) -> Array:
+    @lru_cache(maxsize=KEPT_PICTURES)  # noqa: B019 few rooms are ever made
+    def center(self, place: BallPlace) -> Array:
         """Middle of the ball [m], shape (3,): lowered onto the undeformed room, then moved by its height."""
         xy = self.asked[place.on][:2].copy()
         xy[int(np.argmax(np.ptp(self.bed_mesh.bounds[:, :2], axis=0)))] += place.aside
@@ -161,13 +156,10 @@ class RoomWithBall:
         beneath = OwnedMesh(self.room.record.mesh, self.owner).over(thing).mesh
         return raised(over, place.height - float(columns(thing, Raycaster(beneath)).gap.min()))
 
-    @cached_property
-    def scene(self) -> Callable[[BallPlace], OwnedMesh]:
-        """`built` with a cache of the last scenes: a placement is measured and rendered from many sides."""
-        return lru_cache(maxsize=KEPT_SCENES)(self.built)
-
-    def built(self, place: BallPlace) -> OwnedMesh:
-        """The room of a placement; the bed is dented only if the place says so."""
+    @lru_cache(maxsize=KEPT_SCENES)  # noqa: B019
+    def scene(self, place: BallPlace) -> OwnedMesh:
+        """The room of a placement, which is measured and rendered from many sides; the bed is dented only if the place
+        says so."""
         owner = self.owner
         if not place.dented:
             return OwnedMesh(self.room.record.mesh, owner)
@@ -210,22 +202,14 @@ class RoomWithBall:
     def before(self, asked: str, places: tuple[BallPlace, ...]) -> tuple[Picture, ...]:
         """The clean room, by the camera of the compared places, and the ball alone."""
         clean, alone = BEFORE
-        return Picture(clean, lambda: self.seen(None, asked, places, PLACED[0])), Picture(alone, asset)
+        return Picture(clean, partial(self.seen, None, asked, places, PLACED[0])), Picture(alone, asset)
 
     def views(self, place: BallPlace, asked: str, places: tuple[BallPlace, ...]) -> tuple[Picture, ...]:
         """The pictures of one of the compared places."""
-        return tuple(
-            Picture(view, lambda view=view: self.seen(place, asked, places, view))  # type: ignore[misc]
-            for view in PLACED
-        )
+        return tuple(Picture(view, partial(self.seen, place, asked, places, view)) for view in PLACED)
 
-    @cached_property
-    def seen(self) -> Callable[[BallPlace | None, str, tuple[BallPlace, ...], str], NDArray[np.uint8]]:
-        """`drawn` with a cache of the last pictures: the next question shows the same ones on other sides, and the
-        better placement of a pair is part of many."""
-        return lru_cache(maxsize=KEPT_PICTURES)(self.drawn)
-
-    def drawn(self, place: BallPlace | None, asked: str, places: tuple[BallPlace, ...], view: str) -> NDArray[np.uint8]:
+    @lru_cache(maxsize=KEPT_PICTURES)  # noqa: B019 the next questions show the same pictures on other sides
+    def seen(self, place: BallPlace | None, asked: str, places: tuple[BallPlace, ...], view: str) -> NDArray[np.uint8]:
         """A view of the room with the ball, without one for None."""
         around = self.scene(place or BallPlace(BED))
         camera = camera_of(self.viewpoint(place, asked, places, view))
@@ -241,12 +225,8 @@ class RoomWithBall:
             return cameras.overview
         return cameras.closeup(self.sights(place, asked))
 
-    @cached_property
-    def sights(self) -> Callable[[BallPlace, str], Sights]:
-        """`look`, kept for each place."""
-        return cache(self.look)
-
-    def look(self, place: BallPlace, asked: str) -> Sights:
+    @lru_cache(maxsize=KEPT_PICTURES)  # noqa: B019
+    def sights(self, place: BallPlace, asked: str) -> Sights:
         """Visibility of the ball at a place; the support is the bed, or all of the room's floor."""
         around, room = self.scene(place), self.room.record.mesh.bounds
         low, high = self.bed_mesh.bounds if asked == BED else (room[0], np.array([*room[1, :2], room[0, 2]]))

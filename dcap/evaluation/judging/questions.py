@@ -13,7 +13,7 @@ placements. The room is not used for validating judges, and no validation placem
 import math
 from dataclasses import dataclass, field
 from enum import StrEnum
-from functools import cache
+from functools import cache, partial
 from typing import Annotated, TypeVar
 
 import numpy as np
@@ -222,7 +222,7 @@ def example_pictures() -> tuple[Picture, ...]:
     for number, one in enumerate(EXAMPLES, 1):
         for view in PLACED:
             said = f"example {number}, {CAPTIONS[view]}" + (f"; {one.caption}" if view == PLACED[0] else "")
-            found.append(Picture(said, lambda one=one, view=view: drawn(one, view)))  # type: ignore[misc]
+            found.append(Picture(said, partial(drawn, one, view)))
     return tuple(found)
 
 

@@ -10,8 +10,6 @@ itself. The independent referee (`dcap/evaluation/referee`) measures rest.
 
 A metric that is null (no requested direction, no referee available) does not count; a score without any metric is null.
 docs/metrics.md gives reasons for the anchors.
-
-The metrics of a row of results for the rubric.
 """
 
 import math

@@ -3,19 +3,16 @@
 Units are SI, the frame is the world's (z up). The scene's surfaces may be open, as scans are: only the object has to
 have an inside.
 
-Measures the object over its support along vertical lines: the surface beneath, its distance, and the overlap.
+The object is measured over its support along vertical lines. A line starts at the object's highest point on it: the
+desk over a chair's seat does not carry the chair. Only if that point is inside a solid does it start at the top of the
+whole object, so that it finds the surface of the solid that the object intersects. A surface that a line meets from
+behind in the upper half of the object is above the object, such as a board that its top touches. Nothing here knows a
+method's intention: only the meshes.
 
-A line starts at the object's highest point on it: the desk over a chair's seat does not carry the chair. Only if that
-point is inside a solid does it start at the top of the whole object, so that it finds the surface of the solid that the
-object intersects. A surface that a line meets from behind in the upper half of the object is above the object, such as
-a board that its top touches. Nothing here knows a method's intention: only the meshes.
-
-Depth of an object in its support: the least way out, up or sideways.
-
-Along each vertical line on which the object is sunk, the part below the surface has to be lifted out. If the object
-continues next to the line, half as deep and in the open, it may come out sideways instead: a cupboard's edge that is
-two centimetres inside a ball's side has a depth of two centimetres, though the ball reaches far below the cupboard's
-top.
+The depth in the support is the least way out, up or sideways. Along each vertical line on which the object is sunk, the
+part below the surface has to be lifted out. If the object continues next to the line, half as deep and in the open, it
+may come out sideways instead: a cupboard's edge that is two centimetres inside a ball's side has a depth of two
+centimetres, though the ball reaches far below the cupboard's top.
 """
 
 from dataclasses import dataclass

@@ -18,20 +18,23 @@ from pathlib import Path
 from dcap.evaluation.judging.judge import Standing, standing_of
 from dcap.evaluation.outcome_table import SampleOutcome
 from dcap.evaluation.run_page.tables import NOTHING, ShownTable
-from dcap.evaluation.table_files import TABLES, csv_of, number, table_links, tex_escaped, write_table
+from dcap.evaluation.table_files import TABLES, csv_of, number, table_links, tex_escaped, tex_of, write_table
 
 TABLE = "placeit3d"
-HEADINGS = ("Global", "Complete", "Language", "Physical", "Spatial", "Rotational", "n", "not placed")
-SHARES = (
-    "all_constraints", "all_constraints_given", "complete", "complete_given", "language", "physical",
-    "physical_given", "spatial", "rotational",
-)  # fmt: skip
-"""Columns of the CSV."""
+COLUMNS = {
+    "Global": ("all_constraints", "all_constraints_given"), "Complete": ("complete", "complete_given"),
+    "Language": ("language",), "Physical": ("physical", "physical_given"), "Spatial": ("spatial",),
+    "Rotational": ("rotational",),
+}  # fmt: skip
+"""Shares in each column of the page: two are against the scene as it was left, and as it was given."""
+HEADINGS = (*COLUMNS, "n", "not placed")
 NOTE = (
     "Percent of constraints (global, spatial, rotational, physical) or of samples (complete, language), by PlaceIt3D's "
     "rules on this run's boxes; where there are two, against the scene as it was left / as it was given. A sample that "
     "should have been placed and was not meets nothing. These are no results of its benchmark."
 )
+Shares = Mapping[str, float | None]
+"""Results of a method by column of the CSV: counts, and shares [-], None if there is nothing to count."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,31 +62,6 @@ class SampleConstraints:
         """Whether all but the physical constraint hold."""
         return self.placed and self.spatial_met == self.spatial and self.rotational_met >= self.rotational
 
-    @property
-    def asked(self) -> int:
-        """Number of constraints."""
-        return 1 + self.spatial + self.rotational
-
-
-@dataclass(frozen=True, slots=True)
-class ConstraintShares:
-    """Results of a method; shares [-] are None if there is nothing to count."""
-
-    samples: int
-    not_placed: int
-    """Number of these that should have been placed and were not."""
-    constraints: int
-    """Number of constraints requested by these samples."""
-    all_constraints: float | None
-    all_constraints_given: float | None
-    complete: float | None
-    complete_given: float | None
-    language: float | None
-    physical: float | None
-    physical_given: float | None
-    spatial: float | None
-    rotational: float | None
-
 
 def placeit3d_table(
     run: Path, rows: Mapping[str, Sequence[SampleOutcome]], names: Mapping[str, str]
@@ -96,19 +74,21 @@ def placeit3d_table(
         names: shown names of the methods.
     """
     found = shares_by_method(rows)
-    if not any(one.samples > one.not_placed for one in found.values()):
+    if not any((one["samples"] or 0) > (one["not_placed"] or 0) for one in found.values()):
         return None
-    write_table(run / TABLES, TABLE, csv_text(found, names), tex_text(found, names))
-    return ShownTable(
-        "PlaceIt3D's rules by method",
-        ("", *HEADINGS),
-        tuple((names[method], *cells(one)) for method, one in found.items()),
-        table_links(TABLE),
-        NOTE,
-    )
+    shown = [(names[method], *cells(one)) for method, one in found.items()]
+    text = csv_of([
+        {"method": method, "name": names[method],
+         **{name: value if isinstance(value, int) else number(value) for name, value in one.items()}}
+        for method, one in found.items()
+    ])  # fmt: skip
+    tex = [[tex_escaped(cell) for cell in row] for row in shown]
+    columns = f"l{'c' * len(HEADINGS)}"
+    write_table(run / TABLES, TABLE, text, tex_of(("Method", *HEADINGS), tex, columns, [NOTE]))
+    return ShownTable("PlaceIt3D's rules by method", ("", *HEADINGS), tuple(shown), table_links(TABLE), NOTE)
 
 
-def shares_by_method(rows: Mapping[str, Sequence[SampleOutcome]]) -> dict[str, ConstraintShares]:
+def shares_by_method(rows: Mapping[str, Sequence[SampleOutcome]]) -> dict[str, Shares]:
     """The measures of each method."""
     asked = requested_counts([row for own in rows.values() for row in own])
     found = {}
@@ -144,26 +124,27 @@ def constraints_of(row: SampleOutcome, asked: tuple[int, bool]) -> SampleConstra
     return SampleConstraints(spatial, held, turned is not None, bool(turned), left, given, placed=True)
 
 
-def shares_of(samples: Sequence[SampleConstraints]) -> ConstraintShares:
+def shares_of(samples: Sequence[SampleConstraints]) -> Shares:
     """The measures over samples."""
-    asked = sum(one.asked for one in samples)
-    worded_met = sum(one.spatial_met + one.rotational_met for one in samples)
+    count = len(samples)
+    spatial, rotational = sum(one.spatial for one in samples), sum(one.rotational for one in samples)
+    spatial_met, turned = sum(one.spatial_met for one in samples), sum(one.rotational_met for one in samples)
     left, given = sum(one.physical for one in samples), sum(one.physical_given for one in samples)
-    worded = [one for one in samples if one.worded]
-    return ConstraintShares(
-        samples=len(samples),
-        not_placed=sum(not one.placed for one in samples),
-        constraints=asked,
-        all_constraints=share(worded_met + left, asked),
-        all_constraints_given=share(worded_met + given, asked),
-        complete=share(sum(one.language and one.physical for one in samples), len(samples)),
-        complete_given=share(sum(one.language and one.physical_given for one in samples), len(samples)),
-        language=share(sum(one.language for one in worded), len(worded)),
-        physical=share(left, len(samples)),
-        physical_given=share(given, len(samples)),
-        spatial=share(sum(one.spatial_met for one in samples), sum(one.spatial for one in samples)),
-        rotational=share(sum(one.rotational_met for one in samples), sum(one.rotational for one in samples)),
-    )
+    asked, worded = count + spatial + rotational, [one for one in samples if one.worded]
+    return {
+        "samples": count,
+        "not_placed": sum(not one.placed for one in samples),
+        "constraints": asked,
+        "all_constraints": share(spatial_met + turned + left, asked),
+        "all_constraints_given": share(spatial_met + turned + given, asked),
+        "complete": share(sum(one.language and one.physical for one in samples), count),
+        "complete_given": share(sum(one.language and one.physical_given for one in samples), count),
+        "language": share(sum(one.language for one in worded), len(worded)),
+        "physical": share(left, count),
+        "physical_given": share(given, count),
+        "spatial": share(spatial_met, spatial),
+        "rotational": share(turned, rotational),
+    }
 
 
 def share(count: int, of: int) -> float | None:
@@ -171,43 +152,11 @@ def share(count: int, of: int) -> float | None:
     return count / of if of else None
 
 
-def cells(one: ConstraintShares) -> tuple[str, ...]:
-    """A method's row after its name."""
-    return (
-        both(one.all_constraints, one.all_constraints_given),
-        both(one.complete, one.complete_given),
-        percent(one.language),
-        both(one.physical, one.physical_given),
-        percent(one.spatial),
-        percent(one.rotational),
-        str(one.samples),
-        str(one.not_placed),
-    )
-
-
-def both(left: float | None, given: float | None) -> str:
-    """Shares for the final scene and for the given one."""
-    return NOTHING if left is None else f"{percent(left)} / {percent(given)}"
-
-
-def percent(value: float | None) -> str:
-    """A share in percent."""
-    return NOTHING if value is None else number(100.0 * value, 1)
-
-
-def csv_text(found: Mapping[str, ConstraintShares], names: Mapping[str, str]) -> str:
-    """A row per method; shares from 0 to 1, empty if there is nothing to count."""
-    return csv_of([
-        {"method": method, "name": names[method], "samples": one.samples, "not_placed": one.not_placed,
-         "constraints": one.constraints, **{name: number(getattr(one, name)) for name in SHARES}}
-        for method, one in found.items()
-    ])  # fmt: skip
-
-
-def tex_text(found: Mapping[str, ConstraintShares], names: Mapping[str, str]) -> str:
-    """The table of the page."""
-    head = " & ".join(("Method", *HEADINGS))
-    lines = [f"% {NOTE}", f"\\begin{{tabular}}{{l{'c' * len(HEADINGS)}}}", "\\hline", f"{head} \\\\", "\\hline"]
-    for method, one in found.items():
-        lines.append(f"{' & '.join(tex_escaped(text) for text in (names[method], *cells(one)))} \\\\")
-    return "\n".join([*lines, "\\hline", "\\end{tabular}"]) + "\n"
+def cells(one: Shares) -> tuple[str, ...]:
+    """A method's row after its name; shares in percent."""
+    shown = []
+    for columns in COLUMNS.values():
+        values = [one[name] for name in columns]
+        known = [number(100.0 * value, 1) for value in values if value is not None]
+        shown.append(" / ".join(known) or NOTHING)
+    return (*shown, str(one["samples"]), str(one["not_placed"]))

@@ -1,25 +1,18 @@
 """Sections of the page of a run: failures with their causes, costs, deformable supports, and provenance.
 
-Failures of a run with their causes, and samples on which another method than DCAP is better.
-
-In: rows. Out: failures with their causes, worst kind first; for each axis the samples on which a baseline is ahead.
-
-Provenance of a run: versions, seeds, configuration, and the digest of every file that it made.
-
-In: run.json and the folders of the placements. Out: `artifacts.sha256`, which `sha256sum -c` checks, and texts.
+In: rows, run.json and the folders of the placements. Out: failures, worst kind first; times by method; figure 3;
+versions, seeds and configuration, and `artifacts.sha256` with the digest of every file, which `sha256sum -c` checks.
 """
 
 import hashlib
 import json
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import prod
 from pathlib import Path
 from statistics import mean, median
 
 from dcap.evaluation.judging.rubric import row_metrics, worst_metric
-from dcap.evaluation.methods import BASELINES, DCAP
 from dcap.evaluation.outcome_table import SampleOutcome
 from dcap.evaluation.run_folder import placement_folder
 from dcap.evaluation.run_page.placement_files import shortened
@@ -32,8 +25,6 @@ from dcap.scene.written_files import JsonObject, canonical_json, digest_of_file
 
 LOW_SCORE = 5.0
 """Score below which it is low: the middle of the scale, where a metric is between visible and clearly wrong [-]."""
-SURE = 1e-9
-"""Difference below which scores are equal."""
 AXES = {JudgedAxis.RIGHT_PLACE: "Right Place", JudgedAxis.PHYSICS_NATURALNESS: "P&N"}
 FAILED, INFEASIBLE, UNEXPECTED, LOW = "failed", "infeasible", "not as intended", "low score"
 KINDS = (FAILED, INFEASIBLE, UNEXPECTED, LOW)
@@ -51,18 +42,6 @@ class ShownFailure:
     kinds: tuple[str, ...]
     """Of KINDS."""
     causes: tuple[str, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class BaselineAhead:
-    """A sample on which a baseline is better on some axis."""
-
-    row: SampleOutcome
-    """The baseline's."""
-    ours: SampleOutcome
-    axes: tuple[str, ...]
-    margin: float
-    """Difference of the composites; a placement without one counts as 0 [-]."""
 
 
 def failures_of(rows: Sequence[SampleOutcome]) -> list[ShownFailure]:
@@ -83,7 +62,8 @@ def failure_of(row: SampleOutcome) -> ShownFailure | None:
     for axis, words in AXES.items():
         score = getattr(row, axis.value)
         if score is not None and score < LOW_SCORE:
-            found.append((LOW, f"{words} {score:.1f}{worst_metric_words(row, axis)}"))
+            worst = worst_metric(row_metrics(row), axis)
+            found.append((LOW, f"{words} {score:.1f}" + (f", worst metric {worst}" if worst else "")))
     kinds = tuple(dict.fromkeys(kind for kind, _ in found))
     return ShownFailure(row, kinds, tuple(words for _, words in found)) if found else None
 
@@ -98,56 +78,19 @@ def outcome_words(row: SampleOutcome) -> str:
     return f"{row.verdict.replace('_', ' ')} on {where}{missed}{turned}"
 
 
-def worst_metric_words(row: SampleOutcome, axis: JudgedAxis) -> str:
-    """The worst metric of an axis, if known."""
-    worst = worst_metric(row_metrics(row), axis)
-    return f", worst metric {worst}" if worst else ""
-
-
 def lowest(row: SampleOutcome) -> float:
     """The lower of the two scores."""
     return min((one for one in (row.right_place, row.physics_naturalness) if one is not None), default=0.0)
 
 
-def composite(row: SampleOutcome) -> float:
-    """Geometric mean of the known scores; 0 without any."""
-    known = [one for one in (row.right_place, row.physics_naturalness) if one is not None]
-    return prod(known) ** (1.0 / len(known)) if known else 0.0
-
-
-def baselines_ahead(rows: Sequence[SampleOutcome]) -> list[BaselineAhead]:
-    """Samples on which a baseline has a higher score than DCAP on some axis, the clearest first."""
-    ours = {row.sample: row for row in rows if row.method == DCAP}
-    found = []
-    for row in rows:
-        if row.method not in BASELINES or row.sample not in ours:
-            continue
-        own = ours[row.sample]
-        axes = tuple(words for axis, words in AXES.items() if ahead(row, own, axis))
-        if axes:
-            found.append(BaselineAhead(row, own, axes, composite(row) - composite(own)))
-    return sorted(found, key=lambda one: -one.margin)
-
-
-def ahead(row: SampleOutcome, other: SampleOutcome, axis: JudgedAxis) -> bool:
-    """Whether a score is higher than another one, or the only one."""
-    mine, theirs = getattr(row, axis.value), getattr(other, axis.value)
-    return mine is not None and (theirs is None or mine > theirs + SURE)
-
-
 def score_cells(row: SampleOutcome) -> Mapping[str, str]:
     """Scores and their deciding metrics in raw units, as text."""
-    numbers: dict[str, tuple[float | None, str]] = {
-        "RP": (row.right_place, "{:.1f}"), "P&N": (row.physics_naturalness, "{:.1f}"),
-        "penetration": (scaled(row.penetration_m), "{:.2g} mm"), "gap": (scaled(row.gap_m), "{:.2g} mm"),
-        "drift by the referee": (scaled(row.referee_drift_m), "{:.2g} mm"),
-    }  # fmt: skip
-    return {name: NOTHING if value is None else form.format(value) for name, (value, form) in numbers.items()}
-
-
-def scaled(metres: float | None) -> float | None:
-    """A length in millimetres."""
-    return None if metres is None else 1e3 * metres
+    scores = {"RP": row.right_place, "P&N": row.physics_naturalness}
+    lengths = {"penetration": row.penetration_m, "gap": row.gap_m, "drift by the referee": row.referee_drift_m}
+    return {
+        **{name: NOTHING if one is None else f"{one:.1f}" for name, one in scores.items()},
+        **{name: NOTHING if one is None else f"{1e3 * one:.2g} mm" for name, one in lengths.items()},
+    }
 
 
 def costs_table(timings: Mapping[str, Sequence[Timings]], names: Mapping[str, str]) -> ShownTable | None:
@@ -157,20 +100,14 @@ def costs_table(timings: Mapping[str, Sequence[Timings]], names: Mapping[str, st
         timings: of each method's placements.
         names: shown names of the methods.
     """
-    seconds: dict[str, dict[str, list[float]]] = {}
-    for method, placements in timings.items():
-        own = defaultdict(list)
-        for one in placements:
-            for stage, value in one.items():
-                own[stage].append(value)
-        seconds[method] = own
-    stages = list(dict.fromkeys(stage for own in seconds.values() for stage in own))
+    stages = list(dict.fromkeys(stage for own in timings.values() for one in own for stage in one))
     if not stages:
         return None
-    totals = {method: [sum(one.values()) for one in own] for method, own in timings.items()}
-    rows = [(stage, *(spent(seconds[method].get(stage, [])) for method in timings)) for stage in stages]
-    rows.append(("a placement", *(spent(totals[method]) for method in timings)))
-    rows.append(("all placements", *(f"{sum(totals[method]):.1f}" for method in timings)))
+    totals = [[sum(one.values()) for one in own] for own in timings.values()]
+    rows = [(stage, *(spent([one[stage] for one in own if stage in one]) for own in timings.values()))
+            for stage in stages]  # fmt: skip
+    rows.append(("a placement", *map(spent, totals)))
+    rows.append(("all placements", *(f"{sum(own):.1f}" for own in totals)))
     return ShownTable(
         "Times", ("stage [s]", *(names[method] for method in timings)), tuple(rows), (),
         "Median (mean) seconds of n placements. A stage that several methods share counts in each, "
@@ -186,8 +123,7 @@ def spent(values: Sequence[float]) -> str:
 def timings_of(tree: Mapping[str, object]) -> Timings:
     """The stage times in a placement.json."""
     found = tree.get("timings")
-    pairs = found.items() if isinstance(found, Mapping) else ()
-    return {str(name): float(value) for name, value in pairs if isinstance(value, int | float)}
+    return dict(found) if isinstance(found, Mapping) else {}
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,23 +1,18 @@
 """Tables of the page of a run: metrics by method, and the run's CSV tables in words.
 
-In: rows of a run. Out: headings and cells as text; `tables/metrics.csv`, `tables/metrics.tex` (SI in the CSV, readable
-units elsewhere).
-
-Formats a run's CSV tables for people on its page.
-
-In: `tables/NAME.csv`, with columns for a value, its spread, its interval and its significance. Out: one cell for each
-group, rounded for reading; columns that are equal in every row become one sentence below.
+In: rows of a run, and `tables/NAME.csv` with columns for a value, its spread, its interval and its significance. Out:
+headings and cells as text: one cell for each such group, rounded for reading, and one sentence for columns that are
+equal in every row; `tables/metrics.csv` (SI) and `tables/metrics.tex` (readable units).
 """
 
 import csv
-import io
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import mean, median
 
 from dcap.evaluation.outcome_table import AS_POSED, AT_REST, SampleOutcome
-from dcap.evaluation.table_files import ENDS, TABLES, table_links, tex_escaped, write_table
+from dcap.evaluation.table_files import ENDS, TABLES, csv_of, table_links, tex_escaped, tex_of, write_table
 
 METRICS = "metrics"
 NOTHING = "–"
@@ -112,18 +107,20 @@ def metrics_table(
     if all(one.column == "visible_fraction" for one in there):
         return None
     counts = {method: len(resting(own)) for method, own in rows.items()}
-    write_table(run / TABLES, METRICS, metrics_csv(there, found, names), metrics_tex(there, found, names, counts))
-    placed_rows = ("placed", *(placed(own) for own in rows.values()))
-    cells = [
+    placed_rows = ("placed", *(f"{counts[method]} of {len(own)}" for method, own in rows.items()))
+    cells = tuple(
         (f"{one.words} [{one.unit}]" if one.unit else one.words,
          *(cell(one, found[method][one.column], counts[method]) for method in rows))
         for one in there
-    ]  # fmt: skip
+    )  # fmt: skip
+    shown = [names[method] for method in rows]
+    note = "Median (mean) over the placements; for yes or no the share of yes; n if a metric is known for fewer."
+    tex = [[tex_escaped(text) for text in row] for row in (("Metric", *shown), *cells)]
+    write_table(run / TABLES, METRICS, metrics_csv(there, found, names),
+                tex_of(tex[0], tex[1:], f"l{'c' * len(found)}", [note]))  # fmt: skip
     return ShownTable(
-        "Metrics", ("", *(names[method] for method in rows)), (placed_rows, *cells),
-        table_links(METRICS),
-        "Median (mean) over the placements; for yes or no the share of yes; n if a metric is known for fewer. "
-        "Metrics marked (ours) come from DCAP's own solver or contact model and are in no score. "
+        "Metrics", ("", *shown), (placed_rows, *cells), table_links(METRICS),
+        f"{note} Metrics marked (ours) come from DCAP's own solver or contact model and are in no score. "
         f"{without_referee(rows)}Definitions: docs/metrics.md.",
     )  # fmt: skip
 
@@ -139,11 +136,6 @@ def without_referee(rows: Mapping[str, Sequence[SampleOutcome]]) -> str:
 def resting(rows: Sequence[SampleOutcome]) -> list[SampleOutcome]:
     """The rows that are placements."""
     return [row for row in rows if row.verdict in RESTING and not row.error]
-
-
-def placed(rows: Sequence[SampleOutcome]) -> str:
-    """Number of a method's samples with a placement."""
-    return f"{len(resting(rows))} of {len(rows)}"
 
 
 def cell(metric: ShownMetric, values: Sequence[float], of: int) -> str:
@@ -164,34 +156,14 @@ def metrics_csv(
     metrics: Sequence[ShownMetric], found: Mapping[str, Mapping[str, list[float]]], names: Mapping[str, str]
 ) -> str:
     """A row per method and metric, in SI."""
-    text = io.StringIO()
-    out = csv.writer(text, lineterminator="\n")
-    out.writerow(["method", "name", "metric", "n", "median", "mean", "least", "largest"])
-    for method, own in found.items():
-        for one in metrics:
-            values = own[one.column]
-            numbers = [median(values), mean(values), min(values), max(values)] if values else []
-            out.writerow([method, names[method], one.column, len(values), *(f"{x:.6g}" for x in numbers)]
-                         + [""] * (4 - len(numbers)))  # fmt: skip
-    return text.getvalue()
-
-
-def metrics_tex(
-    metrics: Sequence[ShownMetric],
-    found: Mapping[str, Mapping[str, list[float]]],
-    names: Mapping[str, str],
-    counts: Mapping[str, int],
-) -> str:
-    """A row per metric, a column per method: median (mean), or a share; n if a metric is known for fewer than the
-    placements of the method."""
-    lines = ["% Median (mean) over placements; for yes or no the share of yes; n if it is known for fewer.",
-             f"\\begin{{tabular}}{{l{'c' * len(found)}}}", "\\hline",
-             f"{' & '.join(['Metric', *(tex_escaped(names[one]) for one in found)])} \\\\", "\\hline"]  # fmt: skip
-    for one in metrics:
-        cells = [tex_escaped(cell(one, own[one.column], counts[method])) for method, own in found.items()]
-        label = tex_escaped(f"{one.words} [{one.unit}]" if one.unit else one.words)
-        lines.append(f"{' & '.join([label, *cells])} \\\\")
-    return "\n".join([*lines, "\\hline", "\\end{tabular}"]) + "\n"
+    statistics: Mapping[str, Callable[[list[float]], float]] = {
+        "median": median, "mean": mean, "least": min, "largest": max,
+    }  # fmt: skip
+    return csv_of([
+        {"method": method, "name": names[method], "metric": one.column, "n": len(own[one.column]),
+         **{name: f"{f(own[one.column]):.6g}" if own[one.column] else "" for name, f in statistics.items()}}
+        for method, own in found.items() for one in metrics
+    ])  # fmt: skip
 
 
 def table_from_csv(run: Path, name: str, title: str) -> ShownTable | None:
@@ -204,7 +176,8 @@ def table_from_csv(run: Path, name: str, title: str) -> ShownTable | None:
     if len(rows) < 2 or any(len(row) != len(rows[0]) for row in rows):
         return None
     head, shown = joined(rows[0], rows[1:], readable_cell)
-    same = same_columns(joined(rows[0], rows[1:], str)[1])
+    exact = joined(rows[0], rows[1:], str)[1]
+    same = [at for at in range(1, len(exact[0])) if len(exact) > 1 and len({row[at] for row in exact}) == 1]
     head, shown, same_words = constant_columns(head, shown, same)
     cut = f"{len(shown)} rows, the first {MOST_ROWS} shown" if len(shown) > MOST_ROWS else ""
     files = tuple(f"{TABLES}/{name}{end}" for end in ENDS if (run / TABLES / f"{name}{end}").is_file())
@@ -257,11 +230,6 @@ def readable_cell(text: str) -> str:
     if 0.0 < abs(value) < LEAST_FIXED:
         return f"{value:.2g}"
     return f"{value:.0f}" if abs(value) >= LEAST_WHOLE else f"{value:.2f}"
-
-
-def same_columns(rows: Sequence[Sequence[str]]) -> list[int]:
-    """The columns after the first in which no two rows differ."""
-    return [at for at in range(1, len(rows[0])) if len(rows) > 1 and len({row[at] for row in rows}) == 1]
 
 
 def constant_columns(

@@ -235,16 +235,11 @@ def poses_of(asset: PlacedAsset, surface: CarryingSurface) -> Iterator[str]:
         return
     if asset.stands and not surface.soft:
         yield "upright"
-    if asset.stands and fits_lying(asset, surface):
+    if asset.stands and max(asset.size) <= FITS * surface.sides[1]:
         yield "on_side"
     low = asset.size[2] < TALL * max(asset.size[:2])
     if low and faced_by_opening() & set(lineage(asset.thing)) and not surface.soft:
         yield "upside_down"
-
-
-def fits_lying(asset: PlacedAsset, surface: CarryingSurface) -> bool:
-    """Whether a standing thing has room where it lies."""
-    return max(asset.size) <= FITS * surface.sides[1]
 
 
 # requests that should be refused -----------------------------------------------------------------------------------
@@ -260,13 +255,9 @@ def refused_asks(
             if not in_line(asset.thing, name) and not asset.is_kind("furniture"):
                 yield PlacementAsk(asset, None, "absent", absent=name)
         for surface in surfaces:
-            if is_too_large(asset, surface) and not in_line(asset.thing, surface.thing):
+            too_large = min(asset.size) >= TOO_LARGE * surface.sides[0]  # at any angle about the vertical
+            if too_large and not in_line(asset.thing, surface.thing):
                 yield PlacementAsk(asset, surface, "too large")
-
-
-def is_too_large(asset: PlacedAsset, surface: CarryingSurface) -> bool:
-    """Whether it clearly has no room at any angle about the vertical."""
-    return min(asset.size) >= TOO_LARGE * surface.sides[0]
 
 
 def absent_things(instances: Sequence[InstanceView]) -> list[str]:

@@ -32,11 +32,6 @@ class ConfidenceInterval:
     low: float
     high: float
 
-    @property
-    def half_width(self) -> float:
-        """Half of its length."""
-        return 0.5 * (self.high - self.low)
-
 
 @dataclass(frozen=True, slots=True)
 class PairedDifference:
@@ -49,8 +44,6 @@ class PairedDifference:
     """Two-sided."""
     samples: int
     """Number of samples on which both have a value."""
-    left_out: int
-    """Number of samples on which one of them has none."""
 
 
 def draws(count: int, resamples: int = RESAMPLES, seed: int = SEED) -> Iterator[NDArray[np.float64]]:
@@ -99,7 +92,7 @@ def paired_difference(
     """Ours over theirs, sample by sample.
 
     Shapes (n,): difference of means. Shapes (n, c): difference of composites, each the geometric mean of its c means.
-    Samples on which a value of either is missing (nan) are left out and counted.
+    Samples on which a value of either is missing (nan) are left out.
     """
     if ours.shape != theirs.shape or ours.ndim not in (1, 2):
         raise InputError(f"paired values have shapes {ours.shape} and {theirs.shape}; both must be (n,) or (n, c)")
@@ -114,7 +107,6 @@ def paired_difference(
         interval=interval_of(resampled),
         p=two_sided_p(resampled, len(known)),
         samples=len(known),
-        left_out=len(both) - len(known),
     )
 
 

@@ -142,6 +142,11 @@ class PairCounts:
         return self.wins + 0.5 * self.ties
 
     @property
+    def won(self) -> NDArray[np.float64]:
+        """How often each method won on each sample, with half of each tie, shape (k, m)."""
+        return np.asarray(self.shared_wins.sum(axis=2))
+
+    @property
     def met(self) -> NDArray[np.float64]:
         """How often each method was compared on each sample, shape (k, m)."""
         return np.asarray(self.shared_wins.sum(axis=2) + self.shared_wins.sum(axis=1))
@@ -150,11 +155,6 @@ class PairCounts:
         """Number of samples on which two methods, by their columns, were both compared."""
         met = self.met > 0
         return int((met[:, first] & met[:, second]).sum())
-
-    @property
-    def doubled_wins(self) -> NDArray[np.float64]:
-        """Wins with every tie counted as a win of both, shape (k, m, m)."""
-        return self.wins + self.ties
 
 
 def pair_counts(comparisons: Sequence[Comparison], methods: Sequence[str] = ()) -> PairCounts:

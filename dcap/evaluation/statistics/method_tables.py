@@ -4,11 +4,10 @@ In: scores by method (rows in the same order of samples) and comparisons. Out: o
 formatting is the report's. A mark is a dagger where a method is better than the best baseline *of that column* with
 p < 0.01; a baseline is every other method that is named as one. Where `ours` is named, a baseline must beat that, too.
 
-Win rates of methods over all their comparisons, with intervals, and whether one is significantly higher.
-
-A tie counts half. The main interval resamples whole samples (cluster bootstrap), which has no width if all samples
-agree, such as when a method won everything: then it is Wilson's score interval [W27] with samples as trials. Wilson's
-interval with each comparison as an independent trial is given as well.
+The composite is the geometric mean of the two axes' *means*: the published table 1 of the method follows from its own
+means that way, to the last digit (8.61 and 8.94 give 8.77). In a win rate a tie counts half. Its interval resamples
+whole samples (cluster bootstrap); this has no width if all samples agree, such as when a method won everything: then
+it is Wilson's score interval [W27] with samples as trials.
 
 Source: [W27] Wilson, Journal of the American Statistical Association 22, 1927, 209-212.
 """
@@ -25,26 +24,82 @@ from dcap.evaluation.statistics.bootstrap import (
     RESAMPLES,
     SEED,
     ConfidenceInterval,
-    PairedDifference,
     draws,
     interval_of,
+    mean_interval,
+    paired_difference,
     two_sided_p,
 )
 from dcap.evaluation.statistics.comparisons import Comparison, JudgedAxis, PairCounts, on_axis, pair_counts
 from dcap.evaluation.statistics.ratings import MethodRating, bradley_terry, elo_ratings, rating_difference_p
-from dcap.evaluation.statistics.score_summary import (
-    DAGGER,
-    SIGNIFICANT,
-    ScoreSummary,
-    Significance,
-    against_best_baseline,
-    composite,
-    summary_of,
-)
 from dcap.scene.errors import InputError
 
+SIGNIFICANT = 0.01
+"""Largest p, excluded, at which a method is marked."""
+DAGGER = "†"
 SAME = 1e-9
 """Difference below which rates of resamples are equal up to rounding [-]."""
+COMPOSITE, ELO = "composite", "elo"
+"""Columns of the table of scores in addition to those of the two axes."""
+
+
+@dataclass(frozen=True, slots=True)
+class BestRivalTest:
+    """A method against the best of its rivals in a column."""
+
+    rival: str
+    difference: float
+    """Value of the method minus the rival's."""
+    p: float
+    """Two-sided, paired bootstrap over samples."""
+
+    @property
+    def mark(self) -> str:
+        """Dagger if the method is better, with p below 0.01; else empty."""
+        return DAGGER if self.difference > 0 and self.p < SIGNIFICANT else ""
+
+
+@dataclass(frozen=True, slots=True)
+class ComparedRow:
+    """One method in a table, with the tests of its columns."""
+
+    method: str
+    tests: Mapping[str, BestRivalTest]
+    """By column; none where there is no rival."""
+
+    def mark(self, column: str) -> str:
+        """Dagger or empty."""
+        return self.tests[column].mark if column in self.tests else ""
+
+    def p(self, column: str) -> float | None:
+        """p of a column; None without a rival."""
+        return self.tests[column].p if column in self.tests else None
+
+
+@dataclass(frozen=True, slots=True)
+class ScoreSummary:
+    """One method's scores on one axis."""
+
+    mean: float
+    spread: float
+    """Sample standard deviation over the samples; 0 for one."""
+    interval: ConfidenceInterval
+    """95 % of the mean, bootstrap over samples."""
+    samples: int
+
+
+@dataclass(frozen=True, slots=True)
+class ScoreRow(ComparedRow):
+    """One method before a judge: a row of the table of scores."""
+
+    scores: Mapping[JudgedAxis, ScoreSummary]
+    """On the axes on which some sample has a score."""
+    composite: float | None
+    """Geometric mean of the two means; None if one is unknown."""
+    samples: int
+    """Number of samples with a score on at least one axis."""
+    elo: MethodRating | None
+    """None without comparisons."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,111 +111,23 @@ class WinRate:
     """0..1, ties count half."""
     interval: ConfidenceInterval
     """95 %, cluster bootstrap over samples; Wilson's with samples as trials if all of them agree."""
-    wilson: ConfidenceInterval
-    """95 %, every comparison an independent trial."""
     comparisons: int
 
 
-def win_rates(counts: PairCounts, resamples: int = RESAMPLES, seed: int = SEED) -> list[WinRate]:
-    """Win rates of all methods that were compared, in the order of `counts`."""
-    won, met = won_and_met(counts)
-    resampled = resampled_rates(won, met, resamples, seed)
-    found = []
-    for k, method in enumerate(counts.methods):
-        trials = float(met[:, k].sum())
-        if trials == 0:
-            continue
-        wins = float(won[:, k].sum())
-        clusters = int((met[:, k] > 0).sum())
-        spread = interval_of(resampled[:, k][~np.isnan(resampled[:, k])])
-        if spread.high - spread.low < SAME:  # all samples agree: resampling does not reflect how many there were
-            spread = wilson_interval(clusters * wins / trials, clusters)
-        found.append(WinRate(method, wins / trials, spread, wilson_interval(wins, trials), round(trials)))
-    return found
-
-
-def win_rate_significance(
-    counts: PairCounts, method: str, baselines: Sequence[str], resamples: int = RESAMPLES, seed: int = SEED
-) -> Significance | None:
-    """The test of a method's win rate against the highest of a baseline, by resampling samples; None without one."""
-    won, met = won_and_met(counts)
-    trials = met.sum(axis=0)
-    rates = {name: float(won[:, k].sum() / trials[k]) for k, name in enumerate(counts.methods) if trials[k]}
-    there = [name for name in baselines if name in rates and name != method]
-    if not there:
-        return None
-    if method not in rates:
-        raise InputError(f"{method} has no comparison: its win rate is unknown")
-    best = max(there, key=lambda name: rates[name])
-    ours, theirs = counts.methods.index(method), counts.methods.index(best)
-    resampled = resampled_rates(won, met, resamples, seed)
-    gaps = resampled[:, ours] - resampled[:, theirs]
-    gaps = gaps[~np.isnan(gaps)]
-    both = counts.samples_of_both(ours, theirs)
-    test = PairedDifference(
-        rates[method] - rates[best], interval_of(gaps), two_sided_p(gaps, both), both, len(counts.samples) - both
-    )
-    return Significance(best, test)
-
-
-def won_and_met(counts: PairCounts) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Wins (with half of the ties) and comparisons by sample and method, shapes (k, m)."""
-    return counts.shared_wins.sum(axis=2), counts.met
-
-
-def resampled_rates(
-    won: NDArray[np.float64], met: NDArray[np.float64], resamples: int, seed: int
-) -> NDArray[np.float64]:
-    """Win rates over each resample, shape (resamples, m); nan where a method was not drawn at all."""
-    found = []
-    for weights in draws(len(won), resamples, seed):
-        trials = weights @ met
-        found.append(np.divide(weights @ won, trials, out=np.full_like(trials, np.nan), where=trials > 0))
-    return np.concatenate(found)
-
-
-def wilson_interval(wins: float, trials: float, level: float = LEVEL) -> ConfidenceInterval:
-    """Score interval of a share: the rates p for which |wins/n - p| <= z sqrt(p (1 - p) / n) [W27]."""
-    z2 = float(ndtri(0.5 * (1.0 + level))) ** 2
-    center = (wins + 0.5 * z2) / (trials + z2)
-    half = np.sqrt(z2 * (wins * (trials - wins) / trials + 0.25 * z2)) / (trials + z2)
-    return ConfidenceInterval(float(max(0.0, center - half)), float(min(1.0, center + half)))
-
-
 @dataclass(frozen=True, slots=True)
-class ScoreRow:
-    """One method before a judge: a row of the table of scores."""
-
-    method: str
-    right_place: ScoreSummary | None
-    """None if no sample has a score."""
-    physics_naturalness: ScoreSummary | None
-    """None if no sample has a score."""
-    composite: float | None
-    """Geometric mean of the two means; None if one is unknown."""
-    samples: int
-    """Number of samples with a score on at least one axis."""
-    elo: MethodRating | None
-    """None without comparisons."""
-    marks: Mapping[str, str]
-    """Dagger or empty for `right_place`, `physics_naturalness`, `composite` and `elo`."""
-    p: Mapping[str, float]
-    """Two-sided p of the same tests; none without a rival."""
-
-
-@dataclass(frozen=True, slots=True)
-class PreferenceRow:
+class PreferenceRow(ComparedRow):
     """One method in comparisons: a row of table 2."""
 
-    method: str
     rates: Mapping[JudgedAxis, WinRate]
     """Win rates on the axes on which it was compared."""
     rating: MethodRating | None
     """Bradley-Terry over the overall comparisons; None without any."""
-    marks: Mapping[JudgedAxis, str]
-    """Dagger or empty."""
-    p: Mapping[JudgedAxis, float]
-    """Two-sided p of the same tests; none without a rival."""
+
+
+def rivals_of(method: str, baselines: Sequence[str], ours: str) -> list[str]:
+    """Methods to beat for a mark: the other baselines, and for a baseline also `ours`."""
+    others = [name for name in baselines if name != method]
+    return [*others, ours] if method in baselines and ours not in ("", *baselines) else others
 
 
 def score_rows(
@@ -186,64 +153,94 @@ def score_rows(
     """
     if len({value.shape for value in scores.values()}) != 1 or any(v.shape[1:] != (2,) for v in scores.values()):
         raise InputError("scores of all methods must have one shape (samples, 2), in the same order of samples")
-    elo, elo_p = overall_elo(list(scores), comparisons, baselines, anchor, ours, resamples, seed)
-    columns = {
-        JudgedAxis.RIGHT_PLACE.value: {name: value[:, 0] for name, value in scores.items()},
-        JudgedAxis.PHYSICS_NATURALNESS.value: {name: value[:, 1] for name, value in scores.items()},
-        "composite": dict(scores),
-    }
+    overall = on_axis(comparisons, JudgedAxis.OVERALL)
+    counts = pair_counts(overall) if overall else None
+    elo: dict[str, MethodRating] = {}
+    if counts:
+        fixed = anchor or ([name for name in scores if name in counts.methods] or counts.methods)[-1]
+        elo = {one.method: one for one in elo_ratings(counts, fixed, resamples=resamples, seed=seed)}
+    axes = (JudgedAxis.RIGHT_PLACE, JudgedAxis.PHYSICS_NATURALNESS)
+    columns = {axis.value: {name: value[:, k] for name, value in scores.items()} for k, axis in enumerate(axes)}
     rows = []
-    for method in scores:
-        known = ~np.isnan(scores[method])
-        place, physics = (
-            summary_of(scores[method][:, k], resamples, seed) if known[:, k].any() else None for k in (0, 1)
+    for method, own in scores.items():
+        known = ~np.isnan(own)
+        summaries = {axis: summary_of(own[:, k], resamples, seed) for k, axis in enumerate(axes) if known[:, k].any()}
+        rivals = rivals_of(method, baselines, ours)
+        found = {name: score_test(column, method, rivals, resamples, seed)
+                 for name, column in {**columns, COMPOSITE: scores}.items()}  # fmt: skip
+        found[ELO] = elo_test(counts, elo, method, rivals, resamples, seed) if counts else None
+        rows.append(
+            ScoreRow(
+                method,
+                {name: test for name, test in found.items() if test},
+                summaries,
+                composite([one.mean for one in summaries.values()]) if len(summaries) == len(axes) else None,
+                int(known.any(axis=1).sum()),
+                elo.get(method),
+            )
         )
-        marks: dict[str, str] = {"elo": ""}
-        p: dict[str, float] = {}
-        for name, column in columns.items():
-            test = against_best_baseline(column, method, rivals(method, baselines, ours), resamples, seed)
-            marks[name] = test.mark if test else ""
-            p |= {name: test.test.p} if test else {}
-        if method in elo_p:
-            p["elo"], above = elo_p[method]
-            marks["elo"] = DAGGER if above and p["elo"] < SIGNIFICANT else ""
-        both = composite([place.mean, physics.mean]) if place and physics else None
-        there = int(known.any(axis=1).sum())
-        rows.append(ScoreRow(method, place, physics, both, there, elo.get(method), marks, p))
     return rows
 
 
-def rivals(method: str, baselines: Sequence[str], ours: str) -> Sequence[str]:
-    """Methods to beat for a mark: the baselines, and for a baseline also `ours`."""
-    return [*baselines, ours] if method in baselines and ours not in ("", *baselines) else baselines
+def summary_of(scores: NDArray[np.float64], resamples: int = RESAMPLES, seed: int = SEED) -> ScoreSummary:
+    """Mean and spread of scores, shape (n,), nan where missing; InputError without any."""
+    known = scores[~np.isnan(scores)]
+    if len(known) == 0:
+        raise InputError("there are no scores: a method without any cannot be summarised")
+    spread = float(known.std(ddof=1)) if len(known) > 1 else 0.0
+    return ScoreSummary(float(known.mean()), spread, mean_interval(known, resamples, seed), len(known))
 
 
-def overall_elo(
-    methods: Sequence[str],
-    comparisons: Sequence[Comparison],
-    baselines: Sequence[str],
-    anchor: str,
-    ours: str,
+def composite(means: Sequence[float]) -> float:
+    """Geometric mean of positive numbers."""
+    if not means or not all(0.0 < one < np.inf for one in means):
+        raise InputError(f"a geometric mean needs positive numbers, got {list(means)}")
+    return float(np.exp(np.log(np.asarray(means, dtype=float)).mean()))
+
+
+def score_test(
+    scores: Mapping[str, NDArray[np.float64]],
+    method: str,
+    rivals: Sequence[str],
+    resamples: int = RESAMPLES,
+    seed: int = SEED,
+) -> BestRivalTest | None:
+    """The paired test of a method against the rival with the highest mean (or composite); None without one, and where
+    no sample has all scores of both.
+
+    `scores` by method: shape (n,) for one axis, (n, 2) for the composite; all in the same order of samples. The best
+    rival is chosen on all samples that it has; of equals the first.
+    """
+    known = {name: ~np.isnan(own.reshape(len(own), -1)) for name, own in scores.items()}
+    levels = {
+        name: composite([float(one) for one in np.nanmean(scores[name].reshape(len(scores[name]), -1), axis=0)])
+        for name in rivals if name in scores and known[name].any(axis=0).all()
+    }  # fmt: skip
+    if not levels:
+        return None
+    best = max(levels, key=lambda name: levels[name])
+    if not (known[method].all(axis=1) & known[best].all(axis=1)).any():
+        return None
+    found = paired_difference(scores[method], scores[best], resamples, seed)
+    return BestRivalTest(best, found.difference, found.p)
+
+
+def elo_test(
+    counts: PairCounts,
+    ratings: Mapping[str, MethodRating],
+    method: str,
+    rivals: Sequence[str],
     resamples: int,
     seed: int,
-) -> tuple[dict[str, MethodRating], dict[str, tuple[float, bool]]]:
-    """Elo over the overall comparisons; and p of the test of each against its best rival, and whether it is above it:
-    the test is that of Bradley-Terry ratings, in which a tie is not counted twice."""
-    overall = on_axis(comparisons, JudgedAxis.OVERALL)
-    if not overall:
-        return {}, {}
-    counts = pair_counts(overall)
-    there = [name for name in methods if name in counts.methods]
-    ratings = {one.method: one for one in elo_ratings(counts, anchor or (there or counts.methods)[-1],
-                                                      resamples=resamples, seed=seed)}  # fmt: skip
-    tests = {}
-    for name in there:
-        others = [one for one in rivals(name, baselines, ours) if one in ratings and one != name]
-        if others:
-            best = max(others, key=lambda one: ratings[one].rating)
-            above = ratings[name].rating > ratings[best].rating
-            tests[name] = rating_difference_p(counts, name, best, resamples, seed), above
-    return ratings, tests
+) -> BestRivalTest | None:
+    """The test of a method's Elo against its best rival's; p is that of Bradley-Terry ratings, in which a tie is not
+    counted twice."""
+    others = [name for name in rivals if name in ratings]
+    if not others or method not in ratings:
+        return None
+    best = max(others, key=lambda name: ratings[name].rating)
+    difference = ratings[method].rating - ratings[best].rating
+    return BestRivalTest(best, difference, rating_difference_p(counts, method, best, resamples, seed))
 
 
 def preference_rows(
@@ -255,9 +252,8 @@ def preference_rows(
     seed: int = SEED,
 ) -> list[PreferenceRow]:
     """Rows of table 2, for the methods that were compared on some axis."""
-    p: dict[str, dict[JudgedAxis, float]] = {name: {} for name in methods}
     rates: dict[str, dict[JudgedAxis, WinRate]] = {name: {} for name in methods}
-    marks: dict[str, dict[JudgedAxis, str]] = {name: {} for name in methods}
+    tests: dict[str, dict[str, BestRivalTest]] = {name: {} for name in methods}
     ratings: dict[str, MethodRating] = {}
     for axis in JudgedAxis:
         there = on_axis(comparisons, axis)
@@ -266,12 +262,62 @@ def preference_rows(
         counts = pair_counts(there)
         for one in win_rates(counts, resamples, seed):
             if one.method in rates:
-                against = rivals(one.method, baselines, ours)
-                test = win_rate_significance(counts, one.method, against, resamples, seed)
-                rates[one.method][axis], marks[one.method][axis] = one, test.mark if test else ""
-                p[one.method] |= {axis: test.test.p} if test else {}
+                rates[one.method][axis] = one
+                test = win_rate_test(counts, one.method, rivals_of(one.method, baselines, ours), resamples, seed)
+                tests[one.method] |= {axis.value: test} if test else {}
         if axis is JudgedAxis.OVERALL:
             ratings = {one.method: one for one in bradley_terry(counts, resamples=resamples, seed=seed)}
-    return [
-        PreferenceRow(name, rates[name], ratings.get(name), marks[name], p[name]) for name in methods if rates[name]
-    ]
+    return [PreferenceRow(name, tests[name], rates[name], ratings.get(name)) for name in methods if rates[name]]
+
+
+def win_rates(counts: PairCounts, resamples: int = RESAMPLES, seed: int = SEED) -> list[WinRate]:
+    """Win rates of all methods that were compared, in the order of `counts`."""
+    won, met = counts.won, counts.met
+    resampled = resampled_rates(counts, resamples, seed)
+    found = []
+    for k, method in enumerate(counts.methods):
+        trials = float(met[:, k].sum())
+        if trials == 0:
+            continue
+        rate, clusters = float(won[:, k].sum()) / trials, int((met[:, k] > 0).sum())
+        spread = interval_of(resampled[:, k][~np.isnan(resampled[:, k])])
+        if spread.high - spread.low < SAME:  # all samples agree: resampling does not reflect how many there were
+            spread = wilson_interval(clusters * rate, clusters)
+        found.append(WinRate(method, rate, spread, round(trials)))
+    return found
+
+
+def win_rate_test(
+    counts: PairCounts, method: str, rivals: Sequence[str], resamples: int = RESAMPLES, seed: int = SEED
+) -> BestRivalTest | None:
+    """The test of a method's win rate against its best rival's, by resampling samples; None without a rival."""
+    won, trials = counts.won.sum(axis=0), counts.met.sum(axis=0)
+    rates = {name: float(won[k] / trials[k]) for k, name in enumerate(counts.methods) if trials[k]}
+    there = [name for name in rivals if name in rates]
+    if not there:
+        return None
+    if method not in rates:
+        raise InputError(f"{method} has no comparison: its win rate is unknown")
+    best = max(there, key=lambda name: rates[name])
+    mine, theirs = counts.methods.index(method), counts.methods.index(best)
+    resampled = resampled_rates(counts, resamples, seed)
+    gaps = resampled[:, mine] - resampled[:, theirs]
+    p = two_sided_p(gaps[~np.isnan(gaps)], counts.samples_of_both(mine, theirs))
+    return BestRivalTest(best, rates[method] - rates[best], p)
+
+
+def resampled_rates(counts: PairCounts, resamples: int, seed: int) -> NDArray[np.float64]:
+    """Win rates over each resample, shape (resamples, m); nan where a method was not drawn at all."""
+    won, met, found = counts.won, counts.met, []
+    for weights in draws(len(won), resamples, seed):
+        trials = weights @ met
+        found.append(np.divide(weights @ won, trials, out=np.full_like(trials, np.nan), where=trials > 0))
+    return np.concatenate(found)
+
+
+def wilson_interval(wins: float, trials: float, level: float = LEVEL) -> ConfidenceInterval:
+    """Score interval of a share: the rates p for which |wins/n - p| <= z sqrt(p (1 - p) / n) [W27]."""
+    z2 = float(ndtri(0.5 * (1.0 + level))) ** 2
+    center = (wins + 0.5 * z2) / (trials + z2)
+    half = np.sqrt(z2 * (wins * (trials - wins) / trials + 0.25 * z2)) / (trials + z2)
+    return ConfidenceInterval(float(max(0.0, center - half)), float(min(1.0, center + half)))

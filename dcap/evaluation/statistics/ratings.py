@@ -1,4 +1,4 @@
-"""Ratings from comparisons: Elo by maximum likelihood, and Bradley-Terry with intervals and standard errors.
+"""Ratings from comparisons: Elo and Bradley-Terry by maximum likelihood, with intervals.
 
 Elo follows the recipe of GPTEval3D [W24]: a tie counts as a win of *both*, one method is the anchor with a fixed
 rating, and sum A_ij log(1 + 10^((R_j - R_i) / 400)) is smallest. Its published code runs 10,000 steps of Adam; the
@@ -7,7 +7,6 @@ tie for each and has the mean rating fixed. Both are on the scale on which 400 p
 
 Intervals resample whole samples (cluster bootstrap), since comparisons on one sample are not independent. A resample
 in which a method was not drawn has no information on it, and does not count for it: the ridge would put it at the mean.
-The standard errors from the Hessian treat every comparison as independent.
 
 Source: [W24] Wu et al., GPT-4V(ision) is a Human-Aligned Evaluator for Text-to-3D Generation, CVPR 2024.
 
@@ -56,13 +55,6 @@ class StrengthFit:
     """Log-odds, mean 0 in every table, shape (b, m)."""
     separable: NDArray[np.bool_]
     """Whether the likelihood has no finite maximum, so that the ridge decided; shape (b,)."""
-    precision: Batch
-    """Hessian of the negative log-likelihood, with the ridge where it was used, shape (b, m, m)."""
-
-    def standard_errors(self) -> Batch:
-        """Standard errors of theta with mean 0, from the inverse Hessian, shape (b, m); each comparison counts as
-        independent."""
-        return np.asarray(np.sqrt(np.diagonal(inverse_on_differences(self.precision), axis1=1, axis2=2)))
 
 
 def fit_strengths(wins: Batch, ridge: float = RIDGE) -> StrengthFit:
@@ -83,7 +75,7 @@ def fit_strengths(wins: Batch, ridge: float = RIDGE) -> StrengthFit:
         theta[active] = descended(theta[active], step, counts[active], penalty[active])
     else:
         raise ArithmeticError(f"strengths of {len(active)} tables did not converge within {ITERATIONS} Newton steps")
-    return StrengthFit(theta, separable, derivatives(theta, counts, penalty)[1])
+    return StrengthFit(theta, separable)
 
 
 def descended(theta: Batch, step: Batch, counts: Batch, penalty: Batch) -> Batch:
@@ -143,8 +135,6 @@ class MethodRating:
     """[Elo points]."""
     interval: ConfidenceInterval
     """95 %, cluster bootstrap over samples."""
-    standard_error: float | None
-    """From the Hessian [Elo points]; None for Elo, whose ties count twice, and where the ridge decided."""
     separable: bool
     """Whether some method won, or lost, everything against the rest, so that a ridge keeps ratings finite."""
 
@@ -156,12 +146,9 @@ def elo_ratings(
     if anchor not in counts.methods:
         raise InputError(f"anchor {anchor!r} is not one of {', '.join(counts.methods)}")
     column = counts.methods.index(anchor)
-    fit, resampled = fits(counts, counts.doubled_wins, resamples, seed)
-
-    def anchored(theta: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.asarray(rating + POINTS * (theta - theta[:, [column]]))
-
-    return rated(counts, anchored(fit.theta), anchored(resampled), None, bool(fit.separable[0]))
+    fit, resampled = fits(counts, counts.wins + counts.ties, resamples, seed)
+    own, others = (rating + POINTS * (theta - theta[:, [column]]) for theta in (fit.theta, resampled))
+    return rated(counts, own[0], others, bool(fit.separable[0]))
 
 
 def bradley_terry(
@@ -169,9 +156,7 @@ def bradley_terry(
 ) -> list[MethodRating]:
     """Bradley-Terry ratings of all methods, in the order of `counts`, with this mean."""
     fit, resampled = fits(counts, counts.shared_wins, resamples, seed)
-    separable = bool(fit.separable[0])
-    errors = None if separable else POINTS * fit.standard_errors()[0]
-    return rated(counts, mean + POINTS * fit.theta, mean + POINTS * resampled, errors, separable)
+    return rated(counts, mean + POINTS * fit.theta[0], mean + POINTS * resampled, bool(fit.separable[0]))
 
 
 def rating_difference_p(
@@ -201,21 +186,9 @@ def fits(
     return fit, np.concatenate(found)
 
 
-def rated(
-    counts: PairCounts,
-    ratings: NDArray[np.float64],
-    resampled: NDArray[np.float64],
-    errors: NDArray[np.float64] | None,
-    separable: bool,
-) -> list[MethodRating]:
+def rated(counts: PairCounts, ratings: Batch, resampled: Batch, separable: bool) -> list[MethodRating]:
     """One row per method."""
     return [
-        MethodRating(
-            method,
-            float(ratings[0, k]),
-            interval_of(resampled[:, k][~np.isnan(resampled[:, k])]),
-            None if errors is None else float(errors[k]),
-            separable,
-        )
-        for k, method in enumerate(counts.methods)
+        MethodRating(method, float(own), interval_of(others[~np.isnan(others)]), separable)
+        for method, own, others in zip(counts.methods, ratings, resampled.T, strict=True)
     ]

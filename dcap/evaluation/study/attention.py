@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from dcap.evaluation.outcome_table import AT_REST
-from dcap.evaluation.study.placements import ShownPlacement, StudyRun
+from dcap.evaluation.study.design import ShownPlacement, StudyRun
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.rendering.painted import own_paint
 from dcap.geometry.rendering.surface import ShadingNormals

@@ -12,8 +12,7 @@ from threading import Lock
 from dcap.evaluation.run_folder import folder_name
 from dcap.evaluation.statistics.comparisons import JudgedAxis
 from dcap.evaluation.study.attention import LIFTED, MODEL, SETTLED, check_folder, read_placed_surface
-from dcap.evaluation.study.design import Side, StudyItem
-from dcap.evaluation.study.placements import StudyRun, views_of
+from dcap.evaluation.study.design import Side, StudyItem, StudyRun, views_of
 from dcap.evaluation.study.study_folder import StudyDesign, StudyVote, VoteJournal, write_lasting
 
 MODELS = "models"

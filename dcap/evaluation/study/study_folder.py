@@ -3,11 +3,10 @@
 `study.json` holds each rater's comparisons; `tokens.json` (readable by its owner alone) the secret link of each rater.
 Both are written once and only ever extended: a rater who joins later changes nothing for the earlier ones.
 
-The votes of a study: a file with one JSON line per vote, which stays intact if the server is killed.
-
-A vote counts once it is on the disk (`fsync`), before its rater gets the reply. Bytes after the last end of line were
-never acknowledged, and are cut off when the journal is opened again. The key of a vote is (rater, item, axis): of
-repeated lines the last one counts, so no vote counts twice. A journal is open in one process at a time.
+`votes.jsonl` has one JSON line per vote and stays intact if the server is killed. A vote counts once it is on the disk
+(`fsync`), before its rater gets the reply. Bytes after the last end of line were never acknowledged, and are cut off
+when the journal is opened again. The key of a vote is (rater, item, axis): of repeated lines the last one counts, so no
+vote counts twice. A journal is open in one process at a time.
 """
 
 import fcntl
@@ -15,18 +14,20 @@ import json
 import os
 import secrets
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from threading import Lock
-from typing import Self
+from typing import Annotated, Any, Self
 
 import pyarrow as pa
 import pyarrow.parquet as pq
+from pydantic import BeforeValidator, PlainSerializer, TypeAdapter, ValidationError
 
 from dcap.evaluation.statistics.comparisons import AXES, JudgedAxis
 from dcap.evaluation.study.design import MethodPairs, Side, StudyItem, questions_of, rater_items, showings_of
 from dcap.scene.errors import InputError
+from dcap.scene.text import first_mistake
 from dcap.scene.written_files import whole_file
 
 JOURNAL = "votes.jsonl"
@@ -73,22 +74,18 @@ class StudyVote:
 
     def line(self) -> bytes:
         """The vote as a line of the journal."""
-        tree = {name: getattr(self, name) for name in self.__slots__}
-        return (json.dumps(tree, ensure_ascii=False) + "\n").encode()
+        return VOTE.dump_json(self) + b"\n"
+
+
+VOTE = TypeAdapter(StudyVote)
 
 
 def vote_of_line(line: bytes, where: str) -> StudyVote:
     """The vote in a line; InputError if it is invalid."""
     try:
-        tree = json.loads(line)
-        lifted = tree["lifted"]
-        return StudyVote(
-            rater=str(tree["rater"]), item=str(tree["item"]), sample=str(tree["sample"]), axis=JudgedAxis(tree["axis"]),
-            left=str(tree["left"]), right=str(tree["right"]), winner=Side(tree["winner"]),
-            lifted=None if lifted is None else Side(lifted), seconds=float(tree["seconds"]),
-        )  # fmt: skip
-    except (ValueError, KeyError, TypeError) as error:
-        raise InputError(f"{where} is no vote ({type(error).__name__}: {error}); repair or remove that line") from None
+        return VOTE.validate_json(line)
+    except ValidationError as error:
+        raise InputError(f"{where} is no vote ({first_mistake(error)}); repair or remove that line") from None
 
 
 def whole_lines(data: bytes) -> bytes:
@@ -96,16 +93,12 @@ def whole_lines(data: bytes) -> bytes:
     return data[: data.rfind(b"\n") + 1]
 
 
-def counted(votes: Iterable[StudyVote]) -> tuple[StudyVote, ...]:
-    """The last vote on each question by each rater, in the order of their first votes."""
-    last = {vote.key: vote for vote in votes}
-    return tuple(last.values())
-
-
 def parsed(data: bytes, path: Path) -> tuple[StudyVote, ...]:
-    """The votes that count in a journal's bytes; an incomplete last line is left out."""
+    """The votes that count in a journal's bytes, the last on each question by each rater, in the order of their first
+    votes; an incomplete last line is left out."""
     rows = whole_lines(data).splitlines()
-    return counted(vote_of_line(row, f"{path}: line {number}") for number, row in enumerate(rows, 1))
+    votes = (vote_of_line(row, f"{path}: line {number}") for number, row in enumerate(rows, 1))
+    return tuple({vote.key: vote for vote in votes}.values())
 
 
 def read_votes(folder: Path) -> tuple[StudyVote, ...]:
@@ -194,6 +187,16 @@ def sync_folder(folder: Path) -> None:
         os.close(opened)
 
 
+def pairs_of_rows(rows: Sequence[Mapping[str, Any]]) -> dict[tuple[str, ...], tuple[str, ...]]:
+    """Pairs of methods from the rows of study.json: JSON has no pairs as keys."""
+    return {tuple(row["methods"]): tuple(row["samples"]) for row in rows}
+
+
+def rows_of_pairs(pairs: MethodPairs) -> list[dict[str, list[str]]]:
+    """Pairs of methods as rows of study.json."""
+    return [{"methods": list(pair), "samples": list(samples)} for pair, samples in pairs.items()]
+
+
 @dataclass(frozen=True, slots=True)
 class StudyDesign:
     """The common design, and the comparisons of each rater."""
@@ -201,7 +204,7 @@ class StudyDesign:
     seed: int
     per_pair: int
     """Number of times a rater compares each pair of methods [-]."""
-    pairs: MethodPairs
+    pairs: Annotated[MethodPairs, BeforeValidator(pairs_of_rows), PlainSerializer(rows_of_pairs)]
     checks: tuple[tuple[str, str], ...]
     """(method, sample) of the placements with a floating copy, in the order of its folders."""
     left_out: Mapping[str, str]
@@ -222,15 +225,13 @@ class StudyDesign:
         """The design with at least `count` raters."""
         before = showings_of(self.pairs, (item for given in self.raters.values() for item in given))
         items = {
-            rater_name(n): rater_items(self.pairs, self.checks, self.per_pair, n, self.seed, before)
+            f"r{n + 1:02d}": rater_items(self.pairs, self.checks, self.per_pair, n, self.seed, before)
             for n in range(len(self.raters), count)
         }
         return replace(self, raters={**self.raters, **items})
 
 
-def rater_name(number: int) -> str:
-    """Name under which a rater's votes are stored; it does not identify the person."""
-    return f"r{number + 1:02d}"
+DESIGNS = TypeAdapter(StudyDesign)
 
 
 def read_design(folder: Path) -> StudyDesign | None:
@@ -242,40 +243,16 @@ def read_design(folder: Path) -> StudyDesign | None:
         tree = json.loads(path.read_text(encoding="utf-8"))
         if tree["version"] != VERSION:
             raise InputError(f"{path}: version {tree['version']} of a study, this dcap reads {VERSION}")
-        return StudyDesign(
-            seed=int(tree["seed"]),
-            per_pair=int(tree["per_pair"]),
-            pairs={(one["methods"][0], one["methods"][1]): tuple(one["samples"]) for one in tree["pairs"]},
-            checks=tuple((str(method), str(sample)) for method, sample in tree["checks"]),
-            left_out=dict(tree["left_out"]),
-            raters={str(name): tuple(map(item_of_tree, items)) for name, items in tree["raters"].items()},
-            states={str(name): str(state) for name, state in tree.get("states", {}).items()},
-            asks_overall=bool(tree["asks_overall"]),
-        )
-    except (OSError, ValueError, KeyError, TypeError, IndexError) as error:
+        return DESIGNS.validate_python(tree)
+    except ValidationError as error:
+        raise InputError(f"{path}: not a study's design ({first_mistake(error)})") from None
+    except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(f"{path}: not a study's design ({type(error).__name__}: {error})") from None
-
-
-def item_of_tree(tree: Mapping[str, str | None]) -> StudyItem:
-    """A comparison that `asdict` wrote."""
-    lifted = tree["lifted"]
-    item, sample, left, right = (str(tree[name]) for name in ("item", "sample", "left", "right"))
-    return StudyItem(item, sample, left, right, None if lifted is None else Side(lifted))
 
 
 def write_design(folder: Path, design: StudyDesign) -> None:
     """Keep the design."""
-    tree = {
-        "version": VERSION,
-        "seed": design.seed,
-        "per_pair": design.per_pair,
-        "pairs": [{"methods": list(pair), "samples": list(samples)} for pair, samples in design.pairs.items()],
-        "checks": [list(one) for one in design.checks],
-        "left_out": dict(design.left_out),
-        "raters": {name: [asdict(item) for item in items] for name, items in design.raters.items()},
-        "states": dict(design.states),
-        "asks_overall": design.asks_overall,
-    }
+    tree = {"version": VERSION, **DESIGNS.dump_python(design, mode="json")}
     write_lasting(folder / DESIGN, json.dumps(tree, indent=1, ensure_ascii=False).encode() + b"\n")
 
 

@@ -7,24 +7,21 @@ and stay in. If a method made no placement, nothing is compared: those samples a
 Overall is, as in the paper's table, a composite: the mean of the two win rates, which is the win rate of all votes on
 either axis; intervals, tests and ratings are of these votes. If raters were asked a third question, it is the answer to
 that.
-
-Statistics of each rater: progress, attention, and balance between the sides.
 """
 
-import csv
-import io
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from statistics import median
 
 from dcap.evaluation.methods import DCAP, baselines_among, shown_name
+from dcap.evaluation.preference_report import best_first, preferences_tex, row_cells
 from dcap.evaluation.statistics.agreement import SIDES, krippendorff_alpha, percent_agreement, ratings_of
 from dcap.evaluation.statistics.comparisons import AXES, Comparison, JudgedAxis, Winner, methods_of, on_axis
 from dcap.evaluation.statistics.method_tables import PreferenceRow, preference_rows
 from dcap.evaluation.study.design import Side
 from dcap.evaluation.study.study_folder import StudyDesign, StudyVote, write_lasting
-from dcap.evaluation.table_files import MARKED, best_first, csv_of, number, row_cells, tabular, tex_escaped, write_table
+from dcap.evaluation.table_files import csv_of, number, tex_escaped, write_table
 
 RATERS = "raters.csv"
 TABLE = "table2"
@@ -78,11 +75,7 @@ def rater_row(rater: str, items: int, votes: Sequence[StudyVote]) -> RaterRow:
 
 def write_raters(folder: Path, rows: Sequence[RaterRow]) -> Path:
     """Write raters.csv."""
-    text = io.StringIO()
-    table = csv.DictWriter(text, [one.name for one in fields(RaterRow)], lineterminator="\n")
-    table.writeheader()
-    table.writerows(asdict(row) for row in rows)
-    write_lasting(folder / RATERS, text.getvalue().encode())
+    write_lasting(folder / RATERS, csv_of([asdict(row) for row in rows]).encode())
     return folder / RATERS
 
 
@@ -130,10 +123,12 @@ def study_table(
     """Table 2 of the votes on true comparisons."""
     rows, refused = [comparison_of(vote) for vote in votes if vote.lifted is None], without_placement or {}
     asked = bool(on_axis(rows, JudgedAxis.OVERALL))
-    methods, counted = methods_of(rows), rows if asked else with_composite(rows)
+    # every rater answers both axes: with both as overall comparisons the overall win rate is the mean of the two
+    overall = [] if asked else [replace(one, axis=JudgedAxis.OVERALL) for one in rows]
+    methods, counted = methods_of(rows), [*rows, *overall]
     table = preference_rows(methods, counted, baselines_among(methods), ours=DCAP, seed=seed)
     table = table if asked else [each_once(row) for row in table]
-    table += [PreferenceRow(name, {}, None, {}, {}) for name, n in refused.items() if n and name not in methods]
+    table += [PreferenceRow(name, {}, {}, None) for name, n in refused.items() if n and name not in methods]
     return StudyTable(
         rows=best_first(table),
         agreement={axis: agreement_of(on_axis(rows, axis)) for axis in (*AXES, *[JudgedAxis.OVERALL] * asked)},
@@ -143,12 +138,6 @@ def study_table(
         without_placement=refused,
         overall=QUESTION if asked else COMPOSITE,
     )
-
-
-def with_composite(rows: Sequence[Comparison]) -> list[Comparison]:
-    """Comparisons of both axes, each also as an overall one: every rater answers both, so that the overall win rate is
-    the mean of the two."""
-    return [*rows, *(replace(one, axis=JudgedAxis.OVERALL) for one in rows)]
 
 
 def each_once(row: PreferenceRow) -> PreferenceRow:
@@ -199,21 +188,19 @@ def percent(share: float | None) -> str:
 
 def tex_text(table: StudyTable, raters: Sequence[RaterRow]) -> str:
     """The table in the paper's layout."""
-    lines = [
-        "% Human forced choice, side by side. Win rates with 95 % intervals of a bootstrap over scene-prompt pairs.",
-        f"% {overall_line(table)}",
+    before = [
+        "Human forced choice, side by side. Win rates with 95 % intervals of a bootstrap over scene-prompt pairs.",
+        overall_line(table),
     ]
-    lines += tabular(table.rows, table.name)
     checks, failed = sum(one.checks for one in raters), sum(one.checks_failed for one in raters)
     flagged = sum(one.flagged for one in raters)
     plural = "" if flagged == 1 else "s"
-    lines += [
-        f"% {table.raters} raters, {table.comparisons} comparisons. {agreement_line(table)}",
-        f"% Attention checks failed: {failed} of {checks}, by {flagged} rater{plural}, whose votes count.",
-        *([f"% No placement where one was intended: {tex_escaped(table.refusals)}."] if table.refusals else []),
-        MARKED,
+    after = [
+        f"{table.raters} raters, {table.comparisons} comparisons. {agreement_line(table)}",
+        f"Attention checks failed: {failed} of {checks}, by {flagged} rater{plural}, whose votes count.",
+        *([f"No placement where one was intended: {tex_escaped(table.refusals)}."] if table.refusals else []),
     ]
-    return "\n".join(lines) + "\n"
+    return preferences_tex(table.rows, table.name, before, after)
 
 
 def overall_line(table: StudyTable) -> str:

@@ -5,7 +5,7 @@
   const all = selector => [...document.querySelectorAll(selector)];
   const chosen = name => bar.querySelector(`[name=${name}]`)?.value ?? "";
   const holds = (cell, one) => (!one.verdict || cell.dataset.kind === one.verdict) && (!one.support || cell.dataset.support === one.support)
-    && (!one.fault || (one.fault === "any" ? cell.dataset.marks : one.fault === "ahead" ? cell.dataset.ahead : cell.dataset.marks.split("|").includes(one.fault)));
+    && (!one.fault || (one.fault === "any" ? cell.dataset.marks : cell.dataset.marks.split("|").includes(one.fault)));
 
   function filter() {
     const one = Object.fromEntries(["method", "verdict", "support", "fault"].map(name => [name, chosen(name)]));

@@ -24,6 +24,7 @@ import zlib
 from collections.abc import Iterator
 from mmap import mmap
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +38,8 @@ from dcap.scene.errors import FormatError, InputError
 
 MAX_FILE_BYTES = 4 * 1024**3
 """Largest file that is opened [bytes]."""
+WIDEST = 1_000_000
+"""Longest line of a YAML file that is written: texts are not broken."""
 MOST_KEYS = 10_000
 """Maximum number of keys in one mapping, more than anyone writes; repeated merges can create any number from a short
 file."""
@@ -126,6 +129,16 @@ def parse_yaml(text: str) -> object:
     yaml.Constructor = BoundedMerges
     tree: object = yaml.load(text)
     return tree
+
+
+def yaml_text(tree: object) -> str:
+    """A tree of plain values as YAML 1.2, keys in their order, a line for each value."""
+    yaml: Any = YAML(typ="safe", pure=True)  # its attributes are typed as their defaults
+    text = io.StringIO()
+    yaml.default_flow_style, yaml.sort_base_mapping_type_on_output = False, False
+    yaml.allow_unicode, yaml.width = True, WIDEST
+    yaml.dump(tree, text)
+    return text.getvalue()
 
 
 def read_image(data: bytes, where: str) -> NDArray[np.uint8]:

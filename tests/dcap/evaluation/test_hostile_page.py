@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from many_methods_run import METHODS, SAMPLES, change_row, many_methods_run
 
-from dcap.evaluation.labels_page import Row, labels_page
+from dcap.evaluation.pages import Row, labels_page
 from dcap.evaluation.report import write_report
 from dcap.evaluation.run_folder import summary_of
 from dcap.scene.writers.labels import FoundThing
@@ -82,6 +82,6 @@ def test_the_page_of_labels_escapes(tmp_path: Path) -> None:
 def test_json_within_a_page_ends_no_script() -> None:
     """What is written for programs is no part of a page: placements in 3D come as files of their own."""
     assert "</" in readable_json(object_to_json({"a": "</script>"})).decode()
-    page = Path(__file__).parents[3] / "dcap" / "evaluation" / "page3d" / "view3d.html"
+    page = Path(__file__).parents[3] / "dcap" / "evaluation" / "templates" / "view3d.html"
     text = page.read_text(encoding="utf-8")
     assert not any(word in text for word in ("innerHTML", "document.write", "insertAdjacentHTML", "eval("))

@@ -11,7 +11,7 @@ from urllib.parse import unquote
 import pytest
 from many_methods_run import many_methods_run
 
-from dcap.evaluation.paper.page import SENTENCES, PaperNotes, SceneFacts, paper_sentences, write_paper_page
+from dcap.evaluation.paper_page import SENTENCES, PaperNotes, SceneFacts, paper_sentences, write_paper_page
 from dcap.knowledge.kinds import deformable_materials
 from flows.benchmark import finish
 from flows.judge_run import read_rows

@@ -41,11 +41,11 @@ OURS = [
 def test_shares_are_counts_over_counts():
     """Spatial 3 of 4, rotational 1 of 2, physical 2 and 1 of 3: 6 and 5 of 9; one sentence of three is met."""
     found = shares_by_method({"dcap": OURS})["dcap"]
-    assert (found.samples, found.not_placed, found.constraints) == (3, 0, 9)
-    assert (found.spatial, found.rotational) == (3 / 4, 1 / 2)
-    assert (found.physical, found.physical_given) == (2 / 3, 1 / 3)
-    assert (found.all_constraints, found.all_constraints_given) == (6 / 9, 5 / 9)
-    assert (found.language, found.complete, found.complete_given) == (1 / 3, 1 / 3, 0.0)
+    assert (found["samples"], found["not_placed"], found["constraints"]) == (3, 0, 9)
+    assert (found["spatial"], found["rotational"]) == (3 / 4, 1 / 2)
+    assert (found["physical"], found["physical_given"]) == (2 / 3, 1 / 3)
+    assert (found["all_constraints"], found["all_constraints_given"]) == (6 / 9, 5 / 9)
+    assert (found["language"], found["complete"], found["complete_given"]) == (1 / 3, 1 / 3, 0.0)
 
 
 def test_what_was_not_placed_meets_nothing():
@@ -55,10 +55,10 @@ def test_what_was_not_placed_meets_nothing():
               refused("impossible", "fireplace", intended=False), refused("unstated", "fireplace", intended=None),
               outcome("soft", 1, 1, None, left=True, given=True, method="fireplace")]  # fmt: skip
     found = shares_by_method({"dcap": OURS, "fireplace": theirs})["fireplace"]
-    assert (found.samples, found.not_placed, found.constraints) == (3, 2, 4 + 1 + 2)
-    assert found.all_constraints == 2 / 7
-    assert (found.spatial, found.rotational, found.physical) == (1 / 3, 0.0, 1 / 3)
-    assert (found.language, found.complete) == (1 / 3, 1 / 3)
+    assert (found["samples"], found["not_placed"], found["constraints"]) == (3, 2, 4 + 1 + 2)
+    assert found["all_constraints"] == 2 / 7
+    assert (found["spatial"], found["rotational"], found["physical"]) == (1 / 3, 0.0, 1 / 3)
+    assert (found["language"], found["complete"]) == (1 / 3, 1 / 3)
 
 
 def test_what_was_not_measured_is_left_out():
@@ -66,8 +66,8 @@ def test_what_was_not_measured_is_left_out():
     blind = replace(OURS[0], placeit3d_spatial_asked=None, placeit3d_spatial_met=None)
     silent = outcome("silent", 0, 0, None, left=True, given=True)
     found = shares_by_method({"dcap": [blind, silent]})["dcap"]
-    assert (found.samples, found.constraints) == (1, 1)
-    assert (found.complete, found.language, found.spatial) == (1.0, None, None)
+    assert (found["samples"], found["constraints"]) == (1, 1)
+    assert (found["complete"], found["language"], found["spatial"]) == (1.0, None, None)
 
 
 def test_the_tables_of_a_run(tmp_path: Path):

@@ -1,6 +1,7 @@
 """Right place in raw units: hits, distances and angles with known answers; what nobody stated is left open."""
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -53,7 +54,7 @@ def test_the_distance_to_a_region_is_in_plan(middle: tuple[float, ...], distance
 @pytest.mark.parametrize(("top", "tilt", "error"), [
     ("up", 0, 0), ("up", 30, 30), ("up", 180, 180), ("down", 180, 0), ("sideways", 90, 0), ("sideways", 60, 30),
 ])  # fmt: skip
-def test_the_angle_of_the_top(top: str, tilt: float, error: float) -> None:
+def test_the_angle_of_the_top(top: Literal["up", "down", "sideways"], tilt: float, error: float) -> None:
     found = measured(replace(TRUTH, top=top), Rotation.from_euler("x", tilt, degrees=True))
     assert found.orientation_error_deg == pytest.approx(error, abs=1e-6)
 

@@ -15,12 +15,12 @@ import pytest
 from many_methods_run import METHODS, SAMPLES, many_methods_run, method_folder
 from run_rows import outcomes, written
 
-from dcap.evaluation.outcome_table import AS_POSED, SampleOutcome, row_of
-from dcap.evaluation.page3d.viewer import three_script
+from dcap.evaluation.outcome_table import SampleOutcome, row_of
 from dcap.evaluation.run_page.placement_files import MOST_NOTES, certificate_text, notes_of
-from dcap.evaluation.run_page.sections import baselines_ahead, failures_of, provenance_of, supports_figure
+from dcap.evaluation.run_page.sections import failures_of, provenance_of, supports_figure
 from dcap.evaluation.run_page.tables import SHOWN_METRICS, metrics_table, table_from_csv
 from dcap.evaluation.table_files import tex_escaped
+from dcap.evaluation.view3d import three_script
 from dcap.scene.readers.gltf.gltf import read_gltf
 from dcap.scene.types.pictures import PLACED
 from dcap.scene.types.sample import Sample
@@ -165,28 +165,6 @@ def test_failures_tell_why() -> None:
         "low": (("low score",), ("P&N 2.0, worst metric penetration_m 0.05 (1.0)",)),
     }
     assert list(found) == ["broken", "refused", "elsewhere", "low"]
-
-
-def test_where_a_baseline_is_ahead() -> None:
-    """A higher score, or the only one; ablations are no baselines, equal scores are nobody's."""
-    ours = row_of(Sample("a", "s", "o", "p"), {"verdict": "at_rest"}, "", None)
-    ours = replace(ours, right_place=5.0, physics_naturalness=9.0)
-    none = replace(ours, sample="b", right_place=None, physics_naturalness=None, verdict="infeasible")
-    rows = [
-        ours, none,
-        replace(ours, method="fireplace", right_place=6.0, physics_naturalness=4.0, verdict=AS_POSED),
-        replace(ours, method="layoutgpt", verdict=AS_POSED),
-        replace(ours, method="rigid_drop", right_place=10.0),
-        replace(none, method="holodeck", right_place=2.0, physics_naturalness=8.0),
-    ]  # fmt: skip
-    found = [(one.row.method, one.row.sample, one.axes, one.margin) for one in baselines_ahead(rows)]
-    assert found == [
-        ("holodeck", "b", ("Right Place", "P&N"), pytest.approx(4.0)),
-        ("fireplace", "a", ("Right Place",), pytest.approx(24**0.5 - 45**0.5)),
-    ]
-    alone = [replace(row, right_place=None) for row in rows]  # nobody stated a place: the other axis tells
-    found = [(one.row.method, one.row.sample, one.axes, one.margin) for one in baselines_ahead(alone)]
-    assert found == [("holodeck", "b", ("P&N",), pytest.approx(8.0))]
 
 
 def test_tables_of_the_run_are_shown(tmp_path: Path) -> None:

@@ -15,12 +15,12 @@ from dcap.evaluation.sampling.questions import (
     misread,
 )
 from dcap.evaluation.sampling.requests import PlacedAsset, absent_things, asked_front, feasible_asks
-from dcap.evaluation.sampling.splits import shares_of, split_scenes
 from dcap.evaluation.sampling.supports import carrying_surfaces
 from dcap.evaluation.sampling.templates import TemplateSample, sentence, with_article
 from dcap.evaluation.supports_plot import supports_table
 from dcap.language.protocol.requests import IntentRequest, ObjectView
 from dcap.scene.errors import InputError
+from flows.selection import shares_of, split_scenes
 
 BALL = PlacedAsset("ball", "ball", "ball", (0.2, 0.2, 0.2))
 MUG = PlacedAsset("mug", "mug", "mug", (0.08, 0.08, 0.1))

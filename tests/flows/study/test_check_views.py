@@ -12,7 +12,7 @@ from placed_folder import placed_folder
 
 from dcap.evaluation.judging.cameras import SIZE, sample_cameras
 from dcap.evaluation.study.attention import read_placed_surface
-from dcap.evaluation.study.placements import ShownPlacement, views_of
+from dcap.evaluation.study.design import ShownPlacement, views_of
 from dcap.scene.errors import FormatError, InputError
 from dcap.scene.types.choices import Intent, OrientationRequest, RegionRequest
 from dcap.scene.types.mesh import SourceSurface

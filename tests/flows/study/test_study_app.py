@@ -11,11 +11,11 @@ import pytest
 from many_methods_run import COLORS, METHODS, SAMPLES, method_folder
 from study_server import CHECK, ServedStudy
 
-from dcap.evaluation.page3d.viewer import three_script
 from dcap.evaluation.statistics.comparisons import AXES
 from dcap.evaluation.study.attention import LIFTED, SETTLED
 from dcap.evaluation.study.design import Side, StudyItem
 from dcap.evaluation.study.study_folder import TOKENS, read_design, read_votes
+from dcap.evaluation.view3d import three_script
 from dcap.scene.readers.gltf.gltf import read_gltf
 from dcap.scene.types.pictures import PLACED
 from flows.study.app import MOST_BYTES

@@ -15,8 +15,7 @@ from study_server import ServedStudy
 
 from dcap.evaluation.run_folder import sample_folder
 from dcap.evaluation.statistics.comparisons import AXES
-from dcap.evaluation.study.design import Side
-from dcap.evaluation.study.placements import read_study_run
+from dcap.evaluation.study.design import Side, read_study_run
 from dcap.evaluation.study.study_folder import STUDY_FOLDER, read_design, tokens_for, write_design
 from flows.cli.app import main
 from flows.judge_run import read_rows

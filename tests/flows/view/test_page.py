@@ -11,16 +11,14 @@ import viser
 from dented_bed import RADIUS, TOP, anchor, scene_of, settled
 from placed_ball import FRAMES, SLIDE, pushed, shown, values
 
-from dcap.scene.errors import InputError
 from dcap.scene.types.choices import POSE_OF_THE_FILE, Rotation
 from flows.own_requests import LOOPBACK
 from flows.place import PlaceConfig
 from flows.view import serving
 from flows.view.model import middle_of, placement_view, scene_view
 from flows.view.nodes import place_cameras
-from flows.view.panel import moment
+from flows.view.panel import moment, said
 from flows.view.picking import PickedPoint, PickPanel, SurfacePicker
-from flows.view.texts import rotation_words, verdict
 
 
 def test_the_slider_moves_the_object_and_the_dent(server: viser.ViserServer) -> None:
@@ -49,9 +47,9 @@ def test_the_slider_moves_what_was_placed_before(server: viser.ViserServer) -> N
 
 
 def test_every_thing_has_a_node(server: viser.ViserServer) -> None:
-    """The room by instance and part, the object, its start, the contact, the anchor and the ray."""
+    """The room by instance and part, the object, the contact, the anchor and the ray."""
     _, panel = shown(server)
-    for name in ("/room/bed/body_0", "/room/floor/body_0", "/room/wall_back/body_0", "/object/0", "/pre_drop",
+    for name in ("/room/bed/body_0", "/room/floor/body_0", "/room/wall_back/body_0", "/object/0",
                  "/contact", "/anchor/point", "/anchor/normal", "/ray"):  # fmt: skip
         assert server.scene.get_handle_by_name(name) is not None, name
     panel.close()
@@ -134,23 +132,14 @@ def status_of(port: int, host: str, origin: str, *, upgrade: bool) -> int:
 
 
 def test_a_taken_port_is_passed_over() -> None:
-    """The next free one is used; where there is none the option is named."""
+    """The next free one is used."""
     with socket.socket() as taken:
         taken.bind((LOOPBACK, 0))
         taken.listen()
         port = taken.getsockname()[1]
-        assert port < serving.free_port_from(port) < port + serving.PORTS
-
-
-def test_no_free_port_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It names the option and its value."""
-    monkeypatch.setattr(serving, "PORTS", 1)
-    with socket.socket() as taken:
-        taken.bind((LOOPBACK, 0))
-        taken.listen()
-        port = taken.getsockname()[1]
-        with pytest.raises(InputError, match=f"--port {port}"):
-            serving.free_port_from(port)
+        other = serving.open_server(port)
+        assert other.get_port() > port
+        other.stop()
 
 
 def test_a_click_gives_the_point_in_the_files_own_frame(server: viser.ViserServer) -> None:
@@ -158,7 +147,7 @@ def test_a_click_gives_the_point_in_the_files_own_frame(server: viser.ViserServe
     world_from_file = 0.01 * np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 100.0]])
     picker = SurfacePicker(scene_of(), world_from_file, middle_of(scene_of()))
     asked: list[PickedPoint] = []
-    panel = PickPanel(server, scene_view(scene_of(), PlaceConfig()), picker, "scene", asked.append)
+    panel = PickPanel(server, scene_view(scene_of(), PlaceConfig()), picker, ("scene", "", ""), asked.append)
     at_first = panel.button.disabled
     panel.point_at((0.25, 0.4, 3.0), (0.0, 0.0, -1.0))
     assert panel.picked is not None
@@ -227,19 +216,19 @@ def test_the_bytes_of_a_surface_are_a_glb_of_its_vertices(server: viser.ViserSer
 def test_the_rotation_says_who_looked(pictures: int, reason: str, words: str) -> None:
     """A model, nobody, or there was nothing to choose: never a heading of pictures that are not there."""
     shots = tuple(np.zeros((4, 4, 3), dtype=np.uint8) for _ in range(pictures))
-    text = rotation_words(Rotation(np.eye(3), shots, "ball", "upright", reason))
+    text = said("rotation", Rotation(np.eye(3), shots, "ball", "upright", reason), POSE_OF_THE_FILE)
     assert words in text
     assert ("turned half" in text) == (pictures > 0)
 
 
 @pytest.mark.parametrize(
-    ("said", "reason", "words"),
+    ("verdict", "reason", "words"),
     [
         ("at_rest", None, ">at rest<"),
         ("as_posed", None, ">as posed<"),
         ("infeasible", "toppled", "infeasible: toppled"),
     ],
 )
-def test_the_verdict_is_that_of_the_placement(said: str, reason: str | None, words: str) -> None:
+def test_the_verdict_is_that_of_the_placement(verdict: str, reason: str | None, words: str) -> None:
     """A pose that is not simulated is no refusal."""
-    assert words in verdict({"verdict": said, "reason": reason, "message": "", "prompt": "put it there"})
+    assert words in said("verdict", {"verdict": verdict, "reason": reason, "message": "", "prompt": "put it there"})

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dcap.evaluation.aim_scores import Aim, marks, shares
 from dcap.scene.types.choices import Anchor
 from dcap.synthetic.recipes import room_names
 from dcap.synthetic.rooms import BuiltRoom
 from flows.samples import load_yaml
+from perf.aim_scores import Aim, marks, shares
 from perf.aims import Shot, aim_from, read_samples, read_truths, room_of, shot
 
 SENTENCES: Any = load_yaml(Path(__file__).parent / "data" / "sentences.yaml")

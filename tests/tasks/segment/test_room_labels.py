@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dcap.evaluation.segment_scores import GroundTruth, Score, label_accuracy, means_the_same, scores
 from dcap.geometry.primitives import Box
 from dcap.language.connect import connect
 from dcap.language.offline.client import OfflineClient
@@ -22,6 +21,7 @@ from dcap.scene.types.scan import LabelBox, Scan
 from dcap.scene.types.segmentation import Segmentation
 from dcap.synthetic.rooms import build_room
 from dcap.synthetic.shapes import joined, moved, turned
+from perf.segment_scores import GroundTruth, Score, label_accuracy, means_the_same, scores
 from tasks.requests.pictures import LOUD, SIZE
 from tasks.segment.stage import SegmentConfig, segment
 

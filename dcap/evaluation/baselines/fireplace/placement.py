@@ -13,8 +13,7 @@ import numpy as np
 import shapely
 
 from dcap.arrays import Array
-from dcap.evaluation.baselines.fireplace.anchors import AnchorSurface
-from dcap.evaluation.baselines.fireplace.item_surfaces import surface_towards
+from dcap.evaluation.baselines.fireplace.anchors import AnchorSurface, surface_towards
 from dcap.evaluation.baselines.fireplace.planar import InteractionSurface
 from dcap.evaluation.baselines.fireplace.problem import (
     COLLISION,

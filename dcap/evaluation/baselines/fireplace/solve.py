@@ -5,12 +5,9 @@ with yaws in steps of 15 degrees; the best of them move by compass search (Kolda
 axis, take what is better, else halve the step), which needs no derivatives, as the constraints have kinks. From the
 source: that feasible placements are found by solving all constraints together. Ours: sampling, search and limits.
 
-Batched visual selection: chooses among many options in small batches, whose winners meet again.
-
-In: the number of options, and a function that decides among a few of them. Out: the winner. From the source [H25]:
-options in small batches, so that a model need not compare dozens of pictures. Ours: batches of four, ids shuffled anew
-for each vote so that no position or letter is preferred, two votes, and where they differ a last question between the
-two.
+The selection, from the source [H25]: options in small batches, whose winners meet again, so that a model need not
+compare dozens of pictures. Ours: batches of four, ids shuffled anew for each vote so that no position or letter is
+preferred, two votes, and where they differ a last question between the two.
 
 [H25] as in the package's docstring.
 """

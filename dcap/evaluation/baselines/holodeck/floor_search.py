@@ -19,7 +19,7 @@ import shapely
 from shapely import affinity
 
 from dcap.arrays import Array
-from dcap.evaluation.baselines.asset import CanonicalAsset
+from dcap.evaluation.baselines.floor_plan import CanonicalAsset
 from dcap.evaluation.baselines.holodeck.scores import (
     BONUS,
     TURNS,
@@ -239,18 +239,13 @@ def floor_place(
     room = FloorRoom.of(shapely.Polygon(CENTIMETRES * plan.outline))
     high = plan.floor + float(asset.size[2])
     placed = {
-        names[box.thing].lower(): as_place(box, solid=stands_in(box, plan.floor, high))
+        names[box.thing].lower(): as_place(box, solid=box.bottom < high and box.top > plan.floor + WALKED_ON)
         for box in plan.things
         if box.thing in names
     }
     length, width = (CENTIMETRES * float(asset.size[axis]) + BUFFER for axis in (0, 1))
     thing = FloorObject(object_name, length, width, tuple(relations))
     return search(room, [thing], placed, rng, roots=roots, steps=steps).get(object_name)
-
-
-def stands_in(box: PlanBox, floor: float, high: float) -> bool:
-    """Whether a thing occupies space between the floor and a height [m]."""
-    return box.bottom < high and box.top > floor + WALKED_ON
 
 
 def as_place(box: PlanBox, *, solid: bool) -> GridPlace:

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.arrays import Array
-from dcap.evaluation.baselines.asset import CanonicalAsset, with_rotation
+from dcap.evaluation.baselines.floor_plan import CanonicalAsset, with_rotation
 from dcap.geometry.placement.polygons import inside
 from dcap.geometry.placement.poses import about_z
 from dcap.geometry.raycast import Raycaster

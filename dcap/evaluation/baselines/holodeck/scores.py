@@ -5,13 +5,11 @@ along +x, 180 along -y, 270 along -x. A satisfied relation counts its weight; di
 curve: near falls from 1 at the least distance of all candidates to 0 at 80 cm, or at the greatest distance where that
 is less; far rises from 0 at the least to 1 at the greatest.
 
-Parser of Holodeck's line of relations, equivalent to its program's.
-
-As in the source (`parse_constraints`): lines hold `|`, their letters are made small, a leading number or dash and a
-last full stop are dropped; what is before the first `|` is the object; each further piece is a relation and perhaps a
-target behind a comma. A relation that is not known is taken for the one with the least edit distance. A target must be
-placed before; a piece without one is dropped. `around` means near and facing, `in front of` also aligned. An object
-without a line is not placed.
+The parser is equivalent to the source's (`parse_constraints`): lines hold `|`, their letters are made small, a leading
+number or dash and a last full stop are dropped; what is before the first `|` is the object; each further piece is a
+relation and perhaps a target behind a comma. A relation that is not known is taken for the one with the least edit
+distance. A target must be placed before; a piece without one is dropped. `around` means near and facing, `in front of`
+also aligned. An object without a line is not placed.
 """
 
 import re
@@ -88,9 +86,10 @@ def parsed_relations(text: str, object_name: str, placed: Collection[str]) -> li
 def relations_of(piece: str, placed: Collection[str]) -> list[Relation]:
     """Relations of one piece between bars."""
     said, comma, behind = piece.partition(",")
-    if not said.strip() or said.strip() == "n/a":
+    said = said.strip()
+    if said in ("", "n/a"):
         return []
-    name = nearest_name(said.strip())
+    name = said if said in KINDS else min(KINDS, key=lambda one: (edit_distance(one, said), one))
     kind = KINDS[name]
     if kind is RelationKind.GLOBAL:
         return [Relation(kind, name)]
@@ -102,12 +101,6 @@ def relations_of(piece: str, placed: Collection[str]) -> list[Relation]:
     if name == "in front of":
         return [Relation(kind, name, target), Relation(RelationKind.ALIGNMENT, "center aligned", target)]
     return [Relation(kind, name, target)]
-
-
-def nearest_name(said: str) -> str:
-    """A word of the vocabulary: the same word, or the one with the least edit distance, alphabetically first of
-    several."""
-    return said if said in KINDS else min(KINDS, key=lambda name: (edit_distance(name, said), name))
 
 
 def edit_distance(a: str, b: str) -> int:

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from box_rooms import ROOM, ball, block, box_of, toy
 
-from dcap.evaluation.baselines.fireplace.anchors import box_side, surfaces_of_part
-from dcap.evaluation.baselines.fireplace.item_surfaces import item_surfaces, surface_towards
+from dcap.evaluation.baselines.fireplace.anchors import box_side, item_surfaces, surface_towards, surfaces_of_part
 from dcap.evaluation.baselines.fireplace.placement import SurfaceFrame, posed, resting
 from dcap.evaluation.baselines.fireplace.planar import planar_surfaces
 from dcap.evaluation.baselines.fireplace.problem import SupportArea

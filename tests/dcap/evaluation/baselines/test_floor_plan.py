@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from box_rooms import HALL, ROOM, Things, block, segmentation, toy
 
-from dcap.evaluation.baselines.asset import canonical_asset, proposed_anchor
-from dcap.evaluation.baselines.floor_plan import floor_plan_of
+from dcap.evaluation.baselines.floor_plan import canonical_asset, floor_plan_of, proposed_anchor
 from dcap.geometry.placement.poses import about_z, front_of
 from dcap.scene.types.floor_plan import PlanBox
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from box_rooms import ROOM, ball, block, segmentation
 
-from dcap.evaluation.baselines.asset import CanonicalAsset, canonical_asset
-from dcap.evaluation.baselines.floor_plan import floor_plan_of
+from dcap.evaluation.baselines.floor_plan import CanonicalAsset, canonical_asset, floor_plan_of
 from dcap.evaluation.baselines.holodeck.receptacle import (
     collides,
     fits_on,

@@ -7,8 +7,7 @@ from box_rooms import ROOM, mug
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dcap.evaluation.baselines.asset import canonical_asset
-from dcap.evaluation.baselines.floor_plan import floor_plan_of
+from dcap.evaluation.baselines.floor_plan import canonical_asset, floor_plan_of
 from dcap.evaluation.baselines.layoutgpt import (
     category_of,
     difference,

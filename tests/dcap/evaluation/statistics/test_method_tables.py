@@ -5,13 +5,18 @@ import pytest
 from simulated_judge import simulated
 
 from dcap.evaluation.statistics.comparisons import Comparison, JudgedAxis, Winner
-from dcap.evaluation.statistics.method_tables import preference_rows, score_rows
-from dcap.evaluation.statistics.score_summary import DAGGER, composite
+from dcap.evaluation.statistics.method_tables import DAGGER, ScoreRow, composite, preference_rows, score_rows
 from dcap.scene.errors import InputError
 
 METHODS = ("dcap", "fireplace", "layoutgpt")
 BASELINES = METHODS[1:]
 FEW = 500
+COLUMNS = ("right_place", "physics_naturalness", "composite", "elo")
+
+
+def marks(row: ScoreRow) -> dict[str, str]:
+    """The marks of the columns."""
+    return {name: row.mark(name) for name in COLUMNS}
 
 
 def scores() -> dict[str, np.ndarray]:
@@ -38,9 +43,9 @@ def test_a_row_has_means_composite_elo_and_its_marks():
     assert list(rows) == list(METHODS)
     dcap = rows["dcap"]
     assert dcap.composite == pytest.approx(composite(list(given["dcap"].mean(axis=0))))
-    assert dict(dcap.marks) == {"right_place": "", "physics_naturalness": DAGGER, "composite": DAGGER, "elo": DAGGER}
-    assert set(rows["layoutgpt"].marks.values()) == {""}
-    assert rows["fireplace"].marks["elo"] == DAGGER  # against the best of the other baselines
+    assert marks(dcap) == {"right_place": "", "physics_naturalness": DAGGER, "composite": DAGGER, "elo": DAGGER}
+    assert set(marks(rows["layoutgpt"]).values()) == {""}
+    assert rows["fireplace"].mark("elo") == DAGGER  # against the best of the other baselines
     elo = [row.elo.rating for row in rows.values() if row.elo]
     assert elo[-1] == 1000.0
     assert elo == sorted(elo, reverse=True)
@@ -52,7 +57,7 @@ def test_elo_is_not_marked_by_one_sample():
     rows.append(Comparison("s0000", JudgedAxis.OVERALL, "dcap", "fireplace", Winner.LEFT, "simulated"))
     dcap = score_rows({name: value[:30] for name, value in scores().items()}, rows, BASELINES, resamples=FEW)[0]
     assert dcap.elo is not None
-    assert (dcap.marks["elo"], dcap.p["elo"]) == ("", 1.0)
+    assert (dcap.mark("elo"), dcap.p("elo")) == ("", 1.0)
 
 
 def test_preferences_have_rates_a_rating_and_marks():
@@ -60,8 +65,8 @@ def test_preferences_have_rates_a_rating_and_marks():
     rows = preference_rows(METHODS, preferences(), BASELINES, resamples=FEW)
     assert [row.method for row in rows] == list(METHODS)
     assert set(rows[0].rates) == {JudgedAxis.OVERALL}
-    assert rows[0].marks[JudgedAxis.OVERALL] == DAGGER
-    assert rows[2].marks[JudgedAxis.OVERALL] == ""
+    assert rows[0].mark(JudgedAxis.OVERALL) == DAGGER
+    assert rows[2].mark(JudgedAxis.OVERALL) == ""
     assert all(row.rating for row in rows)
     assert sum(row.rates[JudgedAxis.OVERALL].rate for row in rows) == pytest.approx(1.5)
 
@@ -69,7 +74,7 @@ def test_preferences_have_rates_a_rating_and_marks():
 def test_scores_without_comparisons_have_no_elo():
     """And one method alone has no mark."""
     (row,) = score_rows({"dcap": scores()["dcap"]}, [], BASELINES, resamples=FEW)
-    assert (row.elo, set(row.marks.values())) == (None, {""})
+    assert (row.elo, set(marks(row).values())) == (None, {""})
     assert preference_rows(METHODS, [], BASELINES) == []
 
 
@@ -79,13 +84,13 @@ def test_an_axis_without_scores_is_none():
     for value in given.values():
         value[:, 0] = np.nan
     dcap = score_rows(given, preferences(), BASELINES, resamples=FEW)[0]
-    assert (dcap.right_place, dcap.composite, dcap.samples) == (None, None, 40)
-    assert dict(dcap.marks) == {"right_place": "", "physics_naturalness": DAGGER, "composite": "", "elo": DAGGER}
-    assert set(dcap.p) == {"physics_naturalness", "elo"}
+    assert (set(dcap.scores), dcap.composite, dcap.samples) == ({"physics_naturalness"}, None, 40)
+    assert marks(dcap) == {"right_place": "", "physics_naturalness": DAGGER, "composite": "", "elo": DAGGER}
+    assert set(dcap.tests) == {"physics_naturalness", "elo"}
     given["dcap"][20:] = np.nan
     for name in BASELINES:
         given[name][:20] = np.nan
-    assert set(score_rows(given, [], BASELINES, resamples=FEW)[0].p) == set()
+    assert set(score_rows(given, [], BASELINES, resamples=FEW)[0].tests) == set()
 
 
 def test_scores_of_other_samples_are_refused():

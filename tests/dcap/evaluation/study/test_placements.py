@@ -30,8 +30,7 @@ from dcap.evaluation.study.attention import (
     read_placed_surface,
     write_check,
 )
-from dcap.evaluation.study.design import method_pairs
-from dcap.evaluation.study.placements import read_study_run, views_of
+from dcap.evaluation.study.design import method_pairs, read_study_run, views_of
 from dcap.scene.errors import FormatError, InputError
 from dcap.scene.types.pictures import PLACED
 from flows.judge_run import read_rows

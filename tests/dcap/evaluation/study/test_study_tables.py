@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from dcap.evaluation.statistics.comparisons import AXES, JudgedAxis
-from dcap.evaluation.statistics.method_tables import PreferenceRow
-from dcap.evaluation.statistics.score_summary import DAGGER
+from dcap.evaluation.statistics.method_tables import DAGGER, PreferenceRow
 from dcap.evaluation.study.design import Showings, Side, rater_items
 from dcap.evaluation.study.study_folder import StudyDesign, StudyVote
 from dcap.evaluation.study.tables import RaterRow, csv_text, study_table, tex_text
@@ -75,8 +74,8 @@ def test_ratings_are_those_of_the_raters() -> None:
         assert row.rating.interval.low < row.rating.rating < row.rating.interval.high
     best = table.rows[0].rates[JudgedAxis.OVERALL].interval
     assert best.low < (2 / 3 + 0.8) / 2 < best.high  # of 2 against 1 and of 2 against 0.5
-    assert table.rows[0].marks[JudgedAxis.OVERALL] == DAGGER
-    assert not any(row.marks[axis] for row in table.rows[1:] for axis in AXES)
+    assert table.rows[0].mark(JudgedAxis.OVERALL) == DAGGER
+    assert not any(row.mark(axis) for row in table.rows[1:] for axis in AXES)
 
 
 def test_win_rates_draw_whole_samples() -> None:
@@ -100,21 +99,21 @@ def test_p_counts_the_draws_that_say_otherwise() -> None:
     it: p is twice 7/27. Where every draw says the same, it is 2^(1 - n) of n samples, and the better one is marked
     where these are eight."""
     three = given(("s", "dcap", "fireplace", 9), ("t", "dcap", "fireplace", 9), ("u", "fireplace", "dcap", 9))
-    p = study_table(three, 0).rows[0].p[JudgedAxis.OVERALL]
+    p = study_table(three, 0).rows[0].p(JudgedAxis.OVERALL)
     assert p == pytest.approx(14 / 27, abs=0.03)  # 10,000 draws: sigma 2 * 0.0044
     for names, marks in (("stuvwxyz", [DAGGER, ""]), ("stu", ["", ""])):
         sure = study_table(given(*((name, "dcap", "fireplace", 9) for name in names)), 0)
-        assert [row.p[JudgedAxis.OVERALL] for row in sure.rows] == pytest.approx([2 ** (1 - len(names))] * 2)
-        assert [row.marks[JudgedAxis.OVERALL] for row in sure.rows] == marks
+        assert [row.p(JudgedAxis.OVERALL) for row in sure.rows] == pytest.approx([2 ** (1 - len(names))] * 2)
+        assert [row.mark(JudgedAxis.OVERALL) for row in sure.rows] == marks
 
 
 def test_a_baseline_is_marked_only_where_it_beats_ours() -> None:
     """One that beats another baseline, and loses to ours, is not; nor is ours where it beats its own variant alone."""
     rows = [(name, *pair, 9) for name in "stuvwxyz" for pair in (("dcap", "fireplace"), ("fireplace", "layoutgpt"))]
-    marks = {row.method: row.marks[JudgedAxis.OVERALL] for row in study_table(given(*rows), 0).rows}
+    marks = {row.method: row.mark(JudgedAxis.OVERALL) for row in study_table(given(*rows), 0).rows}
     assert marks == {"dcap": DAGGER, "fireplace": "", "layoutgpt": ""}
     rows = [(name, *pair, 9) for name in "stuvwxyz" for pair in (("dcap", "no_drop"), ("holodeck", "dcap"))]
-    marks = {row.method: row.marks[JudgedAxis.OVERALL] for row in study_table(given(*rows), 0).rows}
+    marks = {row.method: row.mark(JudgedAxis.OVERALL) for row in study_table(given(*rows), 0).rows}
     assert marks == {"dcap": "", "no_drop": "", "holodeck": DAGGER}
 
 

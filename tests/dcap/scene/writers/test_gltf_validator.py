@@ -16,7 +16,7 @@ from dcap.scene.readers.source import read_surface
 from dcap.scene.types.mesh import Mesh, Paint, SourceSurface
 from dcap.scene.types.particles import Particles
 from dcap.scene.writers.glb import Node, glb_bytes, labelled_nodes
-from flows.output import corner_normals, iso_glb, scene_nodes
+from flows.output import corner_normals, iso_glb
 from tasks.render.settled_meshes import contact_nodes, object_at_rest, scene_at_rest
 
 VALIDATOR = Path(__file__).parents[4] / "build" / "node" / "node_modules" / "gltf-validator"
@@ -60,7 +60,8 @@ def test_scene_and_object_at_rest(tmp_path: Path, with_textures: bool) -> None:
     around, look = scene_at_rest(scene_of(), room, settled(), "bed")
     thing = object_at_rest(ball(), own, anchor(), settled().bodies[0])
     node = Node("object", thing.mesh, paint=thing.paint, normals=corner_normals(thing.mesh))
-    scene = Node("scene", children=tuple(scene_nodes(around.scene, look)))
+    normals = corner_normals(around.scene.mesh)
+    scene = Node("scene", children=tuple(labelled_nodes(around.scene, look.paint, normals)))
     assert issues(glb_bytes([scene, node]), tmp_path) == []
 
 

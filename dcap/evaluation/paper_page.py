@@ -1,48 +1,47 @@
 """The page of a whole evaluation: each statement of the paper with its files, and facts of the scenes.
 
-In: a finished run with its rows, facts of its scenes, and notes on the study. Out: `index.html`, and the files of
-`write_scene_facts`. The pictures and tables of single placements stay in `report.html`.
-
-The paper's sections 4.1 to 4.4, statement by statement, with the files of a run that answer each, or why none
-does.
-
-Facts of an evaluation's scenes: their meshes, their deformable supports, and figure 3 in both of its counts.
-
-In: facts of each scene. Out: `tables/dataset.csv|tex`, `tables/figure3.csv|tex`, `figures/deformable_supports.png` and
-`figures/deformable_materials.png`. Two counts: labelled supports that give way, and the different deformable materials
-of the parts of all supports, which is how we read the paper's figure 3.
+In: a finished run with its rows, facts of its scenes, and notes on the study. Out: `index.html`, which lists the
+paper's sections 4.1 to 4.4 statement by statement with the files of the run that answer each, or why none does;
+`tables/dataset.csv|tex`, `tables/figure3.csv|tex`, `figures/deformable_supports.png` and
+`figures/deformable_materials.png`. Figure 3 has two counts: labelled supports that give way, and the different
+deformable materials of the parts of all supports, which is how we read the paper's figure. The pictures and tables of
+single placements stay in `report.html`.
 """
 
 import csv
 import json
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-
-from jinja2 import FileSystemLoader, StrictUndefined
-from jinja2.sandbox import SandboxedEnvironment
 
 from dcap.evaluation.judging.judge import read_record
 from dcap.evaluation.judging.rubric import RUBRIC
 from dcap.evaluation.outcome_table import SampleOutcome
-from dcap.evaluation.report import TEMPLATES, card_of, model_use, names_of, shown_tables, strips_of, tiles_of
+from dcap.evaluation.pages import rendered
+from dcap.evaluation.report import card_of, model_use, names_of, shown_tables, strips_of, tiles_of
 from dcap.evaluation.run_folder import RunSummary
 from dcap.evaluation.run_page.sections import KINDS, costs_table, failures_of, read_run
 from dcap.evaluation.run_page.tables import YES_OR_NO, ShownTable
 from dcap.evaluation.supports_plot import MATERIALS, SUPPORTS, is_support, save_supports_plot, summary
-from dcap.evaluation.table_files import TABLES, csv_of, table_links, tex_escaped, write_table
+from dcap.evaluation.table_files import TABLES, csv_of, table_links, tex_escaped, tex_of, write_table
 from dcap.knowledge.kinds import deformable_materials, deformable_supports
 from dcap.language.protocol.client import ClientName
 from dcap.scene.written_files import write_whole
 
-SENTENCES = Path(__file__).with_name("sentences.csv")
+SENTENCES = Path(__file__).with_name("paper_sentences.csv")
 MOST_LINKS = 4
 """Most linked files of one statement [-]."""
 DATASET, FIGURE3 = "dataset", "figure3"
 FIGURES = {SUPPORTS: "figures/deformable_supports.png", MATERIALS: "figures/deformable_materials.png"}
 INDEX = "index.html"
 TABLE1, TABLE2 = (table_links(name)[0] for name in ("table1", "table2"))
+LANGUAGE_MODEL = "config.intent.language.model"
+SHOWN_SETTINGS = {
+    "solver": "drop.solver.method", "clearance at the start [m]": "anchor.clearance",
+    "rigid above [Pa]": "materials.rigid_above", "limits of the paper": "materials.paper_limits",
+}  # fmt: skip
+"""Settings of the stages on the page, by name."""
 MOST_STRIPS = 60
 """Samples in the gallery [-]; report.html has all."""
 
@@ -65,12 +64,8 @@ class PaperSentence:
 
 
 def paper_sentences(run: Path) -> list[PaperSentence]:
-    """All statements, in the paper's order."""
-    return list(found_in(run))
-
-
-def found_in(run: Path) -> Iterator[PaperSentence]:
-    """Find the files of each statement."""
+    """All statements, in the paper's order, each with its files."""
+    found = []
     with SENTENCES.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     for row in rows:
@@ -82,7 +77,9 @@ def found_in(run: Path) -> Iterator[PaperSentence]:
                 lacking.append(pattern)
             files += there[:1] if "*" in pattern else there
             more += max(len(there) - 1, 0) if "*" in pattern else 0
-        yield PaperSentence(row["section"], row["topic"], tuple(files[:MOST_LINKS]), more, tuple(lacking), row["note"])
+        shown = tuple(files[:MOST_LINKS])
+        found.append(PaperSentence(row["section"], row["topic"], shown, more, tuple(lacking), row["note"]))
+    return found
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,32 +166,20 @@ def dataset_row(one: SceneFacts) -> Mapping[str, object]:
 
 def figure_row(one: SceneFacts) -> Mapping[str, object]:
     """Both counts of a scene, and the counted things."""
+    kinds = "; ".join(f"{count} {kind}" for kind, count in one.kinds.most_common())
     return {
         "scene": one.scene, "supports": len(one.supports), "deformable_supports": one.kinds.total(),
-        "deformable_materials": one.materials.total(), "kinds": listed(one.kinds), "materials": " ".join(one.materials),
+        "deformable_materials": one.materials.total(), "kinds": kinds, "materials": " ".join(one.materials),
     }  # fmt: skip
-
-
-def listed(kinds: Counter[str]) -> str:
-    """Kinds with their numbers."""
-    return "; ".join(f"{count} {kind}" for kind, count in kinds.most_common())
 
 
 def written(run: Path, name: str, title: str, rows: Sequence[Mapping[str, object]], note: str) -> ShownTable:
     """Write a table into a run, and return it for the page."""
     head = tuple(rows[0])
     cells = [tuple(str(row[column]) for column in head) for row in rows]
-    write_table(run / TABLES, name, csv_of(rows), tex_of(head, cells))
+    tex = [[tex_escaped(cell) for cell in row] for row in (head, *cells)]
+    write_table(run / TABLES, name, csv_of(rows), tex_of(tex[0], tex[1:], "l" * len(head)))
     return ShownTable(title, tuple(one.replace("_", " ") for one in head), tuple(cells), table_links(name), note)
-
-
-def tex_of(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table in LaTeX."""
-    lines = [" & ".join(tex_escaped(cell) for cell in row) + " \\\\" for row in (head, *rows)]
-    lines.insert(1, "\\hline")
-    return (
-        "\n".join([f"\\begin{{tabular}}{{{'l' * len(head)}}}", "\\hline", *lines, "\\hline", "\\end{tabular}"]) + "\n"
-    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -231,13 +216,8 @@ def write_paper_page(
         "config": json.dumps(read_run(run).get("config", {}), indent=2, ensure_ascii=False),
         "sentences": paper_sentences(run),
     }  # fmt: skip
-    environment = SandboxedEnvironment(
-        loader=FileSystemLoader(TEMPLATES), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
-        lstrip_blocks=True,
-    )  # fmt: skip
-    path = run / INDEX
-    write_whole(path, environment.get_template("paper.html.j2").render(values).encode())
-    return path
+    write_whole(run / INDEX, rendered("paper.html.j2", values).encode())
+    return run / INDEX
 
 
 def judged_by_model(run: Path) -> bool:
@@ -251,20 +231,15 @@ def settings_of(run: Path, names: Mapping[str, str]) -> list[tuple[str, str]]:
     tree = read_run(run)
     record = read_record(run)
     versions = tree.get("versions")
-    asked = [value_at(tree, f"config.intent.language.{one}") for one in ("client", "model")]
+    versions = versions if isinstance(versions, dict) else {}
+    client = value_at(tree, "config.intent.language.client")
     told = [
         ("dataset", value_at(tree, "dataset")),
         ("methods", ", ".join(names.values())),
-        ("language", asked[0] if asked[0] == ClientName.OFFLINE else " ".join(asked)),
+        ("language", client if client == ClientName.OFFLINE else f"{client} {value_at(tree, LANGUAGE_MODEL)}"),
         ("judge", record.judge if record else ""),
-        ("solver", value_at(tree, "config.drop.solver.method")),
-        ("clearance at the start [m]", value_at(tree, "config.anchor.clearance")),
-        ("rigid above [Pa]", value_at(tree, "config.materials.rigid_above")),
-        ("limits of the paper", value_at(tree, "config.materials.paper_limits")),
-        (
-            "versions",
-            ", ".join(f"{name} {one}" for name, one in versions.items()) if isinstance(versions, dict) else "",
-        ),
+        *((words, value_at(tree, f"config.{key}")) for words, key in SHOWN_SETTINGS.items()),
+        ("versions", ", ".join(f"{name} {one}" for name, one in versions.items())),
     ]
     return [(name, value) for name, value in told if value.strip()]
 

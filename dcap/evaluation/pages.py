@@ -1,11 +1,12 @@
-"""The page for checking the things that were found in a scene: numbered pictures, one row per thing.
+"""Pages from templates, and the page for checking the things that were found in a scene.
 
-Self-contained: pictures are embedded. It shows the content of labels.json, which is the file to correct.
+The latter has numbered pictures and a row for each thing. It is self-contained: pictures are embedded. It shows the
+content of labels.json, which is the file to correct.
 """
 
 import base64
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,6 +21,19 @@ from dcap.scene.writers.labels import FoundThing
 TEMPLATES = Path(__file__).parent / "templates"
 UNSURE = 0.9
 """Probability below which a label is marked as uncertain [-]."""
+
+
+def environment(folder: Path) -> SandboxedEnvironment:
+    """The templates of a folder; texts are escaped, and a name that a template lacks is an error."""
+    return SandboxedEnvironment(
+        loader=FileSystemLoader(folder), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
+        lstrip_blocks=True,
+    )  # fmt: skip
+
+
+def rendered(template: str, values: Mapping[str, object], folder: Path = TEMPLATES) -> str:
+    """A page from a template."""
+    return environment(folder).get_template(template).render(values)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -53,22 +67,12 @@ def labels_page(
 ) -> str:
     """The page; `command` uses the corrected file, `offline` says whether rules labelled things that the source does
     not name."""
-    environment = SandboxedEnvironment(
-        loader=FileSystemLoader(TEMPLATES),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template("labels.html.j2").render(
-        scene=scene,
-        plan=embedded(plan),
-        views=[embedded(view) for view in views],
-        rows=[(row, embedded(row.picture)) for row in rows],
-        unsure=sum(row.unsure for row in rows),
-        command=command,
-        offline=offline,
-    )
+    values = {
+        "scene": scene, "plan": embedded(plan), "views": [embedded(view) for view in views],
+        "rows": [(row, embedded(row.picture)) for row in rows], "unsure": sum(row.unsure for row in rows),
+        "command": command, "offline": offline,
+    }  # fmt: skip
+    return rendered("labels.html.j2", values)
 
 
 def embedded(rgb: NDArray[np.uint8]) -> str:

@@ -4,10 +4,9 @@ In: scene.glb of each placement. Out: the page, three.js once, and for each plac
 that is opened from disk may load scripts but not fetch files, so each surface is a script that hands over bytes: the
 cut-out around the object as GLB, compressed, in base 64. A script is loaded when its sample is looked at.
 
-three.js for our pages, from the installed trimesh: nothing is downloaded, and we keep no copy.
-
-trimesh carries a page with all of three.js and the reader of GLB in it, for notebooks; its last statement starts that
-page's own viewer. Without that statement it is a library. three.js is under the MIT licence.
+three.js is that of the installed trimesh: nothing is downloaded, and we keep no copy. trimesh carries a page with all
+of three.js and the reader of GLB in it, for notebooks; its last statement starts that page's own viewer. Without that
+statement it is a library. three.js is under the MIT licence.
 """
 
 import base64
@@ -21,6 +20,7 @@ from pathlib import Path
 
 from trimesh import resources, util
 
+from dcap.evaluation.pages import TEMPLATES
 from dcap.evaluation.study.attention import read_placed_surface
 from dcap.evaluation.table_files import write_if_other
 from dcap.scene.errors import DcapError
@@ -28,7 +28,7 @@ from dcap.scene.writers.placed_scene import copy_earlier, note_files
 from dcap.scene.written_files import digest_of_file
 
 ARCHIVED_PAGE, ARCHIVE, START = "viewer.html.template", "templates/viewer.zip", "init();"
-ORBIT = Path(__file__).with_name("orbit.js")
+ORBIT = TEMPLATES / "orbit.js"
 """Our script that shows models with it."""
 NEEDED = ("THREE.GLTFLoader=", "WebGLRenderer")
 PAGE, FOLDER = "view3d.html", "view3d"
@@ -41,7 +41,6 @@ FORMAT = 1
 """Version of the scripts, raised when the same scene.glb gives another script."""
 AT_A_TIME = 2
 """Most placements that are read at once: each takes the memory of its whole scene."""
-HERE = Path(__file__).parent
 
 
 @cache
@@ -98,7 +97,7 @@ def write_view3d(run: Path, samples: Mapping[str, tuple[str, Sequence[ShownModel
         write_if_other(folder / "three.js", library.encode())
         write_if_other(folder / "orbit.js", ORBIT.read_bytes())
         write_if_other(folder / "samples.js", f"window.dcapSamples = {json.dumps(rows)};\n".encode())
-        write_if_other(run / PAGE, (HERE / PAGE).read_bytes())
+        write_if_other(run / PAGE, (TEMPLATES / PAGE).read_bytes())
     return found
 
 

@@ -1,6 +1,6 @@
 """What was aimed at against what was meant."""
 
-from dcap.evaluation.aim_scores import Aim, marks, shares
+from perf.aim_scores import Aim, marks, shares
 
 
 def test_what_the_truth_leaves_open_is_not_compared():

@@ -1,10 +1,9 @@
 """A few samples of a data set are spread over scenes, objects, supports and verdicts."""
 
 from dcap.evaluation.outcome_table import ExpectedOutcome
-from dcap.evaluation.sampling.splits import spread_samples
 from dcap.scene.types.sample import Sample
-from flows.benchmark import truths_of
 from flows.samples import EMBEDDED, load_samples
+from flows.selection import spread_samples, truths_of
 
 FEASIBLE = ExpectedOutcome(base="bed", part="", region="", feasible=True, reason="")
 REFUSED = ExpectedOutcome(base="", part="", region="", feasible=False, reason="target_not_found")

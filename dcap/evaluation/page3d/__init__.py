@@ -1,1 +1,0 @@
-"""Placements in three dimensions in a web page: the library, and the script that shows them."""

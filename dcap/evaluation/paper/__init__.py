@@ -1,1 +1,0 @@
-"""The output of a whole evaluation: data set statistics, figure 3 in both counts, and a page over all of it."""
