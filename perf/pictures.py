@@ -10,6 +10,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
+from dcap.geometry.rendering.picture import picture
 from dcap.geometry.rendering.surface import PreparedMeshes
 from dcap.scene.settings import data_root
 from dcap.scene.types.choices import Anchor
@@ -24,7 +25,7 @@ from flows.run_files import FinishedPlacement, finished_placement
 from flows.selection import DATASET_SEED, ensure_dataset
 from perf.stopwatch import best
 from tasks.render.settled_meshes import painted_item, painted_scene, settled_scene, shown
-from tasks.render.stage import photograph, render
+from tasks.render.stage import render
 
 ROOM, OBJECT, PROMPT = "bedroom_01", "ball", "put the ball at the center of the bed"
 REPEATS = 3
@@ -54,7 +55,7 @@ def one_picture(found: FinishedPlacement) -> Callable[[], object]:
     around = settled_scene(scene, settled, anchor.base_id)
     thing = painted_item(item, anchor, settled.bodies[0], values.object_surface)
     meshes = [*shown(around.scene, camera, painted_scene(around, values.scene_surface)), thing]
-    return lambda: photograph(PreparedMeshes(meshes), camera, config)
+    return lambda: picture(PreparedMeshes(meshes), camera, samples=config.samples)
 
 
 def all_pictures(found: FinishedPlacement) -> Callable[[], object]:

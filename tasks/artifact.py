@@ -172,7 +172,11 @@ class Store:
 
         Without `bring`, files in the shared store are enough, sound or not.
         """
-        return self.is_here(ref) or (self._fetch(ref) if bring else self._is_shared(ref))
+        if self.is_here(ref):
+            return True
+        if bring:
+            return self._fetch(ref)
+        return self.shared is not None and bool(self.shared.names(self._shared_name(ref)))
 
     def is_here(self, ref: Ref[Any]) -> bool:
         """Return whether the artifact is in this folder and every byte matches its digest.
@@ -180,7 +184,10 @@ class Store:
         Bytes are read once per process; after that, unchanged sizes and modification times count as proof.
         """
         folder = self.folder(ref)
-        stamps = stamps_of(folder)
+        try:
+            stamps = tuple((str(path), path.stat().st_size, path.stat().st_mtime_ns) for path in files_in(folder))
+        except OSError:
+            return False
         if not stamps:
             return False
         if self._verified.get(ref) != stamps:
@@ -235,9 +242,6 @@ class Store:
         with self._draft(ref) as folder:
             self.shared.fetch(self._shared_name(ref), folder)
         return self.is_here(ref)
-
-    def _is_shared(self, ref: Ref[Any]) -> bool:
-        return self.shared is not None and bool(self.shared.names(self._shared_name(ref)))
 
     def _shared_name(self, ref: Ref[Any]) -> str:
         return f"{OBJECTS}/{ref.kind}/{ref.sha256[:2]}/{ref.sha256}"
@@ -337,14 +341,6 @@ def sound_files(folder: Path, ref: Ref[Any]) -> dict[str, bytes] | None:
         return None
     sound = digest_of({name: hashlib.sha256(data).hexdigest() for name, data in files.items()}) == ref.sha256
     return files if sound else None
-
-
-def stamps_of(folder: Path) -> tuple[tuple[str, int, int], ...]:
-    """Return name, size and modification time of every file of an artifact; empty if there is none."""
-    try:
-        return tuple((str(path), path.stat().st_size, path.stat().st_mtime_ns) for path in files_in(folder))
-    except OSError:
-        return ()
 
 
 def remove(path: Path) -> None:

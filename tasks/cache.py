@@ -181,7 +181,7 @@ class Stage(Generic[P, ValueT_co]):
         return Task(
             body,
             name=self.name,
-            task_run_name=self._task_run_name,
+            task_run_name=lambda: f"{self.name} {current_context().session.sample}".rstrip(),
             # two samples that need the same room read it once, the second waits for the first
             cache_policy=SoundRecord().configure(isolation_level="SERIALIZABLE", lock_manager=FileLocks()),
             persist_result=True,
@@ -191,9 +191,6 @@ class Stage(Generic[P, ValueT_co]):
             retries=RETRIES,
             retry_condition_fn=_process_died,
         )
-
-    def _task_run_name(self) -> str:
-        return f"{self.name} {current_context().session.sample}".rstrip()
 
     def _bound(self, *args: Any, **kwargs: Any) -> dict[str, Any]:
         """Return the inputs by name; missing inputs and a missing configuration get their defaults."""
@@ -252,7 +249,10 @@ class Stage(Generic[P, ValueT_co]):
         with ExitStack() as held:
             held.enter_context(self._limit(config))
             held.enter_context(context.slots or nullcontext())
-            if self._needs_process(given):
+            apart = self.process
+            if not isinstance(apart, bool):
+                apart = apart(**{name: self._loaded(name, tree) for name, tree in given.items()})
+            if apart:
                 where = (self.function.__module__, self.function.__name__)
                 settings = None if config is None else config.model_dump(mode="json")
                 done = run_in_process(
@@ -305,11 +305,6 @@ class Stage(Generic[P, ValueT_co]):
         if not isinstance(value, kinds_of(declared)):
             raise StoreError(f"stage {self.name}: {name} is a {type(value).__name__}, expected {declared}")
         return value
-
-    def _needs_process(self, given: Mapping[str, Any]) -> bool:
-        if isinstance(self.process, bool):
-            return self.process
-        return self.process(**{name: self._loaded(name, tree) for name, tree in given.items()})
 
     @contextmanager
     def _limit(self, config: Any) -> Iterator[None]:

@@ -194,9 +194,7 @@ class _ParsedSources:
         return hashlib.sha256(RULES.encode() + canonical_json(sources)).hexdigest()
 
 
-@cache
-def _sources_at_begin(path: Path) -> _ParsedSources:
-    return _ParsedSources(path)
+_sources_at_begin = cache(_ParsedSources)
 
 
 def _parse(source: bytes, path: Path) -> dict[str, Any]:

@@ -94,8 +94,9 @@ def run_in_process(function: Callable[..., ResultT], *arguments: object, on_prog
             if _interrupted.is_set():
                 raise KeyboardInterrupt from None
             output.seek(0)
-            tail = "".join(output.readlines()[-LAST_LINES:])
-            raise StageProcessError(f"the stage's process ended with {_exit_words(process)}\n{tail}") from None
+            tail, code = "".join(output.readlines()[-LAST_LINES:]), process.exitcode or 0
+            end = f"signal {signal.Signals(-code).name}" if code < 0 else f"status {code}"
+            raise StageProcessError(f"the stage's process ended with {end}\n{tail}") from None
         finally:
             _running.discard(process)
             _kill(process)
@@ -152,11 +153,6 @@ def _kill(process: BaseProcess) -> None:
             os.killpg(process.pid, signal.SIGKILL)
         if process.is_alive():  # it does not lead a process group yet
             process.kill()
-
-
-def _exit_words(process: BaseProcess) -> str:
-    code = process.exitcode or 0
-    return f"signal {signal.Signals(-code).name}" if code < 0 else f"status {code}"
 
 
 def _work(

@@ -1,11 +1,9 @@
-"""Earlier results of stages: recipes, records of their results, and the locks of records.
+"""Earlier results of stages: recipes, records of their results, and the locks that stages hold while they compute.
 
 A recipe holds everything that decides a result; its digest is the key. A record lies at `records/KEY` as Prefect's
 result file, written by Prefect or by a run without a server. A record counts only if it is complete, has the right key,
 and its artifact is sound. If not, the next name is used (KEY, KEY-r1, ...), so nothing is ever deleted, only repaired
 from a shared store; and Prefect never reads a file that names another serializer, such as `pickle`.
-
-Locks of records, which stages hold while they compute, with Prefect and without.
 """
 
 import fcntl
@@ -93,11 +91,6 @@ def _usable(data: bytes, key: str, *, bring: bool) -> Ref[Any] | None:
     except DAMAGED:
         return None
     return ref if sound and Store.default().has(ref, bring=bring) else None
-
-
-def read_record(path: Path) -> Ref[Any]:
-    """Return the result in a record file; raises one of DAMAGED if it is not a complete record of ours."""
-    return parsed_record(path.read_bytes())
 
 
 def parsed_record(data: bytes) -> Ref[Any]:
@@ -220,7 +213,7 @@ def modified_ns(path: Path) -> int | None:
 @cache
 def _read_once(path: Path, modified_ns: int) -> Ref[Any] | None:
     try:
-        return read_record(path)
+        return parsed_record(path.read_bytes())
     except DAMAGED:
         return None
 

@@ -10,7 +10,7 @@ from typing import Any
 from dcap.scene.settings import cache_root
 from dcap.scene.text import first_of
 from dcap.scene.writers.placed_scene import lost_notes
-from tasks.artifact import DRAFTS, OBJECTS, Record, Ref, Source, Store, files_in, remove
+from tasks.artifact import DRAFTS, Record, Ref, Source, Store, files_in, remove
 from tasks.code import files_behind
 from tasks.records import every_record, key_of, modified_ns, records_behind, records_root, refs_in
 
@@ -92,12 +92,13 @@ def usage_by_stage(made: Iterable[Ref[Any]], refs: Iterable[Ref[Any]]) -> list[C
         own = left & set(results)
         left -= own
         seconds = sum(one.record.seconds for one in results if one.record)
-        rows.append(CacheUsage(stage, len(results), len(own), sum(map(size_in(store), own)), seconds))
+        size = sum(size_of(store.folder(ref)) for ref in own)
+        rows.append(CacheUsage(stage, len(results), len(own), size, seconds))
     for name, some in (
         (SOURCES, [ref for ref in left if ref.kind == Source.__name__]),
         (UNRECORDED, [ref for ref in left if ref.kind != Source.__name__]),
     ):
-        rows.append(CacheUsage(name, 0, len(some), sum(map(size_in(store), some))))
+        rows.append(CacheUsage(name, 0, len(some), sum(size_of(store.folder(ref)) for ref in some)))
     return rows
 
 
@@ -112,7 +113,8 @@ def unneeded(needed: Iterable[Ref[Any]], older_than_s: float) -> Unneeded:
         kept_refs |= {ref, *refs_in(ref.record.recipe)}
     gone = [(path, ref) for path, ref in known if path not in kept_paths and age(path) >= older_than_s]
     loose = [ref for ref in store.refs() if ref not in kept_refs and age(store.folder(ref)) >= older_than_s]
-    litter = [*litter_in(store, LITTER_HOURS * 3600.0), *idle_locks()]
+    locks = [path for path in (cache_root() / "locks").glob("*.lock") if age(path) >= LITTER_HOURS * 3600.0]
+    litter = [*litter_in(store, LITTER_HOURS * 3600.0), *locks]  # locks are empty, but accumulate
     rows = [
         *usage_by_stage([ref for _, ref in gone if ref is not None], loose),
         CacheUsage(RECORDS, len(gone), 0, sum(size_of(path) for path, _ in gone)),
@@ -164,20 +166,8 @@ def repair(found: Sequence[Damage]) -> None:
 def litter_in(store: Store, older_than_s: float) -> list[Path]:
     """Return drafts, and notes on deleted files, of at least an age [s]."""
     drafts = store.root / DRAFTS
-    earlier = cache_root() / "damaged"  # folder of the repair in an earlier version
-    left = [*drafts.glob("*"), *earlier.glob("*"), *cache_root().glob(".writing-*"), *lost_notes()]
+    left = [*drafts.glob("*"), *cache_root().glob(".writing-*"), *lost_notes()]
     return sorted(path for path in left if age(path) >= older_than_s)
-
-
-def idle_locks() -> Iterator[Path]:
-    """Yield old lock files: they are empty, but accumulate."""
-    folder = cache_root() / "locks"
-    yield from (path for path in folder.glob("*.lock") if age(path) >= LITTER_HOURS * 3600.0)
-
-
-def size_in(store: Store) -> Any:
-    """Return a function from an artifact to its size in a store [bytes]."""
-    return lambda ref: size_of(store.root / OBJECTS / ref.kind / ref.sha256[:2] / ref.sha256)
 
 
 def size_of(path: Path) -> int:
@@ -250,10 +240,10 @@ def changed_code(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str
         yield "code has changed"
         return
     files = sorted(name for name in before.keys() | now.keys() if before.get(name) != now.get(name))
-    for kind, suffixes in (("code", True), ("data file", False)):
-        some = [name for name in files if name.endswith(".py") is suffixes]
-        if some:
-            yield f"{kind} {first_of(some, SHOWN)}"
+    if some := [name for name in files if name.endswith(".py")]:
+        yield f"code {first_of(some, SHOWN)}"
+    if some := [name for name in files if not name.endswith(".py")]:
+        yield f"data file {first_of(some, SHOWN)}"
 
 
 def changed_values(old: Any, new: Any) -> dict[str, tuple[object, object]]:
@@ -268,15 +258,14 @@ def named(
     kind: str, changes: Mapping[str, tuple[object, object]], name_of: Callable[[str], str] = lambda key: key
 ) -> Iterator[str]:
     """Yield the first changes in words, and the number of remaining changes."""
+
+    def short(value: object) -> str:
+        text = str(value)
+        return text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"
+
     words = [f"{name_of(key)} {short(old)} -> {short(new)}" for key, (old, new) in changes.items()]
     if words:
         yield kind + first_of(words, SHOWN)
-
-
-def short(value: object) -> str:
-    """Return a shortened value."""
-    text = str(value)
-    return text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"
 
 
 def flattened(tree: Any, prefix: str = "") -> Iterator[tuple[str, object]]:

@@ -1,17 +1,9 @@
 """The part, the areas and the carrying faces that a reply or a given point selects.
 
-In: scene, base, intent, the reply and the object in its planned pose. Out: a `Choice`: areas to try, and spare areas in
-case the first ones have no place.
-
-Faces of the scene that can carry an object on a part: the part's own, and those of things lying flat on it.
-
-In: the scene, the base and the intended part. Out: sets of faces to try one after the other, and the owner of a face.
-On a bed both the blanket and the uncovered mattress carry, unless the prompt names one of them; on a floor the rugs do
-if the bare floor has no place.
-
-Turns the user's point into the anchor's part, area and carrying faces.
-
-In: scene, base and the point on its surface. Out: input of the search for a free spot, which stays near the point.
+In: scene, base, intent, the reply or the user's point, and the object in its planned pose. Out: a `Choice`: areas to
+try, and spare areas in case the first ones have no place; and sets of faces that may carry, to try one after the other:
+the part's own, and those of things lying flat on it. On a bed both the blanket and the uncovered mattress carry, unless
+the prompt names one of them; on a floor the rugs do if the bare floor has no place. Near a point only its surface does.
 """
 
 from collections.abc import Sequence
@@ -53,16 +45,15 @@ BAND = (0.12, 0.1)
 NEAR = 0.05
 """Largest offset from the point if that is not free, or half the object's breadth if that is larger [m]."""
 UP = np.array([0.0, 0.0, 1.0])
-REPORTED_OFFSET = 0.02
-"""Offset from the point above which it is reported [m]."""
 
 
-def carriers(scene: Segmentation, base: Instance, index: int, *, named: bool, caster: Raycaster) -> list[Mask]:
-    """Masks of the faces that may carry, best first, each of shape (faces,); `named`: the prompt asks for this part."""
+def carrier_masks(scene: Segmentation, base: Instance, index: int, intent: Intent, caster: Raycaster) -> list[Mask]:
+    """Masks of the faces that may carry on a part, best first, each of shape (faces,)."""
     own = faces_of(scene, base, index)
     if base.structure:
         flat = coverings(scene, base, index)
         return [own, own | flat] if flat.any() else [own]
+    named = names_part(base, index, intent)
     if base.parts[index].name not in COVERS or (named and exposed(scene, base, index, caster) > SEEN):
         return [own]
     parts = [number for number, part in enumerate(base.parts) if part.name in COVERS]
@@ -92,11 +83,6 @@ def exposed(scene: Segmentation, base: Instance, index: int, caster: Raycaster) 
     hits = caster.cast(box.to_world(local), np.tile([0.0, 0.0, -1.0], (u.size, 1)))
     mine = faces_of(scene, base, index)
     return float(np.mean((hits.face >= 0) & mine[hits.face]))
-
-
-def owner(scene: Segmentation, face: int) -> tuple[Instance, int]:
-    """The instance and the part that a face belongs to."""
-    return scene.instances[int(scene.face_instance[face])], int(scene.face_part[face])
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -130,13 +116,6 @@ class Choice:
         ]
 
 
-def carrier_masks(
-    scene: Segmentation, base: Instance, choice: Choice, intent: Intent, caster: Raycaster
-) -> list[Mask]:  # fmt: skip
-    """Faces that may carry, best first."""
-    return carriers(scene, base, choice.index, named=names_part(base, choice.index, intent), caster=caster)
-
-
 def names_part(base: Instance, index: int, intent: Intent) -> bool:
     """Return whether the prompt names this part."""
     return base.parts[index].name == intent.region.part
@@ -156,7 +135,8 @@ def choice_of(scene: Segmentation, base: Instance, intent: Intent, reply: Anchor
     note = ""
     groups = groups_of(scene, base, reply, index)
     other = reference_frame(scene, base, reply.references, names)
-    view, reach = other or frame, reach_of(mesh, frame)
+    view, axes = other or frame, np.stack([frame.right, frame.front], axis=1)
+    reach = np.asarray(0.5 * np.ptp(mesh.vertices[:, :2] @ axes, axis=0))
     outline = convex_hull(mesh.vertices[np.unique(mesh.faces)][:, :2])
     outside = any(horizontal_gap(base.box, box) > 0.0 for group in groups for box in group) and not is_floor(base)
     sided = any(name in SIDES for name in names)  # "in front of a chair that stands next to the table
@@ -233,11 +213,6 @@ def groups_of(scene: Segmentation, base: Instance, reply: AnchorReply, index: in
     return [[box] for box in boxes] if boxes and "between" not in reply.regions else [boxes]
 
 
-def reach_of(mesh: Mesh, frame: ViewerFrame) -> Array:
-    """Half extents along a frame's right and front [m], shape (2,)."""
-    return np.asarray(0.5 * np.ptp(mesh.vertices[:, :2] @ np.stack([frame.right, frame.front], axis=1), axis=0))
-
-
 def reply_at(scene: Segmentation, base: Instance, at: Array, caster: Raycaster) -> AnchorReply:
     """The part at the point, without asking a client."""
     hit = caster.cast((at + ABOVE * UP)[None], -UP[None])
@@ -259,9 +234,3 @@ def carrying_at(scene: Segmentation, base: Instance, at: Array) -> NDArray[np.bo
     height = scene.mesh.triangles[:, :, 2]
     level = (height.max(axis=1) > at[2] - BAND[0]) & (height.min(axis=1) < at[2] + BAND[1])
     return np.asarray(level & (scene.face_instance == scene.index_of(base.id)))
-
-
-def offset_note(at: Array | None, spot: Array) -> str:
-    """Note on the object's offset from the point; empty if it is small."""
-    away = 0.0 if at is None else float(np.linalg.norm(spot - at[:2]))
-    return f"; {away:.2f} m from the point, which is not free" if away > REPORTED_OFFSET else ""

@@ -24,7 +24,6 @@ from dcap.geometry.placement.named_regions import (
     regions,
 )
 from dcap.geometry.placement.polygons import area_without, clipped, clipped_half_plane, grown, swept
-from dcap.scene.types.boxes import OrientedBox
 from dcap.scene.types.choices import RegionConstraint
 from dcap.scene.types.segmentation import Instance, Segmentation
 from tasks.requests.surroundings import PART, boxes_of, reference_frame
@@ -160,20 +159,16 @@ def nearest_on(ring: Array, area: Region) -> Array:
 
 def with_aim(area: Region, kind: str, rings: Sequence[Array], bounds: Bounds) -> Region:
     """The area with its aim farthest from, or nearest to, things: a corner of it, as distances grow outwards."""
-    room = clipped(area.polygon, shrunk(bounds))
+    kept = 1.0 - bounds.reach / np.maximum(bounds.frame.half, 1e-9)
+    inner = outline(bounds.frame)
+    if (kept > 0.0).all():
+        inner = bounds.frame.world(np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * kept)
+    room = clipped(area.polygon, inner)
     corners = room if len(room) >= 3 else area.polygon
     edges = np.linspace(corners, np.roll(corners, -1, axis=0), 9)[:-1].reshape(-1, 2)
     away = np.array([distance(point, rings) for point in edges])
     best = edges[int(np.argmax(np.round(away if kind == "farthest" else -away, 6)))]
     return replace(area, target=best)
-
-
-def shrunk(bounds: Bounds) -> Array:
-    """The part's rectangle minus the object's reach, shape (4, 2); the part's if nothing would remain."""
-    left = 1.0 - bounds.reach / np.maximum(bounds.frame.half, 1e-9)
-    if (left <= 0.0).any():
-        return outline(bounds.frame)
-    return np.asarray(bounds.frame.world(np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * left))
 
 
 def distance(point: Array, rings: Sequence[Array]) -> float:
@@ -214,16 +209,10 @@ def rings_of(one: RegionConstraint, bounds: Bounds) -> list[Array]:
 
 def barred_rings(one: RegionConstraint, bounds: Bounds) -> list[Array]:
     """The plans of excluded things; among parts, only those that obstruct the chosen part."""
-    boxes = boxes_of(bounds.scene, bounds.base, one.reference)
-    if one.reference.startswith(PART):
-        boxes = [box for box in boxes if at_level(box, bounds)]
+    boxes, top = boxes_of(bounds.scene, bounds.base, one.reference), bounds.base.parts[bounds.index].box.top
+    if one.reference.startswith(PART):  # not a board above or below the object
+        boxes = [box for box in boxes if top - SAME_LEVEL < box.top and box.bottom < top + bounds.height]
     return [box.corners[:4, :2] for box in boxes]
-
-
-def at_level(box: OrientedBox, bounds: Bounds) -> bool:
-    """Return whether a box is at the object's height on the part, and not a board above or below it."""
-    top = bounds.base.parts[bounds.index].box.top
-    return top - SAME_LEVEL < box.top and box.bottom < top + bounds.height
 
 
 def barred_areas(one: RegionConstraint, bounds: Bounds) -> list[Array]:

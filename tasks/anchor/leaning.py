@@ -12,7 +12,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation as Turn
 
 from dcap.arrays import Array
@@ -29,7 +28,7 @@ from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Cause, Caution, Infeasible
 from dcap.scene.types.segmentation import Instance, Segmentation
 from tasks.anchor.choice import Choice, carrier_masks, choice_of
-from tasks.anchor.no_room import not_leaning
+from tasks.anchor.no_room import no_surface
 from tasks.requests.surroundings import PART, boxes_of, parts_meant
 from tasks.requests.views import room_center
 
@@ -97,7 +96,9 @@ def leaning_start(
             noted = replace(choice, note=note_of(intent.orientation.lean, on, squat=squat))
             return LeaningStart(noted, start, tilted, search, Lean(on, tilt, axis))
         why = "there is no free place in front of it"
-    return not_leaning(base, reply.part_index, intent, why)
+    part, asked = base.parts[reply.part_index].name, intent.orientation.lean
+    text = f"{intent.object_name} cannot lean on {asked} on the {part} of {base.label}: {why}"
+    return no_surface(text, base, part, "leaning", (asked,))
 
 
 def note_of(asked: str, on: str, *, squat: bool) -> str:
@@ -152,14 +153,6 @@ def faces_of_box(box: OrientedBox) -> list[LeanSide]:
     return found
 
 
-def leaned_faces(scene: Segmentation, base: Instance, on: str) -> NDArray[np.int64]:
-    """The faces of the thing to lean on, shape (k,)."""
-    if not on.startswith(PART):
-        return np.flatnonzero(scene.face_instance == scene.index_of(on))
-    own = scene.face_instance == scene.index_of(base.id)
-    return np.flatnonzero(own & np.isin(scene.face_part, parts_meant(scene, base, on)))
-
-
 # the pose -----------------------------------------------------------------------------------------------------------
 
 
@@ -182,14 +175,10 @@ def tilt_of(mesh: Mesh, toward: Array) -> float:
     """Tilt towards a face at which the object presses against the face [rad]: its middle beyond its edge."""
     depth = mesh.vertices[:, :2] @ toward
     # the centre of mass is at the origin
-    edge, height = float(depth[mesh.vertices[:, 2] < low_band(mesh)].max()), float(-mesh.bounds[0, 2])
-    return max(float(LEAST), float(np.arctan2(edge, height) + BEYOND))
-
-
-def low_band(mesh: Mesh) -> float:
-    """Height below which vertices belong to the object's foot [m]."""
     low, high = mesh.bounds[:, 2]
-    return float(low + 0.1 * (high - low)) + 1e-9
+    foot = float(low + 0.1 * (high - low)) + 1e-9
+    edge, height = float(depth[mesh.vertices[:, 2] < foot].max()), float(-low)
+    return max(float(LEAST), float(np.arctan2(edge, height) + BEYOND))
 
 
 def tilted_pose(item: Mesh, pose: Array, toward: Array, angle: float) -> Array:
@@ -212,9 +201,11 @@ def set_against(
     lean on."""
     intent, on = asked
     exact = Clearance(mesh, scene.mesh, caster)
-    held = scene.mesh.submesh(leaned_faces(scene, base, on))
-    sideways = Sideways(mesh, held, side.toward)
-    for mask in carrier_masks(scene, base, choice, intent, caster):
+    held = scene.face_instance == scene.index_of(base.id if on.startswith(PART) else on)
+    if on.startswith(PART):
+        held &= np.isin(scene.face_part, parts_meant(scene, base, on))
+    sideways = Sideways(mesh, scene.mesh.submesh(np.flatnonzero(held)), side.toward)
+    for mask in carrier_masks(scene, base, choice.index, intent, caster):
         search = PlacementSearch(scene.mesh, caster, mask, mesh)
         areas = [strip for area in (*choice.areas, *choice.spare) for strip in strips(area, mesh, side, search.cell)]
         start = set_down(search, exact, areas, GAP)

@@ -1,9 +1,8 @@
 """Reasons why an object has no place, and warnings on sides whose point of view is ambiguous.
 
-Warnings on sides of a support, or of a thing next to it, whose point of view is ambiguous.
-
-In: scene, base, the request and the frames in which it is read. Out: a caution for each thing without a front whose
-left, right, front or back the result depends on. Doors and walls are seen from the room, which settles it.
+In: scene, base, the request and the frames in which it is read. Out: a refusal with its evidence; or a caution for each
+thing without a front whose left, right, front or back the result depends on. Doors and walls are seen from the room,
+which settles it.
 """
 
 from collections.abc import Sequence
@@ -62,55 +61,26 @@ def no_room(
 
 def not_on_it(base: Instance, index: int, intent: Intent, away: float) -> Infeasible:
     """The refusal of a place next to something that is too far from the part: no part of the place is on it."""
-    part, words = base.parts[index], intent.region.words
+    part, words = base.parts[index].name, intent.region.words
     place = f"the requested place ({words})" if words else "the requested place"
-    evidence = BesideThePart(
-        base=base.id,
-        part=part.name,
-        region=" ".join(intent.region.names),
-        references=tuple(intent.region.references),
-        beside_m=round(away, 4),
-    )
-    text = f"{place} lies {away:.2f} m from the {part.name} of {base.label}, not on it"
-    return Infeasible(Reason.NO_SUPPORT_HIT, text, evidence)
+    text = f"{place} lies {away:.2f} m from the {part} of {base.label}, not on it"
+    return no_surface(text, base, part, " ".join(intent.region.names), tuple(intent.region.references), away)
 
 
 def nothing_left(base: Instance, index: int, intent: Intent) -> Infeasible:
     """The refusal of constraints that no place on the part meets."""
-    part, region = base.parts[index], intent.region
+    part, region = base.parts[index].name, intent.region
     asked = ", ".join(dict.fromkeys(one.words for one in region.constraints if one.words)) or region.words
-    evidence = BesideThePart(
-        base=base.id,
-        part=part.name,
-        region=" ".join(region.names),
-        references=tuple(one.reference for one in region.constraints if one.reference) or tuple(region.references),
-        beside_m=0.0,
-    )
-    text = f"no place on the {part.name} of {base.label} meets the request ({asked}); ask for less or another distance"
-    return Infeasible(Reason.NO_SUPPORT_HIT, text, evidence)
+    references = tuple(one.reference for one in region.constraints if one.reference) or tuple(region.references)
+    text = f"no place on the {part} of {base.label} meets the request ({asked}); ask for less or another distance"
+    return no_surface(text, base, part, " ".join(region.names), references)
 
 
-def overhead(base: Instance, intent: Intent) -> Infeasible:
-    """The refusal of a ceiling, of which a room shows the underside."""
-    evidence = BesideThePart(base=base.id, part=base.label, region="", references=(), beside_m=0.0)
-    text = f"{intent.object_name} cannot rest on the {base.label}: its side in the room looks down"
-    return Infeasible(Reason.NO_SUPPORT_HIT, text, evidence)
-
-
-def not_level(base: Instance, index: int, intent: Intent) -> Infeasible:
-    """The refusal if only level faces may carry and there is none."""
-    part = base.parts[index]
-    evidence = BesideThePart(
-        base=base.id, part=part.name, region=" ".join(intent.region.names), references=(), beside_m=0.0
-    )  # fmt: skip
-    return Infeasible(Reason.NO_SUPPORT_HIT, f"the {part.name} of {base.label} has no level face", evidence)
-
-
-def not_leaning(base: Instance, index: int, intent: Intent, why: str) -> Infeasible:
-    """The refusal of leaning if no pose is possible."""
-    part, on = base.parts[index], intent.orientation.lean
-    evidence = BesideThePart(base=base.id, part=part.name, region="leaning", references=(on,), beside_m=0.0)
-    text = f"{intent.object_name} cannot lean on {on} on the {part.name} of {base.label}: {why}"
+def no_surface(
+    text: str, base: Instance, part: str, region: str = "", references: tuple[str, ...] = (), away: float = 0.0
+) -> Infeasible:
+    """A refusal because no surface of the base carries the object at the requested place."""
+    evidence = BesideThePart(base.id, part, region, references, round(away, 4))
     return Infeasible(Reason.NO_SUPPORT_HIT, text, evidence)
 
 
@@ -147,7 +117,11 @@ def side_cautions(
     if VIEWED.intersection(which):
         found.append((intent.region.words or intent.region.part, base, part_frame(scene, base, base.box)))
     found += [(one.words or one.kind, base, frame) for one in limits if VIEWED.intersection(one.regions)]
-    cautions = (seen_from(*one) for one in found if one[1].front is None and not is_seen_from_the_room(one[1]))
+
+    def is_one_sided(thing: Instance) -> bool:  # a door or a wall is seen from the room; a floor or a ceiling is level
+        return thing.structure and not thing.box.half_extents[2] < thing.box.half_extents[:2].min()
+
+    cautions = (seen_from(*one) for one in found if one[1].front is None and not is_one_sided(one[1]))
     return (*dict.fromkeys(cautions), *facing_cautions(scene, base, intent))
 
 
@@ -157,16 +131,6 @@ def facing_cautions(scene: Segmentation, base: Instance, intent: Intent) -> tupl
         return ()
     words = intent.orientation.words or f"facing {intent.orientation.facing}"
     return (seen_from(words, base, part_frame(scene, base, base.box)),)
-
-
-def is_seen_from_the_room(thing: Instance) -> bool:
-    """Return whether a thing is only seen from one side: a door or a wall, but not a floor."""
-    return thing.structure and not is_level(thing)
-
-
-def is_level(thing: Instance) -> bool:
-    """Return whether a thing is lower than it is long and wide: a floor or a ceiling."""
-    return bool(thing.box.half_extents[2] < thing.box.half_extents[:2].min())
 
 
 def seen_from(words: str, thing: Instance, frame: ViewerFrame) -> Caution:

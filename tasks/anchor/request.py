@@ -1,9 +1,7 @@
 """The anchor's question: information and a picture for a client to choose a part and a place on it.
 
 In: scene, base, intent, sentence and the object in its planned pose. Out: an `AnchorRequest` with boxes in the frame of
-a viewer of the base's front, and a picture of the base from above, made on demand.
-
-The picture of a base from above, with the things on it and next to it; made on demand.
+a viewer of the base's front, and a picture of the base from above with what is around it, made on demand.
 """
 
 from collections.abc import Sequence
@@ -42,7 +40,8 @@ MOST = 40
 def base_from_above(
     scene: Segmentation, base: Instance, frame: ViewerFrame, others: Sequence[Instance]
 ) -> NDArray[np.uint8]:  # fmt: skip
-    """The picture with the viewer's side at the bottom and the viewer's right at the right, shape (SIZE, SIZE, 3)."""
+    """The picture with the viewer's side at the bottom and the viewer's right at the right, and the names of the four
+    sides at the rim, shape (SIZE, SIZE, 3)."""
     shown = [base, *(one for one in others if one.box.bottom < base.box.top + HEADROOM)]
     meshes = [scene.instance_mesh(scene.index_of(one.id)) for one in shown]
     height = AROUND * float(frame.half.max()) / np.tan(np.radians(FOV_DEG / 2.0))
@@ -51,12 +50,7 @@ def base_from_above(
     up = (-float(frame.front[0]), -float(frame.front[1]), 0.0)
     position, target = (np.array([*frame.center, base.box.top + above]) for above in (height, 0.0))
     camera = looking_at(position, target, SIZE, SIZE, fov_deg=FOV_DEG, up=up)
-    return with_sides(picture(meshes, camera, samples=1, shadows=False).rgb)
-
-
-def with_sides(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """The picture with the names of the four sides at the rim."""
-    image = Image.fromarray(rgb)
+    image = Image.fromarray(picture(meshes, camera, samples=1, shadows=False).rgb)
     draw, font = ImageDraw.Draw(image), ImageFont.load_default(size=LETTERS)
     width, height = image.size
     for word, place, align in (
@@ -112,17 +106,12 @@ def allowed_parts(scene: Segmentation, base: Instance, intent: Intent) -> tuple[
 
 def asked_boxes(scene: Segmentation, base: Instance, intent: Intent, frame: ViewerFrame) -> tuple[BoxView, ...]:
     """The boxes of the region's references; a part of two pieces has two."""
-    return tuple(
-        box_view(name, label_of(scene, name), box, frame, base)
-        for name in intent.region.references
-        for box in boxes_of(scene, base, name)
-    )
-
-
-def label_of(scene: Segmentation, reference: str) -> str:
-    """Name of a reference."""
-    kind, _, part = reference.partition(":")
-    return part if kind == "part" else scene.instances[scene.index_of(reference)].label
+    found = []
+    for name in intent.region.references:
+        part = name.startswith(PART)
+        label = name.removeprefix(PART) if part else scene.instances[scene.index_of(name)].label
+        found += [box_view(name, label, box, frame, base) for box in boxes_of(scene, base, name)]
+    return tuple(found)
 
 
 def neighbours(scene: Segmentation, base: Instance) -> list[Instance]:
@@ -137,12 +126,7 @@ def neighbours(scene: Segmentation, base: Instance) -> list[Instance]:
 
 def box_view(name: str, label: str, box: OrientedBox, frame: ViewerFrame, base: Instance) -> BoxView:
     """A box as seen by a viewer of the base's front."""
-    axes = axes_of(frame)
+    axes = np.array([[*frame.right, 0.0], [*frame.front, 0.0], [0.0, 0.0, 1.0]])
     local = (box.corners - base.box.center) @ axes.T
     low, high = local.min(axis=0), local.max(axis=0)
     return BoxView(name, label, vector(0.5 * (low + high)), vector(high - low))
-
-
-def axes_of(frame: ViewerFrame) -> NDArray[np.float64]:
-    """Right, front and up as rows, shape (3, 3)."""
-    return np.array([[*frame.right, 0.0], [*frame.front, 0.0], [0.0, 0.0, 1.0]])

@@ -26,18 +26,20 @@ from dcap.geometry.segmentation.faces import surface_pieces, surface_points
 from dcap.geometry.segmentation.labels import plain_structure
 from dcap.geometry.solid.mending import with_mended
 from dcap.language.connect import Client
+from dcap.language.offline.placing import placing_of
+from dcap.language.offline.sentence import read
 from dcap.language.protocol.client import LanguageConfig
 from dcap.language.protocol.questions import ANCHOR
 from dcap.language.protocol.replies import AnchorReply
-from dcap.scene.types.choices import Anchor, AskedPose, Intent, Lean, Rotation
+from dcap.scene.errors import LanguageError
+from dcap.scene.types.choices import Anchor, Intent, Lean, Rotation
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.outcome import Infeasible
-from dcap.scene.types.segmentation import Instance, Segmentation, SegmentedObject, SegmentedScene
-from tasks.anchor.choice import Choice, area_at, carrier_masks, carrying_at, choice_of, offset_note, owner, reply_at
+from dcap.scene.types.outcome import Cause, Caution, Infeasible
+from dcap.scene.types.segmentation import Instance, Part, Segmentation, SegmentedObject, SegmentedScene
+from tasks.anchor.choice import Choice, area_at, carrier_masks, carrying_at, choice_of, reply_at
 from tasks.anchor.leaning import leaning_start
-from tasks.anchor.no_room import facing_cautions, no_room, not_level, not_on_it, nothing_left, overhead
+from tasks.anchor.no_room import facing_cautions, no_room, no_surface, not_on_it, nothing_left
 from tasks.anchor.request import anchor_request
-from tasks.anchor.vessel import rim_cautions
 from tasks.cache import stage
 from tasks.requests.surroundings import part_frame
 from tasks.requests.views import instance_of
@@ -50,6 +52,10 @@ PIECE = 0.3
 """Least share of the largest piece's surface that a piece has [-]."""
 OVER = 0.05
 """Maximum distance in plan from an aim to a piece [m]."""
+REPORTED_OFFSET = 0.02
+"""Offset from a given point above which it is reported [m]."""
+HELD_UP = 0.01
+"""Clearance above the surface below, beyond which something else must hold the object up [m]."""
 
 
 class AnchorConfig(BaseModel, frozen=True, extra="forbid"):
@@ -76,7 +82,8 @@ def anchor(
     """Choose part and region, find a free spot, set the object over it."""
     base = instance_of(scene, intent.base_id)
     if base.structure and intent.at is None and plain_structure(base.label) == "ceiling":
-        return overhead(base, intent)
+        text = f"{intent.object_name} cannot rest on the {base.label}: its side in the room looks down"
+        return no_surface(text, base, base.label)
     if not config.subparts:
         intent = aimed_at_middle(intent, base, Raycaster(scene.mesh))
     pose = np.eye(4)
@@ -90,14 +97,19 @@ def anchor(
     caster = Raycaster(scene.mesh)
     if reply is not None:
         if intent.orientation.lean:
-            found = leaning_anchor(scene, base, item.mesh, pose, intent, reply, caster)
-            return found if isinstance(found, Infeasible) else replace(found, pose=facing_alone(rotation.pose, intent))
+            leans = leaning_start(scene, base, item.mesh, pose, intent, reply, caster)
+            if isinstance(leans, Infeasible):
+                return leans
+            found = anchor_at(scene, base, leans.choice, leans.start, leans.pose, leans.search, reply, leans.lean)
+            # leaning is checked separately, and the support decides the turn: only a facing is compared
+            asked = rotation.pose if intent.orientation.facing else None
+            return replace(found, pose=None if asked is None else replace(asked, name="any"))
         choice = choice_of(scene, base, intent, reply, mesh)
         if choice.distance is not None:
             return not_on_it(base, choice.index, intent, choice.distance)
         if not choice.areas:
             return nothing_left(base, choice.index, intent)
-        masks = carrier_masks(scene, base, choice, intent, caster)
+        masks = carrier_masks(scene, base, choice.index, intent, caster)
     else:
         assert intent.at is not None
         reply = reply_at(scene, base, intent.at, caster)
@@ -121,10 +133,12 @@ def anchor(
                 found = anchor_at(scene, base, replace(choice, note=note), start, pose, search, reply)
                 spot, part = np.array([start.spot.x, start.spot.y]), base.parts[choice.index]
                 rim = rim_cautions(prompt, base, part, start, found.surface_point, mesh)
-                reason = found.reason + offset_note(intent.at, spot)
-                return replace(found, reason=reason, pose=rotation.pose, notes=(*found.notes, *rim))
+                away = 0.0 if intent.at is None else float(np.linalg.norm(spot - intent.at[:2]))
+                off = f"; {away:.2f} m from the point, which is not free" if away > REPORTED_OFFSET else ""
+                return replace(found, reason=found.reason + off, pose=rotation.pose, notes=(*found.notes, *rim))
     if search is None:  # there is always a mask to try, but one without a level face
-        return not_level(base, choice.index, intent)
+        text = f"the {base.parts[choice.index].name} of {base.label} has no level face"
+        return no_surface(text, base, base.parts[choice.index].name, " ".join(intent.region.names))
     return no_room(scene, base, choice.index, choice.frame, search, choice.areas, intent, mesh)
 
 
@@ -163,8 +177,13 @@ def anchor_at(
     """The pre-drop pose over the spot."""
     spot = np.array([start.spot.x, start.spot.y])
     hit = search.caster.cast(np.array([[*spot, search.top]]), np.array([[0.0, 0.0, -1.0]]))
-    carrier, index = owner(scene, int(hit.face[0]))
+    face = int(hit.face[0])
+    carrier, index = scene.instances[int(scene.face_instance[face])], int(scene.face_part[face])
     part = carrier.parts[index]
+    over = carrier.label if carrier.id != base.id else part.name if index != choice.index else ""
+    covered = f"; there the {over} lies on the {base.parts[choice.index].name}" if over else ""
+    share = start.spot.share
+    partly = "" if share >= SHARES[0] else f"; {100 * share:.0f} % of its underside is over the {part.name}"
     world_from_object = pose.copy()
     world_from_object[:3, 3] += (*spot, start.height)
     return Anchor(
@@ -177,40 +196,39 @@ def anchor_at(
         world_from_object=world_from_object,
         clearance=start.gap,
         region_polygon=start.region.polygon,
-        reason=f"{reply.reason}{cover_note(base, choice, carrier, index)}{support_note(start, part.name)}",
+        reason=f"{reply.reason}{covered}{partly}",
         lean=lean,
         notes=(*((choice.note,) if choice.note else ()), *choice.cautions),
     )
 
 
-def leaning_anchor(
-    scene: Segmentation, base: Instance, item: Mesh, pose: Array, intent: Intent, reply: AnchorReply, caster: Raycaster
-) -> Anchor | Infeasible:
-    """The pre-drop pose of a leaning object."""
-    found = leaning_start(scene, base, item, pose, intent, reply, caster)
-    if isinstance(found, Infeasible):
-        return found
-    return anchor_at(scene, base, found.choice, found.start, found.pose, found.search, reply, found.lean)
+def rim_cautions(
+    prompt: str, base: Instance, part: Part, start: Start, below: Array, mesh: Mesh
+) -> tuple[Caution, ...]:  # fmt: skip
+    """A caution if an object that should go into a vessel stays on its rim: it is held up over the bottom, and its
+    centre of mass is above the rim. An object that stands in a vessel reaches its bottom, and one that is wedged in it
+    has its centre below the rim.
 
-
-def facing_alone(asked: AskedPose | None, intent: Intent) -> AskedPose | None:
-    """The part of a leaning object's pose that is compared: leaning is checked separately, and the support decides the
-    turn."""
-    return replace(asked, name="any") if asked is not None and intent.orientation.facing else None
-
-
-def cover_note(base: Instance, choice: Choice, carrier: Instance, index: int) -> str:
-    """Note that a thing other than the intended part carries the object."""
-    meant = base.parts[choice.index].name
-    if carrier.id != base.id:
-        return f"; there the {carrier.label} lies on the {meant}"
-    return "" if index == choice.index else f"; there the {carrier.parts[index].name} lies on the {meant}"
-
-
-def support_note(start: Start, part: str) -> str:
-    """Note that not all of the underside is over the support."""
-    share = start.spot.share
-    return "" if share >= SHARES[0] else f"; {100 * share:.0f} % of its underside is over the {part}"
+    Args:
+        prompt: the sentence.
+        base: the vessel.
+        part: the part over which the object starts.
+        start: where it starts.
+        below: the surface under the object's centre of mass [m], shape (3,).
+        mesh: the object, its centre of mass at the origin [m].
+    """
+    lowest = start.height + float(mesh.bounds[0, 2])
+    held_up = lowest - below[2] > start.gap + HELD_UP
+    if base.structure or not (held_up and start.height > part.box.top):
+        return ()
+    try:
+        if placing_of(read(prompt)).relation != "in":
+            return ()
+    except LanguageError:
+        return ()
+    size = np.ptp(mesh.bounds, axis=0)
+    text = f"{size[0]:.2f} x {size[1]:.2f} m do not fit into the {base.label}; the object is set on the rim"
+    return (Caution(Cause.NOT_MET, text),)
 
 
 def at_own_middles(mesh: Mesh, mask: NDArray[np.bool_], areas: Sequence[Region]) -> list[Region]:

@@ -11,7 +11,6 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, NonNegativeInt, PositiveInt
 
 from dcap.evaluation.baselines.fireplace.anchors import ItemSurfaces, item_surfaces
@@ -48,7 +47,6 @@ from tasks.baselines.fireplace_anchors import (
     Carrier,
     Chooser,
     Described,
-    Facts,
     placement_picture,
     resting_picture,
 )
@@ -126,8 +124,8 @@ def outlines_request(
         numbers = numbers_of(scene)
         views = tuple(replace(view, number=numbers.get(index, 0)) for index, view in enumerate(views))
         pictures = (
-            Picture("the room as a plan, from above; each thing has its number", partial(plan_of, scene)),
-            Picture("the room over a corner; each thing has its number", partial(view_of, scene)),
+            Picture("the room as a plan, from above; each thing has its number", lambda: plan_picture(marked(scene))),
+            Picture("the room over a corner; each thing has its number", lambda: room_pictures(marked(scene), 1)[0]),
         )
     return OutlinesRequest(
         prompt=prompt,
@@ -144,16 +142,6 @@ def outlines_request(
         on_legs=surfaces.on_legs,
         pictures=pictures,
     )
-
-
-def plan_of(scene: Segmentation) -> NDArray[np.uint8]:
-    """The scene from above with numbers."""
-    return plan_picture(marked(scene))
-
-
-def view_of(scene: Segmentation) -> NDArray[np.uint8]:
-    """The scene over a corner with numbers."""
-    return room_pictures(marked(scene), 1)[0]
 
 
 def not_there(reply: OutlinesReply, request: OutlinesRequest) -> Infeasible:
@@ -268,7 +256,13 @@ def chosen_placement(
     options = [
         Described(
             f"placement {k}",
-            placement_facts(one),
+            (
+                ("loss", one.loss),
+                ("overhang", one.overhang),
+                ("margin_m", one.margin),
+                ("from_middle_m", one.from_middle),
+                ("gap_m", one.gap),
+            ),
             partial(
                 placement_picture, scene, mesh.transformed(one.world_from_object), carrier.frame, config.picture_size
             ),
@@ -280,12 +274,6 @@ def chosen_placement(
     number = left[chooser.choose("placement", sought, [options[k] for k in left])]
     about = f"{found.proposed} feasible poses, {len(options)} measured as free, {len(left)} plausible"
     return found.placements[number], about
-
-
-def placement_facts(one: SolvedPlacement) -> Facts:
-    """Measures of a placement, as shown to the client."""
-    where = (("margin_m", one.margin), ("from_middle_m", one.from_middle), ("gap_m", one.gap))
-    return (("loss", one.loss), ("overhang", one.overhang), *where)
 
 
 def plausible(options: Sequence[Described], object_name: str, chooser: Chooser) -> list[int]:

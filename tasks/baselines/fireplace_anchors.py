@@ -1,16 +1,13 @@
 """Resolves the thing and the surface of a constraint outline, with pictures of the options for the client.
 
 In: the scene, the outlines and a client. Out: the surface that carries, and the other constraints with both sides
-known. Where there are several things, or several surfaces of a thing, the client chooses among them in batches.
-
-Pictures of options for batched visual selection: a thing, a surface, a placement; made on demand.
-
-In: the scene and an option. Out: sRGB pictures of shape (size, size, 3) in which the option is painted in a bright
-colour; a placement shows the object in its own colours. Walls and ceilings are left out.
+known. Where there are several things, or several surfaces of a thing, the client chooses among them in batches. In the
+pictures, made on demand, the option is painted in a bright colour, and walls and ceilings are left out; a placement
+shows the object in its own colours.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -41,7 +38,7 @@ from dcap.language.protocol.requests import Picture, PictureMaker
 from dcap.scene.types.boxes import OrientedBox
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.segmentation import Instance, Segmentation
-from tasks.requests.pictures import LOUD, TINT
+from tasks.requests.pictures import LOUD, loud
 from tasks.requests.surroundings import WIDE, is_floor, part_frame
 from tasks.requests.views import room_center
 
@@ -89,12 +86,15 @@ def surface_picture(
     # the camera looks at a floor near the surface, at a thing as a whole
     target = surface.center if reach > LARGE else 0.5 * (middle + surface.center)
     camera = view(target, max(CLOSEST, NEARER * min(reach, LARGE)), frame, size, surface.normal)
-    painted = outline_mesh(surface)
     if len(surface.faces):
         painted = loud(scene.mesh.submesh(surface.faces))
         rest = scene.face_instance == index
         rest[surface.faces] = False
         whole = scene.mesh.submesh(np.flatnonzero(rest))
+    else:
+        ring = surface.outline + LIFT * surface.normal
+        fan = np.array([(0, k, k + 1) for k in range(1, len(ring) - 1)], dtype=np.int32).reshape(-1, 3)
+        painted = Mesh.of(ring, fan, LOUD)
     return picture([whole, painted], camera, samples=1, shadows=False).rgb
 
 
@@ -134,18 +134,6 @@ def open_room(scene: Segmentation, skipped: int = -1) -> Mesh:
     return scene.mesh.submesh(np.flatnonzero(~gone))
 
 
-def outline_mesh(surface: InteractionSurface) -> Mesh:
-    """The hull of a surface as a thin sheet in a bright colour."""
-    ring = surface.outline + LIFT * surface.normal
-    fan = np.array([(0, k, k + 1) for k in range(1, len(ring) - 1)], dtype=np.int32).reshape(-1, 3)
-    return Mesh.of(ring, fan, LOUD)
-
-
-def loud(mesh: Mesh) -> Mesh:
-    """The mesh with a bright colour blended into its own."""
-    return Mesh(mesh.vertices, mesh.faces, np.rint((1.0 - TINT) * mesh.colors + TINT * LOUD).astype(np.uint8))
-
-
 @dataclass(frozen=True, eq=False, slots=True)
 class Described:
     """An option: its label, its measures and its picture."""
@@ -163,8 +151,6 @@ class Chooser:
     prompt: str
     rng: np.random.Generator
     batch: int
-    asked: list[str] = field(default_factory=list)
-    """Kinds of the questions asked, in order."""
 
     def choose(self, kind: ChoiceKind, sought: str, options: Sequence[Described]) -> int:
         """The number of the chosen option."""
@@ -172,7 +158,6 @@ class Chooser:
         def decide(batch: Sequence[tuple[str, int]]) -> int:
             shown = tuple(ChoiceOption(name, options[k].label, options[k].facts) for name, k in batch)
             pictures = tuple(Picture(f"option {name}", options[k].picture) for name, k in batch)
-            self.asked.append(kind)
             reply = self.client.ask(CHOICE, ChoiceRequest(self.prompt, kind, sought, shown, pictures))
             return dict(batch)[reply.chosen]
 
@@ -223,23 +208,18 @@ class AnchorResolver:
         self.known: dict[tuple[str, ...], str] = {}
 
     def thing(self, outline: ConstraintOutline) -> Instance:
-        """The instance that an outline means."""
+        """The instance that an outline means; it lists the likeliest first."""
         ids = outline.anchors
         if ids not in self.known:
-            options = [self.described_thing(name, rank) for rank, name in enumerate(ids)]
+            options = []
+            for rank, name in enumerate(ids):
+                index = self.scene.index_of(name)
+                one = self.scene.instances[index]
+                shown = partial(thing_picture, self.scene, index, part_frame(self.scene, one, one.box), self.size)
+                options.append(Described(f"{one.label} {name}", (("likelihood", 1.0 / (1.0 + rank)),), shown))
             sought = outline.words or f"anchor of {outline.function}"
             self.known[ids] = ids[self.chooser.choose("thing", sought, options)]
         return self.scene.instances[self.scene.index_of(self.known[ids])]
-
-    def described_thing(self, name: str, rank: int) -> Described:
-        """One instance as an option; the outline lists the likeliest first."""
-        index = self.scene.index_of(name)
-        one = self.scene.instances[index]
-        frame = part_frame(self.scene, one, one.box)
-        return Described(
-            f"{one.label} {name}", (("likelihood", 1.0 / (1.0 + rank)),),
-            partial(thing_picture, self.scene, index, frame, self.size),
-        )  # fmt: skip
 
     # the surface that carries ---------------------------------------------------------------------------------------
 
@@ -261,9 +241,16 @@ class AnchorResolver:
             # a blanket on its mattress: their visible parts may form one surface
             seen = np.concatenate([self.faces_of(index, part) for part in dict.fromkeys((*parts, *over))])
             together = surfaces_of_part(self.scene.mesh, seen, -1, way, outline.anchor_side, self.caster)
-            found += [replace(one, part=self.main_part(one)) for one in together]
+            for one in together:  # of the part that has the largest share of it
+                faces = one.surface.faces
+                share = np.bincount(self.scene.face_part[faces], self.scene.mesh.face_areas[faces])
+                found.append(replace(one, part=int(share.argmax())))
         if not found:  # no planar surface faces that way: fall back to the side of the box
-            found = [self.box_surface(base, index, part, outline) for part in parts]
+            for part in parts:
+                box = base.parts[part].box
+                side = box_side(box, part_frame(self.scene, base, box), outline.anchor_side)
+                side = replace(side, faces=self.faces_of(index, part))
+                found.append(AnchorSurface(side, part, COARSE.offset, side.area, "box"))
         options = [self.described_surface(base, index, one, frame) for one in found]
         sought = outline.words or f"{outline.anchor_side} of the {base.label} that carries the object"
         return Carrier(base, found[self.chooser.choose("anchor_surface", sought, options)], frame)
@@ -273,20 +260,9 @@ class AnchorResolver:
         meant = base.id == outline.anchors[0] and outline.anchor_parts
         return outline.anchor_parts if meant else range(len(base.parts))
 
-    def main_part(self, one: AnchorSurface) -> int:
-        """The part that has the largest share of a surface."""
-        faces = one.surface.faces
-        return int(np.bincount(self.scene.face_part[faces], self.scene.mesh.face_areas[faces]).argmax())
-
     def faces_of(self, index: int, part: int) -> NDArray[np.int64]:
         """Faces of one part."""
         return np.flatnonzero((self.scene.face_instance == index) & (self.scene.face_part == part))
-
-    def box_surface(self, base: Instance, index: int, part: int, outline: ConstraintOutline) -> AnchorSurface:
-        """A side of a part's box as a surface that carries."""
-        box = base.parts[part].box
-        side = box_side(box, part_frame(self.scene, base, box), outline.anchor_side)
-        return AnchorSurface(replace(side, faces=self.faces_of(index, part)), part, COARSE.offset, side.area, "box")
 
     def described_surface(self, base: Instance, index: int, one: AnchorSurface, frame: ViewerFrame) -> Described:
         """One surface as an option."""

@@ -1,17 +1,10 @@
 """LayoutGPT and Holodeck as stages: both place a box in the floor plan of the scene, after one question.
 
-LayoutGPT as a stage: one question, one new line of the room's layout, and its pose.
-
-In: scene, object, the object's scale and name (nothing else of the intent), prompt, plans of other rooms. Out: an
-`Anchor` whose pose is final, or `no_support_hit` if the answer is not one new line. See
-`dcap/evaluation/baselines/layoutgpt`.
-
-Holodeck as a stage: one question; the named thing decides between the floor's search and places on a receptacle.
-
-In: scene, object, the object's scale and name (nothing else of the intent), prompt. Out: an `Anchor` whose pose is
-final; `too_large_for_target` if the object is not smaller than 90 % of the receptacle, `no_support_hit` if all attempts
-fail, the place collides, the floor has no place, or the answer has no line for the object. See
-`dcap/evaluation/baselines/holodeck`.
+In: scene, object, the object's scale and name (nothing else of the intent), prompt; for LayoutGPT plans of other rooms.
+Out: an `Anchor` whose pose is final. LayoutGPT: `no_support_hit` if the answer is not one new line of the layout.
+Holodeck: `too_large_for_target` if the object is not smaller than 90 % of the receptacle, `no_support_hit` if all
+attempts fail, the place collides, the floor has no place, or the answer has no line for the object. See
+`dcap/evaluation/baselines`.
 """
 
 from dataclasses import replace
@@ -105,6 +98,7 @@ def holodeck(
     object_name = f"{intent.object_name.lower()}-0"
     while object_name in {one.name for one in things}:
         object_name += "-new"
+    length, width, height = (int(CENTIMETRES * float(value)) for value in asset.size)
     request = RelationsRequest(
         prompt=prompt,
         item=object_view(item),
@@ -113,24 +107,17 @@ def holodeck(
         room_type=plan.kind,
         room_size_cm=(int(CENTIMETRES * plan.extents[0]), int(CENTIMETRES * plan.extents[1])),
         object_name=object_name,
-        object_size_cm=tuple_of_three(asset),
+        object_size_cm=(length, width, height),
         things=things,
     )
     reply = client.ask(HOLODECK, request)
-    rng = np.random.default_rng(config.seed)
     if reply.on_top_of:
         receptacle = next(one.id for one in things if one.name == reply.on_top_of)
-        return on_receptacle(scene, item, receptacle, plan, asset, rng, config.attempts)
-    return on_floor(scene, item, plan, asset, request, reply.constraints, rng, config)
+        return on_receptacle(scene, item, receptacle, plan, asset, config)
+    return on_floor(scene, item, plan, asset, request, reply.constraints, config)
 
 
 holodeck_task = stage(holodeck)
-
-
-def tuple_of_three(asset: CanonicalAsset) -> tuple[int, int, int]:
-    """Length, width and height in whole centimetres."""
-    length, width, height = (int(CENTIMETRES * float(value)) for value in asset.size)
-    return length, width, height
 
 
 def on_receptacle(
@@ -139,8 +126,7 @@ def on_receptacle(
     receptacle: str,
     plan: FloorPlan,
     asset: CanonicalAsset,
-    rng: np.random.Generator,
-    attempts: int,
+    config: HolodeckConfig,
 ) -> Anchor | Infeasible:
     """A random free place on a thing; objects that the source settles by physics are lowered onto the surface
     beneath."""
@@ -154,7 +140,8 @@ def on_receptacle(
             f"{extents[0]:.2f} x {extents[1]:.2f} m",
             None,
         )
-    place = receptacle_place(scene, index, asset, rng, attempts)
+    attempts = config.attempts
+    place = receptacle_place(scene, index, asset, np.random.default_rng(config.seed), attempts)
     if place is None:
         return Infeasible(Reason.NO_SUPPORT_HIT, f"{attempts} attempts found no free place on the {one.label}", None)
     pose = asset.pose(place.center, place.yaw, place.tilt)
@@ -175,7 +162,6 @@ def on_floor(
     asset: CanonicalAsset,
     request: RelationsRequest,
     constraints: str,
-    rng: np.random.Generator,
     config: HolodeckConfig,
 ) -> Anchor | Infeasible:
     """The best-scoring place on the floor."""
@@ -184,6 +170,7 @@ def on_floor(
     if relations is None:
         said = " ".join(constraints.split())[:SHOWN]
         return Infeasible(Reason.NO_SUPPORT_HIT, f"the answer has no line for {name}: {said!r}", None)
+    rng = np.random.default_rng(config.seed)
     place = floor_place(plan, names, asset, name, relations, rng, roots=config.roots, steps=config.steps)
     said = " | ".join(", ".join(filter(None, (one.name, one.target))) for one in relations) or "edge by default"
     if place is None:

@@ -1,9 +1,7 @@
 """The solver's result as a type of the pipeline, and its pose compared with the requested one.
 
-Compares the requested orientation with the rest state: rows for the certificate and lines for people.
-
-In: the requested pose, as directions of the mesh and the world, and the object before and after the drop. Out: a row
-for each requested pose, facing and turn.
+In: the solver's result; the requested pose, as directions of the mesh and the world, and the object before and after
+the drop. Out: `Settled`; a row of the certificate, and a line for people, for each requested pose, facing and turn.
 """
 
 import numpy as np
@@ -13,9 +11,9 @@ from dcap.arrays import Array
 from dcap.scene.types.choices import AskedPose, OrientationRequest
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Cause, Caution
-from dcap.scene.types.particles import Particles, SimulationBody
+from dcap.scene.types.particles import Particles
 from dcap.scene.types.settled import PoseCheck, Settled, SettledBody
-from solver.result import RestBody, SettledModel
+from solver.result import SettledModel
 
 ON_END = ("standing", "upright", "leaning")
 """Poses that flat and long things lose by lying down."""
@@ -26,7 +24,11 @@ UPRIGHT = np.cos(np.pi / 4.0)  # angle to the vertical below which a direction i
 
 def settled_of(particles: Particles, result: SettledModel) -> Settled:
     """The solver's result in the form that the pipeline stores, not yet compared with the request."""
-    bodies = [_body(body, rest) for body, rest in zip(particles.bodies, result.bodies, strict=True)]
+    bodies = []
+    for body, rest in zip(particles.bodies, result.bodies, strict=True):
+        surface = Mesh(rest.vertices, body.surface.faces, body.surface.colors)
+        moved = rest.vertices - body.surface.vertices
+        bodies.append(SettledBody(body.name, surface, rest.translation, quaternion(rest.rotation), moved))
     return Settled(
         verdict=result.verdict,
         bodies=tuple(bodies),
@@ -46,12 +48,6 @@ def settled_of(particles: Particles, result: SettledModel) -> Settled:
 def quaternion(rotation: Array) -> Array:
     """Quaternion (w, x, y, z) of a rotation matrix, w >= 0."""
     return np.asarray(Rotation.from_matrix(rotation).as_quat(canonical=True, scalar_first=True))
-
-
-def _body(body: SimulationBody, rest: RestBody) -> SettledBody:
-    surface = Mesh(rest.vertices, body.surface.faces, body.surface.colors)
-    moved = rest.vertices - body.surface.vertices
-    return SettledBody(body.name, surface, rest.translation, quaternion(rest.rotation), moved)
 
 
 def pose_checks(
@@ -81,7 +77,13 @@ def pose_checks(
         rows.append(pose_row(asked, before, after, bounds[0]))
     wishes = [f"facing {orientation.facing}"] if orientation.facing else []
     wishes += [f"turned by {orientation.turn_deg:g} degrees"] if orientation.turn_deg else []
-    angle = turned if asked.looks is None or asked.ahead is None else angle_off(after @ asked.looks, asked.ahead)
+    angle = turned
+    if asked.looks is not None and asked.ahead is not None:  # seen from above unless it faces up or down
+        looks = after @ asked.looks
+        flat = looks * (1.0, 1.0, 0.0)
+        length = float(np.linalg.norm(flat))
+        way = flat / length if length > LEVEL else looks
+        angle = float(np.arccos(np.clip(way @ asked.ahead, -1.0, 1.0)))
     words = f"{np.degrees(angle):.0f} degrees off"
     for wish in wishes:
         unsure = NOT_KNOWN if asked.ahead is None else asked.facing_doubt if wish.startswith("facing") else ""
@@ -91,8 +93,8 @@ def pose_checks(
 
 def pose_row(asked: AskedPose, before: Array, after: Array, bound: float) -> PoseCheck:
     """The row of the pose itself; rotations before and after the drop, shape (3, 3)."""
-    own = tilt(after @ asked.axis)
-    wanted = asked.from_vertical if asked.from_vertical is not None else tilt(before @ asked.axis)
+    own = angle_from_vertical(after @ asked.axis)
+    wanted = asked.from_vertical if asked.from_vertical is not None else angle_from_vertical(before @ asked.axis)
     angle = abs(own - wanted)
     if asked.either_way:
         angle = min(angle, abs(np.pi - own - wanted))
@@ -105,15 +107,7 @@ def pose_row(asked: AskedPose, before: Array, after: Array, bound: float) -> Pos
     return PoseCheck(asked.name, found, angle, bound, met, asked.doubt)
 
 
-def angle_off(looks: Array, ahead: Array) -> float:
-    """Angle between its facing and a horizontal direction, seen from above unless it faces up or down [rad]."""
-    flat = looks * (1.0, 1.0, 0.0)
-    length = float(np.linalg.norm(flat))
-    way = flat / length if length > LEVEL else looks
-    return float(np.arccos(np.clip(way @ ahead, -1.0, 1.0)))
-
-
-def tilt(direction: Array) -> float:
+def angle_from_vertical(direction: Array) -> float:
     """Angle of a unit vector from the vertical [rad]."""
     return float(np.arccos(np.clip(direction[2], -1.0, 1.0)))
 

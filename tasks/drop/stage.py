@@ -6,6 +6,7 @@ evidence.
 """
 
 import logging
+from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
@@ -29,7 +30,7 @@ from tasks.bodies.proof import proven, refutation
 from tasks.bodies.soft_cells import interval_at, thin_profile
 from tasks.bodies.solver_model import solver_model
 from tasks.cache import stage
-from tasks.drop.settled import pose_checks, pose_warnings, settled_of
+from tasks.drop.settled import angle_from_vertical, pose_checks, pose_warnings, settled_of
 
 LOG = logging.getLogger(__name__)
 
@@ -106,7 +107,10 @@ def with_checks(settled: Settled, particles: Particles, anchor: Anchor, intent: 
     share = CertificateRow.at_least(carried_share(settled, particles, anchor.base_id), config.object_share)
     tilt = turn = None
     if orientation.facing or orientation.pose != "any":
-        tilt = CertificateRow.at_most(tilt_of(turned, anchor.world_from_object), config.topple_angle)
+        # a turn about the vertical, or of a lying object about its own axis, does not count as tilting
+        up = anchor.world_from_object[:3, 2] / np.linalg.norm(anchor.world_from_object[:3, 2])
+        after = Rotation.from_quat(turned, scalar_first=True).apply(up)
+        tilt = CertificateRow.at_most(abs(angle_from_vertical(after) - angle_from_vertical(up)), config.topple_angle)
     if orientation.facing:
         turn = CertificateRow.at_most(turn_of(turned), config.turn_angle)
     lean = lean_of(settled, particles, anchor, config)
@@ -151,7 +155,7 @@ def points_on(settled: Settled, particles: Particles, soft: str) -> Array:
     """
     nothing = np.zeros((0, 3))
     if len(settled.contact_points):
-        return settled.contact_points if lies_on(settled, soft) else nothing
+        return settled.contact_points if force_share(settled, {soft}) > 0.5 else nothing
     if settled.verdict is not Verdict.NO_EQUILIBRIUM:
         return nothing
     vertices, others = settled.bodies[0].surface.vertices, particles.bodies[1:]
@@ -160,12 +164,13 @@ def points_on(settled: Settled, particles: Particles, soft: str) -> Array:
     return vertices[[vertex]] if others[other].name == soft else nothing
 
 
-def lies_on(settled: Settled, soft: str) -> bool:
-    """Return whether a soft body exerts most of the force on the object."""
+def force_share(settled: Settled, names: Collection[str]) -> float:
+    """Normal force between the object and some bodies over the total normal force on the object [-]; 0 in the air."""
     own = settled.bodies[0].name
     rows = [row for row in settled.contacts if own in (row.a, row.b)]
-    force = sum(row.normal_force_n for row in rows)
-    return force > 0.0 and sum(row.normal_force_n for row in rows if soft in (row.a, row.b)) > 0.5 * force
+    total = sum(row.normal_force_n for row in rows)
+    theirs = sum(row.normal_force_n for row in rows if (row.b if row.a == own else row.a) in names)
+    return theirs / total if total > 0.0 else 0.0
 
 
 def unforeseen_end(outcome: Settled | Infeasible) -> EndPose | None:
@@ -190,7 +195,7 @@ def lean_of(settled: Settled, particles: Particles, anchor: Anchor, config: Drop
     if anchor.lean is None or anchor.lean.angle == 0.0:
         return None
     after = Rotation.from_quat(settled.bodies[0].quaternion, scalar_first=True).apply(anchor.lean.axis)
-    angle = float(np.arccos(np.clip(after[2], -1.0, 1.0)))
+    angle = angle_from_vertical(after)
     return LeanCheck(
         on=anchor.lean.on,
         asked_rad=anchor.lean.angle,
@@ -205,16 +210,12 @@ def held_share(settled: Settled, particles: Particles, anchor: Anchor) -> float:
     thing is a part of the base, which also carries the foot, the share of the contact points that are not at the
     foot."""
     assert anchor.lean is not None
-    own, on = particles.bodies[0].name, anchor.lean.on
+    on = anchor.lean.on
     if on.startswith(PART):
         low, high = settled.bodies[0].surface.bounds[:, 2]
         points = settled.contact_points
         return float(np.mean(points[:, 2] > low + FOOT * (high - low))) if len(points) else 0.0
-    holding = {b.name for b in particles.bodies if b.instance == on}
-    touching = [row for row in settled.contacts if own in (row.a, row.b)]
-    total = sum(row.normal_force_n for row in touching)
-    held = sum(row.normal_force_n for row in touching if (row.b if row.a == own else row.a) in holding)
-    return held / total if total > 0.0 else 0.0
+    return force_share(settled, {b.name for b in particles.bodies if b.instance == on})
 
 
 def checks_of(settled: Settled) -> PlacementChecks:
@@ -252,40 +253,13 @@ def toppling(settled: Settled, intent: Intent) -> Infeasible | None:
 
 def carried_share(settled: Settled, particles: Particles, base_id: str) -> float:
     """Normal force between the object and the base's bodies over the total normal force on the object [-]."""
-    own = particles.bodies[0].name
-    of_base = {b.name for b in particles.bodies if b.instance == base_id}
-    total = on_base = 0.0
-    for row in settled.contacts:
-        if own in (row.a, row.b):
-            partner = row.b if row.a == own else row.a
-            total += row.normal_force_n
-            on_base += row.normal_force_n if partner in of_base else 0.0
-    return on_base / total if total > 0.0 else 0.0
-
-
-def tilt_of(quaternion_wxyz: Array, world_from_object: Array) -> float:
-    """Change [rad] of the angle between the object's upright axis and the vertical.
-
-    A turn about the vertical, or of a lying object about its own axis, does not count as tilting.
-    """
-    up = world_from_object[:3, 2] / np.linalg.norm(world_from_object[:3, 2])
-    after = Rotation.from_quat(quaternion_wxyz, scalar_first=True).apply(up)
-    before_angle, after_angle = (float(np.arccos(np.clip(axis[2], -1.0, 1.0))) for axis in (up, after))
-    return abs(after_angle - before_angle)
+    return force_share(settled, {b.name for b in particles.bodies if b.instance == base_id})
 
 
 def turn_of(quaternion_wxyz: Array) -> float:
     """Angle [rad] of the turn about the vertical contained in a rotation (its twist)."""
     w, _, _, z = quaternion_wxyz
     return float(2.0 * np.arctan2(abs(z), abs(w)))
-
-
-def left_by(settled: Settled, particles: Particles) -> str:
-    """The free body that no longer touches anything: the object, or a thing placed earlier."""
-    touching = {name for row in settled.contacts for name in (row.a, row.b)}
-    loose = [body.name for body in particles.bodies if not body.fixed and body.name not in touching]
-    own = particles.bodies[0].name
-    return "the object" if own in loose or not loose else f"{' and '.join(loose)}, placed before,"
 
 
 def last_state(settled: Settled) -> LastState:
@@ -307,7 +281,11 @@ def last_state(settled: Settled) -> LastState:
 def _story(settled: Settled, particles: Particles) -> str:
     """One sentence about a drop that did not come to rest."""
     if settled.verdict is Verdict.LEFT_TARGET:
-        return f"{left_by(settled, particles)} left its support after {settled.simulated_seconds:.2f} s"
+        touching = {name for row in settled.contacts for name in (row.a, row.b)}
+        loose = [body.name for body in particles.bodies if not body.fixed and body.name not in touching]
+        own = particles.bodies[0].name in loose or not loose
+        left = "the object" if own else f"{' and '.join(loose)}, placed before,"
+        return f"{left} left its support after {settled.simulated_seconds:.2f} s"
     assert settled.certificate is not None  # it was dropped
     rows = settled.certificate.signals.exceeded.items()
     moves = ", ".join(f"{name} {row.value:.2g} > {row.threshold:.2g}" for name, row in rows)

@@ -2,19 +2,13 @@
 
 In: the scan with the record of earlier placements, the scene, the object and its anchor. Out: `FreedThings`: the
 things in reach, which take part as free bodies, lifted out of their dents; the scene with those dents undone; and the
-object's start above them. Things out of reach keep their places and their dents. `freed_scene` and
-`freed_anchor` return scene and anchor for the later stages.
+object's start above them. `freed_scene` and `freed_anchor` return scene and anchor for the later stages.
 
-Finds the things placed earlier that the object may touch or move: they take part in the drop.
-
-These are the things whose box comes near the object's start; those that rest on, carry or touch one of them; those that
-lie in the same dent; and, if the object's support is dented within reach, those that dented it. Only things carried by
-the same instance count: a thing on the table next to the bed stays in place.
-
-The scene without the dents of some things, with those things lifted to where they would begin to sink in.
-
-A dent is elastic: the surface springs back once the thing in it is lifted off. So a drop that includes the thing starts
-from the unloaded surface with the thing just above it, in its rest orientation, and the thing sinks in again.
+In reach are the things whose box comes near the object's start; those that rest on, carry or touch one of them; those
+that lie in the same dent; and, if the object's support is dented within reach, those that dented it. Only things
+carried by the same instance count: all others keep their places and their dents. A dent is elastic: the surface springs
+back once the thing in it is lifted off, so the drop starts from the unloaded surface with the thing just above it, in
+its rest orientation, and the thing sinks in again.
 """
 
 from collections.abc import Sequence
@@ -60,7 +54,10 @@ def things_in_reach(
 
     `mesh` is the object at its start pose.
     """
-    box = reached_box(mesh)
+    low, high = mesh.bounds
+    margin = max(ASIDE * float((high - low)[:2].max()), LEAST_ASIDE)
+    away = np.array([margin, margin, BELOW])
+    box = np.stack([low - away, high + away])
     ids = [one.id for one in earlier.placed]
     boxes = {one: scene.instance_mesh(scene.index_of(one)).bounds for one in ids}
     found = {one for one in ids if meet(boxes[one], box, 0.0)}
@@ -90,14 +87,6 @@ def closed(found: set[str], earlier: EarlierPlacements, boxes: dict[str, Array])
         if more == found:
             return found
         found = more
-
-
-def reached_box(mesh: Mesh) -> Array:
-    """Bounding box of the space that the object may reach [m], shape (2, 3)."""
-    low, high = mesh.bounds
-    margin = max(ASIDE * float((high - low)[:2].max()), LEAST_ASIDE)
-    away = np.array([margin, margin, BELOW])
-    return np.stack([low - away, high + away])
 
 
 def meet(one: Array, other: Array, margin: float) -> bool:
@@ -173,13 +162,27 @@ def freed(scan: Scan, scene: SegmentedScene, item: SegmentedObject, anchor: Anch
         around = faces_around(start.mesh, mesh, np.ones(len(start.mesh.faces), dtype=bool))
         raised = height_over(mesh, around, max(heights.values()) + depth, anchor.clearance)
     things = [earlier.thing(one) for one in bottom_up({one: start.instance_mesh(start.index_of(one)) for one in own})]
+    pose = anchor.world_from_object.copy()
+    pose[2, 3] += raised
+    base = Raycaster(start.instance_mesh(start.index_of(anchor.base_id)))
+    hit = base.cast(anchor.surface_point[None] + [0.0, 0.0, DEEPEST], np.array([[0.0, 0.0, -1.0]]))
+    point = hit.position[0] if np.isfinite(hit.distance[0]) else anchor.surface_point
+    label = {one.id: one.label for one in scene.instances}
+    notes = [
+        f"{one} ({label[one]}), placed before, is in reach: a free body, which starts {1e3 * heights[one]:.1f} mm "
+        "above where it rests"
+        for one in own
+    ] + [
+        f"{one} ({label[one]}), placed before, is in reach but rests on something else: it stays where it is"
+        for one in others
+    ]
     return FreedThings(
         scene=start,
-        anchor=above(anchor, start, raised),
+        anchor=replace(anchor, world_from_object=pose, surface_point=point),
         things=tuple(one for one in things if one is not None),
         ground=earlier.ground_of(anchor.base_id),
         materials=earlier.materials,
-        notes=tuple(notes(scene, own, others, heights)),
+        notes=tuple(notes),
     )
 
 
@@ -196,27 +199,3 @@ def freed_anchor(freed: FreedThings) -> Anchor:
 freed_task = stage(freed)
 freed_scene_task = stage(freed_scene)
 freed_anchor_task = stage(freed_anchor)
-
-
-def above(anchor: Anchor, start: Segmentation, raised: float) -> Anchor:
-    """The anchor raised [m], with its surface point on the present surface."""
-    pose = anchor.world_from_object.copy()
-    pose[2, 3] += raised
-    base = Raycaster(start.instance_mesh(start.index_of(anchor.base_id)))
-    hit = base.cast(anchor.surface_point[None] + [0.0, 0.0, DEEPEST], np.array([[0.0, 0.0, -1.0]]))
-    point = hit.position[0] if np.isfinite(hit.distance[0]) else anchor.surface_point
-    return replace(anchor, world_from_object=pose, surface_point=point)
-
-
-def notes(scene: Segmentation, own: list[str], others: list[str], heights: dict[str, float]) -> list[str]:
-    """Notes on the things."""
-    label = {one.id: one.label for one in scene.instances}
-    found = [
-        f"{one} ({label[one]}), placed before, is in reach: a free body, which starts {1e3 * heights[one]:.1f} mm "
-        "above where it rests"
-        for one in own
-    ]
-    return found + [
-        f"{one} ({label[one]}), placed before, is in reach but rests on something else: it stays where it is"
-        for one in others
-    ]

@@ -1,6 +1,4 @@
-"""The intent's question to a client, and the question to the user if the choice is ambiguous.
-
-Ambiguous choices of a sentence: a question to the user that lists the candidates, the same for all clients.
+"""The intent's question to a client, and the question to the user if the choice is ambiguous, the same for all clients.
 
 In: a reply with the likelihood of each thing. Out: nothing if the sentence means one thing; else a LanguageError whose
 single line distinguishes the candidates so that a person can answer, or, if the user is not to be asked, a note on the
@@ -68,7 +66,8 @@ def settle_choice(reply: IntentReply, request: IntentRequest, *, ask: bool) -> t
     """Notes on choices made for the user; raises LanguageError if the user is to be asked."""
     notes = []
     for candidates in (reply.candidates, reply.reference_candidates):
-        likely = as_likely(candidates)
+        ordered = sorted(candidates, key=lambda one: -one.likelihood)
+        likely = [one for one in ordered if one.likelihood >= AS_LIKELY * ordered[0].likelihood]
         if len(likely) < 2:
             continue
         by_id = {one.id: one for one in request.instances}
@@ -90,12 +89,6 @@ def doubted(reply: IntentReply, request: IntentRequest) -> Candidate | None:
         if best is not None and best.id in by_shape and best.likelihood < SURE_BY_SHAPE:
             return best
     return None
-
-
-def as_likely(candidates: Sequence[Candidate]) -> list[Candidate]:
-    """The candidates with at least half the likelihood of the best, the likeliest first."""
-    ordered = sorted(candidates, key=lambda one: -one.likelihood)
-    return [one for one in ordered if one.likelihood >= AS_LIKELY * ordered[0].likelihood]
 
 
 def question(found: Sequence[InstanceView], request: IntentRequest) -> str:

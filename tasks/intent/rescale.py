@@ -76,10 +76,12 @@ def rescale(
         asked = f"the mesh of {shown} m keeps the size that {OPTION} gives it, though such things usually have"
         return Rescale(1.0, shapes[alike], Caution(Cause.ASSUMED, f"{asked} {sizes(shapes[alike])} m"))
     units = possible_units(extents[0], unit_source)
-    fitting = [
-        name for name in units
-        if within(ratio / units[name], needed(name, spread, unit_source)) and limits[0] <= units[name] <= limits[1]
-    ]  # fmt: skip
+    fitting = []
+    for name, unit in units.items():
+        doubted = unit_source == "format" or name in TAKEN_AS_CENTIMETRES
+        close = within(ratio / unit, min(spread, CONVINCING) if doubted else spread)
+        if close and limits[0] <= unit <= limits[1]:
+            fitting.append(name)
     fitting.sort(key=lambda name: abs(np.log(ratio / units[name])))
     if fitting:
         unit = units[fitting[0]]
@@ -99,12 +101,6 @@ def possible_units(longest: float, unit_source: str) -> dict[str, float]:
     if unit_source == "format" or not read_as_centimetres:
         return TAKEN_AS_METRES
     return TAKEN_AS_METRES | TAKEN_AS_CENTIMETRES
-
-
-def needed(name: str, spread: float, unit_source: str) -> float:
-    """Factor of the usual size within which a unit must bring a mesh [-]."""
-    doubted = unit_source == "format" or name in TAKEN_AS_CENTIMETRES
-    return min(spread, CONVINCING) if doubted else spread
 
 
 def within(ratio: float, spread: float) -> bool:

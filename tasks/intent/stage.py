@@ -6,7 +6,6 @@ factor gives the mesh the usual size of its kind (see `rescale.py`); a mesh of a
 prior scales with the size: by volume, for hollow things by surface, for sheets by area.
 """
 
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -26,7 +25,7 @@ from dcap.scene.types.outcome import Cause, Caution, Infeasible, NotInScene, Rea
 from dcap.scene.types.segmentation import Pointed, SegmentedObject, SegmentedScene
 from tasks.cache import stage
 from tasks.intent.request import SURE_BY_SHAPE, doubted, intent_request, settle_choice
-from tasks.intent.rescale import Rescale, rescale
+from tasks.intent.rescale import rescale
 from tasks.requests.views import instance_of
 
 LONGEST_PROMPT = 1000
@@ -75,9 +74,13 @@ def intent(
         return not_sure(unsure, reply, request)
     open_choice = settle_choice(reply, request, ask=config.ambiguous == "ask")
     extents = np.array(request.item.size)
-    fit = scale_of(reply, extents, config, item.unit_source)
+    shapes, limits = np.array([reply.size, *reply.alternative_sizes]), (config.smallest_scale, config.largest_scale)
+    fit = rescale(shapes, extents, reply.spread, limits, item.unit_source)
     weight, mass_note = mass_of(reply, fit.shape, extents * fit.scale, mass, config)
-    where = place_of(reply, pointed)
+    region, where_notes = place_of(reply, pointed)
+    label = {one.id: one.label for one in request.instances}
+    likely = [SupportCandidate(one.id, label[one.id], one.likelihood) for one in reply.candidates]
+    likely.sort(key=lambda one: (one.id != reply.base_id, -one.score, one.id))  # the chosen one first
     return Intent(
         base_id=reply.base_id,
         base_label=instance_of(scene, reply.base_id).label,
@@ -89,24 +92,16 @@ def intent(
         orientation=OrientationRequest(
             reply.pose, reply.facing, reply.orientation_words, reply.turn_deg, reply.lean_on
         ),
-        region=where.region,
+        region=region,
         not_understood=reply.not_understood,
-        notes=(*where.notes, *reply.notes, *open_choice, fit.note, mass_note),
-        candidates=candidates_of(reply, request),
+        notes=(*where_notes, *reply.notes, *open_choice, fit.note, mass_note),
+        candidates=tuple(likely) or (SupportCandidate(reply.base_id, label[reply.base_id], 1.0),),
         mass_given=mass is not None,
-        at=where.at,
+        at=None if pointed is None or not len(pointed.point) else pointed.point,
     )
 
 
 intent_task = stage(intent)
-
-
-def candidates_of(reply: IntentReply, request: IntentRequest) -> tuple[SupportCandidate, ...]:
-    """The supports that the sentence may mean, the chosen one first."""
-    label = {one.id: one.label for one in request.instances}
-    said = [SupportCandidate(one.id, label[one.id], one.likelihood) for one in reply.candidates]
-    said.sort(key=lambda one: (one.id != reply.base_id, -one.score, one.id))
-    return tuple(said) or (SupportCandidate(reply.base_id, label[reply.base_id], 1.0),)
 
 
 def not_found(reply: IntentReply, request: IntentRequest) -> Infeasible:
@@ -119,11 +114,8 @@ def not_found(reply: IntentReply, request: IntentRequest) -> Infeasible:
     shapes = named_by_shape(reply, request)
     hint = "" if present else f"; {POINT_OR_NAME}"
     none = f"nothing here is known as {missing} by its shape" if shapes else f"the scene has no {missing}"
-    return Infeasible(
-        Reason.TARGET_NOT_FOUND,
-        f"{none}{meant}; it has: {there}{shapes}{hint}",
-        NotInScene(asked=reply.missing, present=(*present, *structure), object=reply.object_name),
-    )
+    evidence = NotInScene(asked=reply.missing, present=(*present, *structure), object=reply.object_name)
+    return Infeasible(Reason.TARGET_NOT_FOUND, f"{none}{meant}; it has: {there}{shapes}{hint}", evidence)
 
 
 def not_sure(likeliest: Candidate, reply: IntentReply, request: IntentRequest) -> Infeasible:
@@ -150,15 +142,6 @@ def named_by_shape(reply: IntentReply, request: IntentRequest) -> str:
     return f". Its things are named by shape alone ({likely}); candidates.png shows them: {POINT_OR_NAME}"
 
 
-def scale_of(
-    reply: IntentReply, extents: NDArray[np.float64], config: IntentConfig, unit_source: str = "estimate"
-) -> Rescale:
-    """Isotropic factor for a mesh of these extents [m], the shape used for comparison, and the reason. `unit_source` is
-    the source of the file's unit."""
-    shapes = np.array([reply.size, *reply.alternative_sizes])
-    return rescale(shapes, extents, reply.spread, (config.smallest_scale, config.largest_scale), unit_source)
-
-
 def mass_of(
     reply: IntentReply,
     shape: NDArray[np.float64],
@@ -183,24 +166,14 @@ def mass_of(
     return weight, Caution(Cause.ASSUMED, f"{note}; set it with --mass") if clamped else note
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class WantedPlace:
-    """The requested region or point."""
-
-    region: RegionRequest
-    at: NDArray[np.float64] | None
-    """The requested point [m], shape (3,)."""
-    notes: tuple[str, ...]
-
-
-def place_of(reply: IntentReply, pointed: Pointed | None) -> WantedPlace:
-    """The region of the sentence; a point given separately overrides it, with a note if the sentence also names a
-    region."""
-    limits = region_constraints(reply.constraints)
-    said = RegionRequest(reply.part, reply.regions, reply.references, reply.region_words, reply.which, limits)
+def place_of(reply: IntentReply, pointed: Pointed | None) -> tuple[RegionRequest, tuple[str, ...]]:
+    """The region of the sentence and notes; a point given separately overrides it, with a note if the sentence also
+    names a region."""
     if pointed is None or not len(pointed.point):
-        return WantedPlace(said, None, () if pointed is None else pointed.notes)
+        limits = region_constraints(reply.constraints)
+        said = RegionRequest(reply.part, reply.regions, reply.references, reply.region_words, reply.which, limits)
+        return said, () if pointed is None else pointed.notes
     words = reply.region_words or reply.part
     told = reply.regions or reply.part or reply.constraints or reply.lean_on
     lost = (Caution(Cause.NOT_MET, f"--at determines the place: {words!r} is ignored"),) if told else ()
-    return WantedPlace(RegionRequest("", (), (), ""), pointed.point, (*pointed.notes, *lost))
+    return RegionRequest("", (), (), ""), (*pointed.notes, *lost)

@@ -2,12 +2,8 @@
 
 In: scene, object, intent, anchor and prompt. Out: `PartMaterials`: the object's parts, the base's, then those of the
 neighbours within reach (only as obstacles). Rows are selected, never mixed. The density of a hollow thing is fitted to
-the mass prior when its particles are filled; the reason says so.
-
-`dcap place --load-aware`: parts with an invisible deflection under the object's weight become rigid.
-
-In: the chosen materials of the object's, the base's and the neighbours' parts. Out: the same materials, but `rigid` for
-parts of object or base with a predicted deflection below a bound, with the reason and a note for each.
+the mass prior when its particles are filled; the reason says so. With `load_aware`, parts of object or base whose
+predicted deflection under the object's weight is invisible are rigid too, with the reason and a note for each.
 """
 
 from collections.abc import Iterable, Sequence
@@ -119,7 +115,8 @@ def materials(
     around = base_and_neighbours(scene, item, anchor, config, taking_part)
     before = [known[one.body, one.part.index] for one in around if (one.body, one.part.index) in known]
     asked = [one for one in around if (one.body, one.part.index) not in known]
-    questions = [*object_questions(item, intent), *asked]
+    own = [MaterialQuestion(OBJECT, intent.object_name, part) for part in part_views(item, 0)]
+    questions = [*own, *asked]
     rows_alone = tuple(replace(row, source="") for row in library.values())  # the source does not help to choose
     seen = Picture("the object over its support", partial(over_its_base, scene, item, anchor))
     whole = MaterialsRequest(prompt, tuple(questions), rows_alone, anchor.base_id, (seen,))
@@ -149,11 +146,6 @@ def over_its_base(scene: Segmentation, item: Segmentation, anchor: Anchor) -> ND
     direction = np.array([*(0.7 * frame.front + 0.5 * frame.right), 0.5])
     away = DISTANCE * float(np.linalg.norm(np.ptp(corners, axis=0))) * direction
     return picture([base, above], looking_at(middle + away, middle, PICTURE, PICTURE), samples=1).rgb
-
-
-def object_questions(item: Segmentation, intent: Intent) -> list[MaterialQuestion]:
-    """Questions about the object's parts."""
-    return [MaterialQuestion(OBJECT, intent.object_name, part) for part in part_views(item, 0)]
 
 
 def base_and_neighbours(

@@ -1,15 +1,11 @@
-"""Drift of a final state when its simulation continues, and its depth against the expected depth.
+"""Drift of a final state when its simulation continues, and its depth against the depth expected from the weight.
 
-In: the bodies of the simulation and the final state. Out: `Drift`.
-
-Compares the object's depth in a soft support with the depth expected from its weight.
-
-In: scene and object, masses and materials, the simulated bodies (for the layers beneath) and the final state. Out:
+In: scene and object, masses and materials, the bodies of the simulation and the final state. Out: `Drift`;
 `Indentation`, without numbers for a rigid support or an object as soft as the support.
 
-The reference is not a drop but the contact of elastic layered half-spaces across the true gap between both surfaces,
-frictionless and quasi-static (docs/metrics.md states its error). The object is lifted over the undeformed support, so
-the reference does not depend on the method's depth.
+The reference of the depth is not a drop but the contact of elastic layered half-spaces across the true gap between both
+surfaces, frictionless and quasi-static (docs/metrics.md states its error). The object is lifted over the undeformed
+support, so the reference does not depend on the method's depth.
 """
 
 import numpy as np
@@ -22,7 +18,7 @@ from dcap.scene.types.materials import PartMaterials
 from dcap.scene.types.measures import Drift, Indentation
 from dcap.scene.types.particles import GRAVITY, Particles
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
-from dcap.scene.types.settled import Settled, SettledBody
+from dcap.scene.types.settled import Settled
 from solver.config import SolverConfig
 from solver.errors import ModelError, UnstableStep
 from tasks.bodies.footprint import heights_over
@@ -30,6 +26,7 @@ from tasks.bodies.plan_contact import plan_contact
 from tasks.bodies.solver_model import solver_model
 from tasks.cache import stage
 from tasks.particles.contact_layers import RIGID, compliance_of, layers_of
+from tasks.render.settled_meshes import is_rigid
 
 DEFORMED = 1e-4
 """Largest distance of a surface from its rigid motion at which it counts as undeformed [m]."""
@@ -60,7 +57,7 @@ def drift(particles: Particles, settled: Settled, config: DriftConfig) -> Drift:
     """Continue the simulation of a final state with the materials, friction and neighbours of the drop."""
     from solver.onward import PlacedBodies, onward  # loads Taichi, which costs seconds
 
-    if not settled.nodes and (shapes := [one.name for one in settled.bodies if gave_way(one)]):
+    if not settled.nodes and (shapes := [one.name for one in settled.bodies if not is_rigid(one, DEFORMED)]):
         return unknown(
             f"the method keeps no displacements inside {', '.join(shapes)}, so there is no dent to continue from"
         )
@@ -83,13 +80,6 @@ def drift(particles: Particles, settled: Settled, config: DriftConfig) -> Drift:
 def unknown(why: str, *, broken: bool = False) -> Drift:
     """Drift of a state that cannot be simulated."""
     return Drift(0.0, 0, np.inf, np.inf, np.inf, why, broken=broken)
-
-
-def gave_way(body: SettledBody) -> bool:
-    """Return whether a body has deformed since the start."""
-    pose, start = body.world_from_start, body.surface.vertices - body.displacement
-    moved = start @ pose[:3, :3].T + pose[:3, 3]
-    return bool(np.abs(moved - body.surface.vertices).max(initial=0.0) > DEFORMED)
 
 
 drift_task = stage(drift, process=True, simulates=True)

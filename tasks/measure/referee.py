@@ -14,7 +14,7 @@ from dcap.scene.types.materials import ContactFriction, PartMaterials
 from dcap.scene.types.measures import Measures, RefereeMeasures
 from dcap.scene.types.particles import InertialProperties, Particles
 from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
-from dcap.scene.types.settled import Settled, SettledBody
+from dcap.scene.types.settled import Settled
 from tasks.cache import stage
 from tasks.render.settled_meshes import settled_item, settled_scene
 
@@ -36,11 +36,15 @@ def referee(
     after = settled_scene(scene, settled, anchor.base_id).scene
     owner = np.where(after.face_instance < 0, len(after.instances), after.face_instance).astype(np.int64)
     friction = frictions(after, materials, particles)
+    start, pose = particles.bodies[0].inertial, settled.bodies[0].world_from_start
+    turn = pose[:3, :3]
+    inertia = turn @ start.inertia @ turn.T
+    center = turn @ start.center_of_mass + pose[:3, 3]
     try:
         found = judge_rest(
             settled_item(item, anchor, settled.bodies[0]),
             Surroundings(after.mesh, owner, friction),
-            inertial=inertial_at_rest(particles.bodies[0].inertial, settled.bodies[0]),
+            inertial=InertialProperties(start.mass, center, 0.5 * (inertia + inertia.T)),
         )
     except (GeometryError, InputError) as error:
         return RefereeMeasures(reason=" ".join(str(error).split()))
@@ -55,14 +59,6 @@ def referee(
         seconds=found.seconds,
         deviation_m=found.deviation_m,
     )
-
-
-def inertial_at_rest(start: InertialProperties, body: SettledBody) -> InertialProperties:
-    """Mass, centre of mass and inertia after the rigid motion of a body."""
-    pose = body.world_from_start
-    turn = pose[:3, :3]
-    inertia = turn @ start.inertia @ turn.T
-    return InertialProperties(start.mass, turn @ start.center_of_mass + pose[:3, 3], 0.5 * (inertia + inertia.T))
 
 
 def frictions(scene: Segmentation, materials: PartMaterials, particles: Particles) -> NDArray[np.float64]:

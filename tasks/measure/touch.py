@@ -4,13 +4,11 @@ In: scene and object as segmented, the pose before any drop and the final state.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dcap.evaluation.metrics.touching import Touching, touching
 from dcap.geometry.placement.poses import front_of
 from dcap.scene.types.choices import Anchor
 from dcap.scene.types.measures import Measures
-from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
 from dcap.scene.types.settled import Settled
 from tasks.cache import stage
@@ -27,24 +25,22 @@ def measure(scene: SegmentedScene, item: SegmentedObject, anchor: Anchor, settle
     found = touching(thing, after.mesh)
     given = found if after.mesh is scene.mesh else touching(thing, scene.mesh)
     support, label, part = carrier(after, found)
+    turned = anchor.world_from_object[:3, :3]
+    low, high = thing.bounds
+    lowest = np.array([0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), low[2]])
+    turned = turned / np.cbrt(np.linalg.det(turned))  # without its scale
     return Measures(
         support_id=support,
         support_label=label,
         support_part=part,
-        middle=lowest(thing) if found.middle is None else found.middle,
-        front=settled.bodies[0].world_from_start[:3, :3] @ turned_by(anchor) @ front_of(item.mesh)[0],
+        middle=lowest if found.middle is None else found.middle,
+        front=settled.bodies[0].world_from_start[:3, :3] @ turned @ front_of(item.mesh)[0],
         penetration_m=found.penetration,
         penetration_given_m=given.penetration,
         gap_m=found.gap,
         contact_area_m2=found.contact_area,
         com_margin_m=found.margin,
     )
-
-
-def turned_by(anchor: Anchor) -> NDArray[np.float64]:
-    """Rotation from the object's own frame to its start, without its scale, shape (3, 3)."""
-    turned = anchor.world_from_object[:3, :3]
-    return np.asarray(turned / np.cbrt(np.linalg.det(turned)))
 
 
 def carrier(scene: Segmentation, found: Touching) -> tuple[str, str, str]:
@@ -63,12 +59,6 @@ def carrier(scene: Segmentation, found: Touching) -> tuple[str, str, str]:
     parts = parts[parts >= 0]
     part = instance.parts[int(np.bincount(parts).argmax())].name if len(parts) else ""
     return instance.id, instance.label, part
-
-
-def lowest(thing: Mesh) -> NDArray[np.float64]:
-    """Point below the object's middle at its lowest height [m], shape (3,)."""
-    low, high = thing.bounds
-    return np.array([0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), low[2]])
 
 
 measure_task = stage(measure, process=True)

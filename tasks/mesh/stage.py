@@ -1,12 +1,9 @@
-"""Stage mesh: from a foreign file or folder to one clean coloured mesh in metres and z up.
+"""Stage mesh: from a foreign file or folder to one clean coloured mesh in metres and z up, and its textured surface.
 
 A folder or file with only Gaussian splats or points gets a surface from them, in a process of its own (Taichi).
 Cleaning is light, to preserve a scan's surface: faces without area and repeated faces are removed, equal vertices of
-equal colour are merged. The notes list the changes.
-
-The textured surface of a scene's or an object's source, in addition to the coloured mesh of the stages.
-
-In: the source and its scan. Out: faces, corners and textures of the file, in metres and z up; None without textures.
+equal colour are merged. The notes list the changes. The textured surface has the faces, corners and textures of the
+file, for pictures and files; it is empty without textures.
 """
 
 import logging
@@ -15,7 +12,7 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, NonNegativeInt, PositiveFloat, PositiveInt
+from pydantic import BaseModel, NonNegativeInt
 
 from dcap.geometry.deform import DisplacementField
 from dcap.geometry.rendering.painted import nearest_faces
@@ -35,19 +32,19 @@ from tasks.artifact import Source
 from tasks.cache import stage
 
 LOG = logging.getLogger(__name__)
+WELD_FRACTION = 1e-7
+"""Distance over the largest extent within which vertices are merged [-]."""
+COLOR_LEVELS = 16
+"""Colour levels per channel; only vertices of the same level are merged."""
 
 
 class MeshConfig(BaseModel, frozen=True, extra="forbid"):
-    """Settings of cleaning a mesh."""
+    """Settings of a surface from splats or points."""
 
-    weld_fraction: PositiveFloat = 1e-7
-    """Distance over the largest extent within which vertices are merged [-]."""
-    color_levels: PositiveInt = 16
-    """Colour levels per channel; only vertices of the same level are merged."""
     surface: SurfaceConfig = SurfaceConfig()
-    """Settings of the surface from splats or points."""
+    """Settings of the surface."""
     threads: NonNegativeInt = 0
-    """Worker threads for that, 0: all cores; never changes a result."""
+    """Worker threads for it, 0: all cores; never changes a result."""
 
 
 def mesh_scene(
@@ -80,7 +77,7 @@ def mesh(
         scan = read_scan(
             source.path, options, role, folder=source.folder, mesher=mesher, labels=labels, ask_scale=ask
         )  # fmt: skip
-        return cleaned(scan, config)
+        return cleaned(scan)
     except GeometryError as error:
         raise FormatError(f"{source.path}: {error}") from None
 
@@ -111,27 +108,22 @@ mesh_scene_task = stage(mesh_scene, process=needs_process)
 mesh_object_task = stage(mesh_object, process=needs_process)
 
 
-def cleaned(scan: Scan, config: MeshConfig) -> Scan:
+def cleaned(scan: Scan) -> Scan:
     """Weld equal vertices; drop faces without area and faces that repeat another face."""
     before = scan.mesh
-    place = _place_index(before, config.weld_fraction)
+    step = WELD_FRACTION * max(float(np.ptp(before.bounds, axis=0).max()), 1e-12)
+    place = np.unique(np.rint(before.vertices / step), axis=0, return_inverse=True)[1].reshape(-1)
     faces = place[before.faces]
     kept = np.flatnonzero(_has_area(before, faces) & _first_of_its_kind(faces))
     if not len(kept):
         raise GeometryError(f"all {len(before.faces)} faces have zero area or repeat another one")
-    after = _welded(before, place, kept, config.color_levels)
+    after = _welded(before, place, kept)
     notes = scan.notes
     if len(kept) < len(before.faces):
         notes += (
             f"{len(before.faces) - len(kept)} of {len(before.faces)} faces were degenerate or repeated and are dropped",
         )
     return replace(scan, mesh=after, face_node=scan.face_node[kept], notes=notes)
-
-
-def _place_index(mesh: Mesh, fraction: float) -> NDArray[np.int64]:
-    """Numbers of vertices, equal at the same place, shape (n,)."""
-    step = fraction * max(float(np.ptp(mesh.bounds, axis=0).max()), 1e-12)
-    return np.unique(np.rint(mesh.vertices / step), axis=0, return_inverse=True)[1].reshape(-1)
 
 
 def _has_area(mesh: Mesh, faces: NDArray[np.int64]) -> NDArray[np.bool_]:
@@ -155,10 +147,10 @@ def _first_of_its_kind(faces: NDArray[np.int64]) -> NDArray[np.bool_]:
     return mask
 
 
-def _welded(mesh: Mesh, place: NDArray[np.int64], kept: NDArray[np.int64], levels: int) -> Mesh:
+def _welded(mesh: Mesh, place: NDArray[np.int64], kept: NDArray[np.int64]) -> Mesh:
     """The kept faces with one vertex per place and colour level; the colour is the mean."""
-    level = mesh.colors.astype(np.int64) * levels // 256
-    key = ((place * levels + level[:, 0]) * levels + level[:, 1]) * levels + level[:, 2]
+    level = mesh.colors.astype(np.int64) * COLOR_LEVELS // 256
+    key = ((place * COLOR_LEVELS + level[:, 0]) * COLOR_LEVELS + level[:, 1]) * COLOR_LEVELS + level[:, 2]
     used = np.unique(mesh.faces[kept])
     _, first, inverse = np.unique(key[used], return_index=True, return_inverse=True)
     number = np.zeros(len(mesh.vertices), dtype=np.int32)
@@ -168,13 +160,8 @@ def _welded(mesh: Mesh, place: NDArray[np.int64], kept: NDArray[np.int64], level
     return Mesh(mesh.vertices[used[first]], number[mesh.faces[kept]], np.rint(colors).astype(np.uint8))
 
 
-def surface_scene(source: Source, scan: Scan) -> SourceSurface:
-    """The scene's textured surface."""
-    return read_surface(source.path, scan.world_from_file)
-
-
-def surface_object(source: Source, scan: Scan) -> SourceSurface:
-    """The object's textured surface."""
+def textured_surface(source: Source, scan: Scan) -> SourceSurface:
+    """The textured surface of a source."""
     return read_surface(source.path, scan.world_from_file)
 
 
@@ -201,5 +188,5 @@ def surface_start(surface: SourceSurface, given: SegmentedScene, start: Segmente
 
 
 surface_start_task = stage(surface_start)
-surface_scene_task = stage(surface_scene)
-surface_object_task = stage(surface_object)
+surface_scene_task = stage(textured_surface, name="surface_scene")
+surface_object_task = stage(textured_surface, name="surface_object")

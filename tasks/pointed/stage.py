@@ -2,11 +2,8 @@
 
 In: the scan (for the file's frame), the scene, the sentence and the point or box. Out: `Pointed`; then the scene in
 which the indicated thing is a separate instance, if it was not one before: the faces in the box, or the surface around
-the point with the faces below it. The sentence names it if the scene's label is uncertain; a mismatch is reported.
-
-Name of the indicated thing: the scene's label if it is certain, else the noun of the sentence.
-
-The upward surface at a point of a scene, or one line with the reason why there is none.
+the point with the faces below it. Its name is the scene's label if that is certain, else the noun of the sentence; a
+mismatch is reported. If no upward surface is there, one line gives the reason.
 """
 
 from dataclasses import dataclass, replace
@@ -102,29 +99,6 @@ def fits(noun: Noun, label: str) -> bool:
     return thing is not None and in_line(thing.id, noun.thing)
 
 
-def carrying_part(label: str) -> str:
-    """The part with which a thing of this label usually carries."""
-    thing = thing_of(label)
-    return first_part(thing.id if thing else "") or PLAIN_PART
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Meeting:
-    """Intersection of the vertical through a point with the scene."""
-
-    face: int
-    position: Array
-    """Point of intersection [m], shape (3,)."""
-
-
-def file_bounds(scan: Scan) -> Array:
-    """Lowest and highest corner of the scene in the file's own frame, shape (2, 3)."""
-    low, high = scan.mesh.bounds
-    corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
-    own = in_file(scan, corners)
-    return np.stack([own.min(axis=0), own.max(axis=0)])
-
-
 def in_file(scan: Scan, points: Array) -> Array:
     """World points (n, 3) in the file's own frame."""
     file_from_world = np.linalg.inv(scan.world_from_file)
@@ -132,9 +106,11 @@ def in_file(scan: Scan, points: Array) -> Array:
 
 
 def in_words(scan: Scan) -> str:
-    """The scene's bounds for a message."""
-    low, high = file_bounds(scan)
-    spans = (f"{axis} {a:.4g} to {b:.4g}" for axis, a, b in zip("xyz", low, high, strict=True))
+    """The scene's bounds in the file's own frame, for a message."""
+    low, high = scan.mesh.bounds
+    corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
+    own = in_file(scan, corners)
+    spans = (f"{axis} {a:.4g} to {b:.4g}" for axis, a, b in zip("xyz", own.min(axis=0), own.max(axis=0), strict=True))
     return f"the scene spans {', '.join(spans)} ({scan.up} up) in its file"
 
 
@@ -145,9 +121,9 @@ def level_axes(scan: Scan) -> tuple[int, int]:
     return first, second
 
 
-def meeting(scan: Scan, scene: Segmentation, at: tuple[float, ...]) -> Meeting:
-    """The intended surface: the nearest below the point, or the highest on the vertical; raises InputError if there is
-    none."""
+def meeting(scan: Scan, scene: Segmentation, at: tuple[float, ...]) -> tuple[int, Array]:
+    """The face and the point [m] of the intended surface: the nearest below the point, or the highest on the vertical;
+    raises InputError if there is none."""
     text = f"--at {','.join(f'{one:g}' for one in at)}"
     own = np.zeros(3)
     own[list(level_axes(scan)) if len(at) == 2 else [0, 1, 2]] = at
@@ -158,14 +134,14 @@ def meeting(scan: Scan, scene: Segmentation, at: tuple[float, ...]) -> Meeting:
     caster = Raycaster(scene.mesh)
     if len(at) == 2:
         return highest(scan, scene, caster, point, text)
-    if point[2] < low[2] - SUNK:
-        raise InputError(
-            f"{text} is under the floor: {in_words(scan)}; give a higher point, or two numbers: the highest surface"
-        )
-    if point[2] > high[2] + SUNK:
-        raise InputError(
-            f"{text} is above the scene: {in_words(scan)}; give a lower point, or two numbers: the highest surface"
-        )
+    for outside, where, other in (
+        (point[2] < low[2] - SUNK, "under the floor", "higher"),
+        (point[2] > high[2] + SUNK, "above the scene", "lower"),
+    ):
+        if outside:
+            raise InputError(
+                f"{text} is {where}: {in_words(scan)}; give a {other} point, or two numbers: the highest surface"
+            )
     start = np.array([*point[:2], point[2] + SUNK])
     hit = caster.cast(start[None], DOWN[None])
     face = int(hit.face[0])
@@ -183,27 +159,22 @@ def meeting(scan: Scan, scene: Segmentation, at: tuple[float, ...]) -> Meeting:
             f"{text} is over {owner_name(scene, face)} where that is {steep:.0f} degrees steep; nothing stays there: "
             f"give a point on a surface that looks up ({in_words(scan)})"
         )
-    return Meeting(face, hit.position[0])
+    return face, hit.position[0]
 
 
-def highest(scan: Scan, scene: Segmentation, caster: Raycaster, point: Array, text: str) -> Meeting:
-    """The highest upward surface that belongs to no wall or ceiling."""
+def highest(scan: Scan, scene: Segmentation, caster: Raycaster, point: Array, text: str) -> tuple[int, Array]:
+    """Face and point of the highest upward surface that belongs to no wall or ceiling."""
     start = np.array([*point[:2], float(scene.mesh.bounds[1, 2]) + 1.0])
+    of_thing = np.array([not one.structure or one.label == "floor" for one in scene.instances] + [False])
     for _ in range(MOST_FACES):
         hit = caster.cast(start[None], DOWN[None])
         face = int(hit.face[0])
         if face < 0:
             break
-        if hit.normal[0, 2] >= LEVEL and carries(scene, face):
-            return Meeting(face, hit.position[0])
+        if hit.normal[0, 2] >= LEVEL and of_thing[scene.face_instance[face]]:
+            return face, hit.position[0]
         start = hit.position[0] + STEP * DOWN
     raise InputError(f"{text}: there is no upward surface; {in_words(scan)}; give a point over a surface")
-
-
-def carries(scene: Segmentation, face: int) -> bool:
-    """Return whether a face belongs to a thing or the floor."""
-    owner = int(scene.face_instance[face])
-    return owner >= 0 and (not scene.instances[owner].structure or scene.instances[owner].label == "floor")
 
 
 def owner_name(scene: Segmentation, face: int) -> str:
@@ -233,36 +204,36 @@ point_out_task = stage(point_out)
 
 def at_point(scan: Scan, scene: Segmentation, at: tuple[float, ...], prompt: str) -> Pointed:
     """The thing whose surface is nearest below the point."""
-    met = meeting(scan, scene, at)
-    owner = int(scene.face_instance[met.face])
+    face, position = meeting(scan, scene, at)
+    owner = int(scene.face_instance[face])
     notes = []
     if len(at) == 2:
         first, second = level_axes(scan)
-        own = in_file(scan, met.position[None])[0]
+        own = in_file(scan, position[None])[0]
         notes.append(f"--at: the highest surface at {'xyz'[first]} {at[0]:g}, {'xyz'[second]} {at[1]:g} is at "
                      f"{','.join(f'{one:.4g}' for one in own)}")  # fmt: skip
     else:
         given = scan.world_from_file[:3, :3] @ np.array(at) + scan.world_from_file[:3, 3]
-        if given[2] - met.position[2] > ABOVE:
-            above = f"--at is {given[2] - met.position[2]:.2f} m above a surface; the object is placed on that surface"
+        if given[2] - position[2] > ABOVE:
+            above = f"--at is {given[2] - position[2]:.2f} m above a surface; the object is placed on that surface"
             notes.append(Caution(Cause.NOT_MET, above))
     if owner < 0:
-        patch = patch_at(scene, met.face, met.position)
-        return cut_out(scene, patch, Name("thing", renamed=False), None, met.position, notes)
+        patch = patch_at(scene, face, position)
+        return cut_out(scene, patch, Name("thing", renamed=False), None, position, notes)
     one = scene.instances[owner]
     name = name_of(one, asked_thing(prompt), "--at")
     notes += name.notes
     if one.structure or one.confidence >= SURE:
-        return Pointed(one.id, name.label, "", met.position, none(), False, tuple(notes))
-    patch = patch_at(scene, met.face, met.position)
+        return Pointed(one.id, name.label, "", position, none(), False, tuple(notes))
+    patch = patch_at(scene, face, position)
     mine = scene.face_instance == owner
     box = min_area_box(scene.mesh.corners(patch).reshape(-1, 3))
     plans = [float(np.prod(each.half_extents[:2])) for each in (one.box, box)]
-    if plans[0] > FUSED * plans[1] or one.box.top - met.position[2] > TALL:
+    if plans[0] > FUSED * plans[1] or one.box.top - position[2] > TALL:
         below = under(scene, patch, mine)
         if scene.mesh.face_areas[below].sum() < WHOLE * scene.mesh.face_areas[mine].sum():
-            return cut_out(scene, below, name, one, met.position, notes)
-    return Pointed(one.id, name.label, "", met.position, none(), name.renamed, tuple(notes))
+            return cut_out(scene, below, name, one, position, notes)
+    return Pointed(one.id, name.label, "", position, none(), name.renamed, tuple(notes))
 
 
 def patch_at(scene: Segmentation, face: int, position: Array) -> IntArray:
@@ -340,12 +311,14 @@ def cut_out(
     unique = next(one for one in (plain, *(f"{plain}_{k}" for k in range(1, len(taken) + 2))) if one not in taken)
     if owner is not None and owner.structure:  # part of a floor stays a floor
         return Pointed(unique, owner.label, "floor", position, runs_of(faces), False, tuple(notes))
-    return Pointed(unique, name.label, carrying_part(name.label), position, runs_of(faces), False, tuple(notes))
+    thing = thing_of(name.label)
+    part = first_part(thing.id if thing else "") or PLAIN_PART  # with which such a thing usually carries
+    return Pointed(unique, name.label, part, position, runs_of(faces), False, tuple(notes))
 
 
 def with_new_thing(scene: Segmentation, pointed: Pointed) -> Segmentation:
     """The scene with the cut-out faces as a further instance of one part."""
-    faces = faces_of(pointed.cut)
+    faces = np.concatenate([np.arange(first, end) for first, end in pointed.cut])
     box = min_area_box(scene.mesh.corners(faces).reshape(-1, 3))
     box = replace(box, half_extents=np.maximum(box.half_extents, 5e-4))
     before = scene.face_instance[faces]
@@ -380,11 +353,6 @@ def runs_of(faces: IntArray) -> IntArray:
     """Sorted face numbers as runs, first and one past the last, shape (k, 2)."""
     cuts = np.flatnonzero(np.diff(faces) > 1)
     return np.stack([faces[np.r_[0, cuts + 1]], faces[np.r_[cuts, len(faces) - 1]] + 1], axis=1).astype(np.int64)
-
-
-def faces_of(runs: IntArray) -> IntArray:
-    """The faces of runs (k, 2)."""
-    return np.concatenate([np.arange(first, end) for first, end in runs])
 
 
 def none() -> IntArray:

@@ -20,13 +20,7 @@ class RenderConfig(BaseModel, frozen=True, extra="forbid"):
     """Camera distance of the close-up over the object's diagonal [-]."""
     elevations_deg: tuple[float, ...] = (27.0, 14.0, 45.0)
     """Elevations of the camera to try [degrees], the preferred one first."""
-    from_above_deg: tuple[float, ...] = (65.0, 85.0)
-    """Elevations to try if those show little of the object [degrees]."""
-    azimuths_deg: tuple[float, ...] = (20.0, -20.0, 45.0, -45.0, 70.0, -70.0, 100.0, -100.0, 180.0)
-    """Azimuths from the base's front to try [degrees]."""
     samples: PositiveInt = 2
     """Rays across a pixel at edges."""
     least_visible: NonNegativeFloat = 0.02
     """Share of the object's pixels below which it is buried [-]."""
-    canonical_size: PositiveInt = 192
-    """Side of the views that measure visibility and recognisability [pixels]."""

@@ -1,14 +1,7 @@
 """The contact in close-up with the object lifted out of the way, and a cut through it.
 
-In: the scene at rest with its displacement, the contact and a camera. Out: a picture with a legend below it.
-
-The contact patch in pictures: the points of the scene that belong to it.
-
-A cut through the contact: the support before and after, and the object in it.
-
-In: the scene before and after, the object at rest, a point and a direction. Out: a drawing of the vertical plane there.
-
-Conversion of Matplotlib drawings to pictures.
+In: the scene before and at rest with its displacement, the object, the contact and a camera. Out: a picture with the
+dent, the contact patch and a legend; a drawing of the vertical plane through the contact.
 """
 
 from collections.abc import Mapping, Sequence
@@ -52,7 +45,7 @@ REACH = 0.8
 """Half width of the cut over the object's diagonal [-]."""
 OVER = 1.08
 """Height of the picture over the height of the object's top [-]."""
-PROFILE_WIDTH, PROFILE_HEIGHT, PROFILE_DPI = 1024, 640, 100
+PROFILE_WIDTH, PROFILE_HEIGHT = 1024, 640
 BEFORE, AFTER, THING = "#8a8a8a", "#1f77b4", "#e6550d"
 
 
@@ -229,9 +222,7 @@ def profile_picture(before: Mesh, after: Mesh, thing: Mesh, middle: Array, along
     shape = (0.78 * PROFILE_HEIGHT) / (0.88 * PROFILE_WIDTH)
     top = float(thing.bounds[1, 2] - middle[2])
     reach = max(REACH * float(np.linalg.norm(np.ptp(thing.vertices, axis=0))), OVER * top / (1.4 * shape))
-    figure = Figure(
-        figsize=(PROFILE_WIDTH / PROFILE_DPI, PROFILE_HEIGHT / PROFILE_DPI), dpi=PROFILE_DPI, facecolor="white"
-    )
+    figure = Figure(figsize=(PROFILE_WIDTH / DPI, PROFILE_HEIGHT / DPI), dpi=DPI, facecolor="white")
     canvas = FigureCanvasAgg(figure)
     axes = figure.add_axes((0.09, 0.11, 0.88, 0.78))
     cut = section(after, middle, level, normal, reach)

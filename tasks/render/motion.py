@@ -1,12 +1,8 @@
-"""A drop frame by frame: the positions of the moving parts, and the film.
+"""A drop frame by frame: the positions of the moving parts, and the film of the object coming down.
 
 In: the settled state with its frames, the scene as segmented, and meshes that move with a body. Out: vertices at any
-frame. The attachment of points is found once, and the scene is cut once, as finely as the largest displacement of all
-frames needs; a frame then costs one weighted sum.
-
-The drop as a film: the object coming down and the dent forming, frame by frame.
-
-In: scene and object as segmented, the settled state with its frames, and a camera. Out: pictures.
+frame; pictures of a camera. The attachment of points is found once, and the scene is cut once, as finely as the largest
+displacement of all frames needs; a frame then costs one weighted sum.
 """
 
 from collections.abc import Iterator
@@ -19,6 +15,7 @@ from dcap.arrays import Array
 from dcap.geometry.camera import Camera
 from dcap.geometry.deform import CLOSE, FAR, NEGLIGIBLE, DisplacementField
 from dcap.geometry.rendering.painted import painted
+from dcap.geometry.rendering.picture import picture
 from dcap.geometry.rendering.surface import PreparedMeshes
 from dcap.scene.types.choices import Anchor
 from dcap.scene.types.mesh import Mesh, SourceSurface
@@ -26,7 +23,6 @@ from dcap.scene.types.segmentation import Segmentation
 from dcap.scene.types.settled import Settled, SettledBody, surface_at
 from tasks.render.config import RenderConfig
 from tasks.render.settled_meshes import settled_scene, shown
-from tasks.render.stage import photograph
 
 MOST_PICTURES = 60
 """Maximum number of pictures of a drop [-]: three seconds of film, including the repeated last picture."""
@@ -240,4 +236,4 @@ def drop_pictures(
     for frame in motion.chosen(MOST_PICTURES).tolist():
         meshes = shown(around.scene, camera, look.moved(around.at(frame)))
         meshes.append(own.moved(replace(thing, vertices=points.at(frame))))
-        yield photograph(PreparedMeshes(meshes), camera, config, low_light=True).rgb
+        yield picture(PreparedMeshes(meshes), camera, samples=config.samples, low_light=True).rgb

@@ -1,19 +1,11 @@
 """Meshes of the rest state: for pictures, for files with the source's textures, and contact patches.
 
-In: scene and object as segmented, and the settled state. Out: meshes.
-
-Contact patches as surfaces with their loads, one for each touching pair.
-
-In: the settled state. Out: nodes of a file: the parts of the object's finely cut surface nearest to the contact points,
-with the same area as in the drop, and with that area, force and mean pressure.
-
-Object and scene for files of the rest state, with the faces and textures of their sources.
-
-In: results of the stages. Out: painted meshes. Without textures in the source it is the mesh of the stages. Faces of a
-support are only cut where it bends.
+In: scene and object as segmented, their textured sources, and the settled state. Out: painted meshes, with the faces
+and textures of the sources (without textures those of the stages); faces of a support are only cut where it bends. The
+contact patches are the parts of the object's finely cut surface nearest to the contact points, one for each touching
+pair, with the area, force and mean pressure of the drop.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -32,7 +24,6 @@ from dcap.scene.types.mesh import Mesh, PaintedMesh, SourceSurface
 from dcap.scene.types.segmentation import Segmentation
 from dcap.scene.types.settled import Settled, SettledBody
 from dcap.scene.writers.glb import Node
-from solver.certificate import ContactRow
 from tasks.render.contact_picture import patch_radius
 
 RIGID_TOLERANCE = 1e-6
@@ -50,12 +41,7 @@ SAME = 1e-6
 
 def settled_item(item: Segmentation, anchor: Anchor, body: SettledBody) -> Mesh:
     """The object at rest: its own mesh, moved rigidly or following the deformed surface."""
-    return settled_mesh(item.mesh, anchor, body)
-
-
-def settled_mesh(own: Mesh, anchor: Anchor, body: SettledBody) -> Mesh:
-    """A mesh in the object's own frame, moved to the rest state."""
-    return at_rest(own.transformed(anchor.world_from_object), body)
+    return at_rest(item.mesh.transformed(anchor.world_from_object), body)
 
 
 def at_rest(whole: Mesh, body: SettledBody) -> Mesh:
@@ -84,20 +70,13 @@ class SettledScene:
 def settled_scene(scene: Segmentation, settled: Settled, base_id: str) -> SettledScene:
     """The scene with the drop's dents in the base and its supports, and with things placed earlier at their rest
     positions."""
-    mesh = scene.mesh
-    after = SettledScene(scene, np.zeros_like(mesh.vertices), mesh, np.arange(len(mesh.faces)))
+    after = untouched(scene)
     placed = {one.id: one.placed for one in scene.instances}
     for body in settled.bodies[1:]:
         moved = np.abs(body.displacement).max(initial=0.0) > 0.0
         if body.name in placed and (moved or body.name == base_id):
             after = with_thing_moved(after, body) if placed[body.name] else with_dent(after, body)
     return after
-
-
-def is_as_given(around: SettledScene, scene: Segmentation) -> bool:
-    """Return whether nothing in a scene has moved or deformed."""
-    after, given = around.scene.mesh, scene.mesh
-    return np.array_equal(after.faces, given.faces) and np.array_equal(after.vertices, given.vertices)
 
 
 def with_dent(around: SettledScene, body: SettledBody) -> SettledScene:
@@ -132,12 +111,12 @@ def with_thing_moved(around: SettledScene, body: SettledBody) -> SettledScene:
     return SettledScene(replace(scene, mesh=replace(mesh, vertices=vertices)), shift, start, around.origin)
 
 
-def is_rigid(body: SettledBody) -> bool:
-    """Return whether the surface of a body did not deform."""
+def is_rigid(body: SettledBody, tolerance: float = RIGID_TOLERANCE) -> bool:
+    """Return whether the surface of a body did not deform by more than a tolerance [m]."""
     start = body.surface.vertices - body.displacement
     pose = body.world_from_start
     moved = start @ pose[:3, :3].T + pose[:3, 3]
-    return bool(np.abs(moved - body.surface.vertices).max() <= RIGID_TOLERANCE)
+    return bool(np.abs(moved - body.surface.vertices).max(initial=0.0) <= tolerance)
 
 
 def structure_faces(scene: Segmentation) -> NDArray[np.bool_]:
@@ -159,18 +138,23 @@ def painted_scene(around: SettledScene, surface: SourceSurface | None) -> Painte
 def shown(scene: Segmentation, camera: Camera, look: PaintedMesh | None = None) -> list[PaintedMesh]:
     """The meshes of the scene for a camera, with textures if it has them: without cut-away faces, and on a studio floor
     if it has no floor."""
-    return shown_meshes(scene, shown_faces(scene, camera), look)
-
-
-def shown_meshes(scene: Segmentation, faces: NDArray[np.integer], look: PaintedMesh | None = None) -> list[PaintedMesh]:
-    """Meshes of some faces (k,) of the scene, and of the studio floor if it has no floor."""
-    meshes = [(look or PaintedMesh(scene.mesh)).submesh(faces), *floor_of(scene)]
+    meshes = [(look or PaintedMesh(scene.mesh)).submesh(shown_faces(scene, camera)), *floor_of(scene)]
     return [one for one in meshes if len(one.mesh.faces)]
 
 
 def floor_of(scene: Segmentation) -> list[PaintedMesh]:
-    """The studio floor for a scene without a floor; else empty."""
-    return [] if any(one.structure for one in scene.instances) else [PaintedMesh(studio_floor(scene.mesh))]
+    """The studio floor for a scene without a floor, a wide round plate just under it; else empty."""
+    if any(one.structure for one in scene.instances):
+        return []
+    low, high = scene.mesh.bounds
+    middle, reach = 0.5 * (low + high), 60.0 * float(np.linalg.norm(high - low))
+    angle = np.linspace(0.0, 2.0 * np.pi, 96, endpoint=False)
+    rim = middle[:2] + reach * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    points = np.concatenate([middle[None, :2], rim])
+    index = np.arange(96)
+    faces = np.stack([np.zeros(96, dtype=int), 1 + index, 1 + (index + 1) % 96], axis=1)
+    vertices = np.concatenate([points, np.full((97, 1), low[2] - 1e-3)], axis=1)
+    return [PaintedMesh(Mesh.of(vertices, faces, STUDIO_COLOR))]
 
 
 def shown_faces(scene: Segmentation, camera: Camera) -> NDArray[np.int64]:
@@ -212,18 +196,6 @@ class Cutaway:
         return result
 
 
-def studio_floor(mesh: Mesh) -> Mesh:
-    """A wide round plate just under a scene without a floor."""
-    low, high = mesh.bounds
-    middle, reach = 0.5 * (low + high), 60.0 * float(np.linalg.norm(high - low))
-    angle = np.linspace(0.0, 2.0 * np.pi, 96, endpoint=False)
-    rim = middle[:2] + reach * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    points = np.concatenate([middle[None, :2], rim])
-    index = np.arange(96)
-    faces = np.stack([np.zeros(96, dtype=int), 1 + index, 1 + (index + 1) % 96], axis=1)
-    return Mesh.of(np.concatenate([points, np.full((97, 1), low[2] - 1e-3)], axis=1), faces, STUDIO_COLOR)
-
-
 def contact_nodes(settled: Settled) -> list[Node]:
     """A node for each pair with the object; empty if nothing touches it."""
     own, points = settled.bodies[0], settled.contact_points
@@ -232,22 +204,23 @@ def contact_nodes(settled: Settled) -> list[Node]:
         return [Node("contacts")]
     surface, away = near_points(own.surface, points)
     others = [row.b if row.a == own.name else row.a for row in rows]
-    nearest = nearest_body(settled, others, surface) if len(others) > 1 else np.zeros(len(away))
+    nearest = np.zeros(len(away))
+    if len(others) > 1:
+        known, middle = {body.name: body.surface for body in settled.bodies}, surface.triangles.mean(axis=1)
+        nearest = np.stack([Raycaster(known[name]).distance_to(middle) for name in others]).argmin(axis=0)
     children = []
     for number, (row, other) in enumerate(zip(rows, others, strict=True)):
         faces = patch_faces(surface, np.where(nearest == number, away, np.inf), row.area_m2)
         patch = surface.submesh(faces)
         colored = Mesh.of(patch.vertices, patch.faces, COLOR)
-        children.append(Node(f"{own.name} on {other}", colored, label=f"contact with {other}", extras=loads(row)))
+        loads = {
+            "area_m2": row.area_m2,
+            "normal_force_n": row.normal_force_n,
+            "tangential_force_n": row.tangential_force_n,
+            "mean_pressure_pa": row.normal_force_n / row.area_m2 if row.area_m2 > 0.0 else 0.0,
+        }
+        children.append(Node(f"{own.name} on {other}", colored, label=f"contact with {other}", extras=loads))
     return [Node("contacts", children=tuple(children))]
-
-
-def nearest_body(settled: Settled, names: Sequence[str], surface: Mesh) -> NDArray[np.int64]:
-    """Return the index of the named body that is nearest to each face (m,) of a surface."""
-    known = {body.name: body.surface for body in settled.bodies}
-    middle = surface.triangles.mean(axis=1)
-    distances = np.stack([Raycaster(known[name]).distance_to(middle) for name in names])
-    return np.asarray(distances.argmin(axis=0), dtype=np.int64)
 
 
 def near_points(surface: Mesh, points: Array) -> tuple[Mesh, Array]:
@@ -271,22 +244,11 @@ def patch_faces(surface: Mesh, away: Array, area: float) -> NDArray[np.int64]:
     return np.sort(order[: int(np.searchsorted(total, area)) + 1])
 
 
-def loads(row: ContactRow) -> dict[str, object]:
-    """Loads of a contact, in SI units."""
-    pressure = row.normal_force_n / row.area_m2 if row.area_m2 > 0.0 else 0.0
-    return {
-        "area_m2": row.area_m2,
-        "normal_force_n": row.normal_force_n,
-        "tangential_force_n": row.tangential_force_n,
-        "mean_pressure_pa": pressure,
-    }
-
-
 def object_at_rest(item: Segmentation, surface: SourceSurface, anchor: Anchor, body: SettledBody) -> PaintedMesh:
     """The object at rest."""
     if not surface.kept:
         return PaintedMesh(settled_item(item, anchor, body))
-    return PaintedMesh(settled_mesh(surface.mesh, anchor, body), own_paint(surface))
+    return PaintedMesh(at_rest(surface.mesh.transformed(anchor.world_from_object), body), own_paint(surface))
 
 
 def scene_at_rest(

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from dcap.geometry.camera import Camera
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.rendering.painted import painted
-from dcap.geometry.rendering.picture import Picture, exposed, picture
-from dcap.geometry.rendering.surface import PreparedMeshes
+from dcap.geometry.rendering.picture import exposed
 from dcap.scene.types.choices import Anchor
 from dcap.scene.types.mesh import Mesh, SourceSurface
 from dcap.scene.types.outcome import HiddenObject, Infeasible, Reason
@@ -23,7 +22,7 @@ from dcap.scene.types.settled import Settled
 from tasks.cache import stage
 from tasks.render.config import RenderConfig
 from tasks.render.contact_picture import contact_picture, profile_picture
-from tasks.render.settled_meshes import is_as_given, painted_item, painted_scene, settled_scene, structure_faces
+from tasks.render.settled_meshes import painted_item, painted_scene, settled_scene, structure_faces
 from tasks.render.views import (
     SceneViews,
     best_view,
@@ -49,7 +48,9 @@ def render(
     """Take the pictures; `before` is the input scene, with its textures, if the drop started from another state."""
     thing = painted_item(item, anchor, settled.bodies[0], object_surface)
     around = settled_scene(scene, settled, anchor.base_id)
-    still = before is None and is_as_given(around, scene)
+    end = around.scene.mesh
+    unmoved = np.array_equal(end.faces, scene.mesh.faces) and np.array_equal(end.vertices, scene.mesh.vertices)
+    still = before is None and unmoved
     first, after = around.scene if still else before or scene, painted_scene(around, scene_surface)
     things = Raycaster(around.scene.mesh, np.flatnonzero(~structure_faces(around.scene)))
     target, toward = contact_middle(settled, anchor), front(scene, anchor)
@@ -71,6 +72,7 @@ def render(
     bare = views.exposed(near, low_light=True)
     closeup = views.with_things(bare).picture(config.samples)
     empty = (bare if still else given.exposed(near, low_light=True)).picture(config.samples)
+    gap = np.full((len(empty.rgb), max(2, empty.rgb.shape[1] // 128), 3), 255, dtype=np.uint8)
     labels = {one.id: one.label for one in scene.instances}
     contact = contact_picture(
         bare, around.shift, thing, settled.contact_points, settled.contacts, settled.bodies[0].name, labels
@@ -82,7 +84,7 @@ def render(
         visible_fraction=fraction,
         camera_position=view.camera.position,
         camera_target=target,
-        before_after=side_by_side(empty.rgb, closeup.rgb),
+        before_after=np.concatenate([empty.rgb, gap, closeup.rgb], axis=1),
         contact=contact,
         profile=profile_picture(
             first.mesh, around.scene.mesh, thing.mesh, touched(settled, target), near.world_from_camera[:, 0]
@@ -97,11 +99,6 @@ def touched(settled: Settled, middle: NDArray[np.float64]) -> NDArray[np.float64
     return points[int(np.argmin(np.linalg.norm(points - middle, axis=1)))] if len(points) else middle
 
 
-def photograph(meshes: PreparedMeshes, camera: Camera, config: RenderConfig, *, low_light: bool = False) -> Picture:
-    """The picture of a camera."""
-    return picture(meshes, camera, samples=config.samples, low_light=low_light)
-
-
 def nearby(things: Raycaster, thing: Mesh, first: Camera, config: RenderConfig) -> Camera:
     """The camera of the close-up: on the side of the first camera, with the contact slightly below the middle."""
     size = np.ptp(thing.vertices, axis=0)
@@ -111,12 +108,6 @@ def nearby(things: Raycaster, thing: Mesh, first: Camera, config: RenderConfig) 
     flat /= np.linalg.norm(flat)
     distance = config.closeup_factor * float(np.linalg.norm(size))
     return best_view(things, thing, target, distance, flat, config).camera
-
-
-def side_by_side(left: NDArray[np.uint8], right: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Two pictures of the same size with a white line between them."""
-    gap = np.full((len(left), max(2, left.shape[1] // 128), 3), 255, dtype=np.uint8)
-    return np.concatenate([left, gap, right], axis=1)
 
 
 render_task = stage(render, process=True)

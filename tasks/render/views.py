@@ -1,15 +1,11 @@
-"""Views of a settled placement: the cameras, and the share of the object that each of them sees.
+"""Cameras of a settled placement, and the share of the object that each of them sees.
 
-Visibility of the object at rest from a fixed set of views around it, and from standing height in the room.
-
-In: the scene and the object at rest. Out: per view the visible share of the object's silhouette and of its outline. A
-thing is recognised by its outline [B87], so recognisability is the uncovered share of the outline.
+In: the scene, its painted mesh and the object at rest. Out: the meshes visible to each camera, prepared once for all;
+the automatic camera; per fixed view around the object, and from standing height in the room, the visible share of the
+object's silhouette and of its outline. A thing is recognised by its outline [B87], so recognisability is the uncovered
+share of the outline.
 
 [B87] Biederman: Recognition-by-components: a theory of human image understanding. Psychological Review 94, 1987.
-
-A scene and the things in it, in front of several cameras.
-
-In: the scene, its painted mesh and other meshes. Out: the meshes visible to each camera, prepared once for all cameras.
 """
 
 from collections.abc import Sequence
@@ -37,6 +33,12 @@ from tasks.render.settled_meshes import Cutaway, floor_of
 SEEN_POINTS = 400  # number of points on the object whose visibility ranks the views
 POORLY_SEEN = 0.2  # visible share below which an object is also viewed from above
 FRONT_BONUS = 0.25  # preference for the front over the side, in units of visible share
+FROM_ABOVE_DEG = (65.0, 85.0)
+"""Elevations to try if the preferred ones show little of the object [degrees]."""
+AZIMUTHS_DEG = (20.0, -20.0, 45.0, -45.0, 70.0, -70.0, 100.0, -100.0, 180.0)
+"""Azimuths from the base's front to try [degrees]."""
+CANONICAL_SIZE = 192
+"""Side of the views that measure visibility and recognisability [pixels]."""
 AZIMUTHS = np.arange(0.0, 360.0, 45.0)
 ELEVATIONS = (15.0, 45.0)
 TOP = 89.0
@@ -88,35 +90,26 @@ def best_view(
 
     An object that is poorly visible in all of them, as in a deep vessel, is viewed from above if that shows more.
     """
-    chosen = best_of(things, thing, target, distance, toward, config.elevations_deg, config)
+    points, normals = spread_points(thing, SEEN_POINTS)
+
+    def best_of(elevations_deg: tuple[float, ...]) -> ChosenView:
+        best, best_score = None, -np.inf
+        for rank, elevation in enumerate(elevations_deg):
+            for azimuth in AZIMUTHS_DEG:
+                position = target + distance * direction(toward, azimuth, elevation)
+                seen = visible_share(things, points, normals, position)
+                score = seen + FRONT_BONUS * np.cos(np.radians(azimuth)) - 0.15 * rank
+                if score > best_score + 1e-9:
+                    camera = looking_at(position, target, config.size, config.size, fov_deg=config.fov_deg)
+                    best, best_score = ChosenView(camera, seen), score
+        assert best is not None
+        return best
+
+    chosen = best_of(config.elevations_deg)
     if chosen.visible >= POORLY_SEEN:
         return chosen
-    above = best_of(things, thing, target, distance, toward, config.from_above_deg, config)
+    above = best_of(FROM_ABOVE_DEG)
     return above if above.visible > chosen.visible else chosen
-
-
-def best_of(
-    things: Raycaster,
-    thing: Mesh,
-    target: Array,
-    distance: float,
-    toward: Array,
-    elevations_deg: tuple[float, ...],
-    config: RenderConfig,
-) -> ChosenView:
-    """The best candidate at some elevations."""
-    points, normals = spread_points(thing, SEEN_POINTS)
-    best, best_score = None, -np.inf
-    for rank, elevation in enumerate(elevations_deg):
-        for azimuth in config.azimuths_deg:
-            position = target + distance * direction(toward, azimuth, elevation)
-            seen = visible_share(things, points, normals, position)
-            score = seen + FRONT_BONUS * np.cos(np.radians(azimuth)) - 0.15 * rank
-            if score > best_score + 1e-9:
-                camera = looking_at(position, target, config.size, config.size, fov_deg=config.fov_deg)
-                best, best_score = ChosenView(camera, seen), score
-    assert best is not None
-    return best
 
 
 def direction(toward: Array, azimuth_deg: float, elevation_deg: float) -> Array:
@@ -138,20 +131,15 @@ def visible_share(caster: Raycaster, points: Array, normals: Array, camera: Arra
 def visible_fraction(seen: NDArray[np.bool_], thing: PaintedMesh, camera: Camera) -> float:
     """Visible pixels of the object in the scene, given by a mask, over its pixels without the scene."""
     around = camera.project(thing.mesh.vertices)[:, :2]
-    rays = rays_between(camera, around.min(axis=0) - 1.0, around.max(axis=0) + 1.0)[1]
-    alone = int((caster_of([thing]).first_hits(rays).face >= 0).sum())
-    return int(seen.sum()) / alone if alone else 0.0
-
-
-def rays_between(camera: Camera, low: Array, high: Array) -> tuple[tuple[slice, slice], NDArray[np.float32]]:
-    """The rows and columns whose centres lie between two image points, and packed rays through them, row by row."""
+    low, high = around.min(axis=0) - 1.0, around.max(axis=0) + 1.0
     size = np.array([camera.width, camera.height])
     first = np.clip(np.ceil(low - 0.5), 0, size).astype(int)
     last = np.maximum(np.clip(np.floor(high - 0.5) + 1, 0, size).astype(int), first)
-    place = (slice(first[1], last[1]), slice(first[0], last[0]))
-    center = camera.pixel_centers.reshape(camera.height, camera.width, 2)[place].reshape(-1, 2)
-    ways = camera.directions(center)
-    return place, packed_rays(np.broadcast_to(camera.position, ways.shape), ways)
+    pixels = camera.pixel_centers.reshape(camera.height, camera.width, 2)[first[1] : last[1], first[0] : last[0]]
+    ways = camera.directions(pixels.reshape(-1, 2))
+    rays = packed_rays(np.broadcast_to(camera.position, ways.shape), ways)
+    alone = int((caster_of([thing]).first_hits(rays).face >= 0).sum())
+    return int(seen.sum()) / alone if alone else 0.0
 
 
 def canonical_views(scene: Mesh, thing: Mesh, target: Array, toward: Array, config: RenderConfig) -> Visibility:
@@ -162,7 +150,7 @@ def canonical_views(scene: Mesh, thing: Mesh, target: Array, toward: Array, conf
         thing: the object at rest.
         target: middle of the contact [m], shape (3,).
         toward: horizontal unit vector of the base's front, shape (3,).
-        config: size, field of view and distance of the views.
+        config: field of view and distance of the views.
     """
     around, alone = Raycaster(scene), Raycaster(thing)
     middle = thing.bounds.mean(axis=0)
@@ -171,7 +159,7 @@ def canonical_views(scene: Mesh, thing: Mesh, target: Array, toward: Array, conf
     rows = []
     for azimuth, elevation in ways:
         position = middle + distance * direction(toward, azimuth, elevation)
-        camera = looking_at(position, middle, config.canonical_size, config.canonical_size, fov_deg=config.fov_deg)
+        camera = looking_at(position, middle, CANONICAL_SIZE, CANONICAL_SIZE, fov_deg=config.fov_deg)
         view = camera.directions(camera.pixel_centers)
         rays = packed_rays(np.broadcast_to(camera.position, view.shape), view)
         own = alone.first_hits(rays)

@@ -1,10 +1,7 @@
 """Numbers and rulers on pictures: each number on the widest place of its thing, coordinates along a plan.
 
-In: a picture and the thing in each pixel. Out: the picture with things tinted, outlined and numbered.
-
-Rulers next to a plan: coordinates of its points in the file's own frame, so that they can be typed elsewhere.
-
-In: a picture looking straight down, its camera and its extent. Out: the picture with rulers below and on the left.
+In: a picture and the thing in each pixel; for a plan, its camera and its extent. Out: the picture with things tinted,
+outlined and numbered; with rulers below and on the left, in the file's own frame, so that points can be typed.
 """
 
 import colorsys
@@ -19,6 +16,8 @@ from dcap.arrays import Array
 from dcap.geometry.camera import Camera
 
 Place = tuple[float, float]
+Box = tuple[float, float, float, float]
+"""Left, top, right and bottom of a rectangle [pixels]."""
 
 HUE_STEP = 0.381966
 """Step around the colour wheel between numbers [-]: with the golden section, similar hues have distant numbers."""
@@ -75,8 +74,8 @@ def draw_badges(image: Image.Image, aims: Sequence[tuple[int, Place]]) -> None:
     """Draw a badge for each number at its place, moved aside with a line to it if another badge is already there."""
     draw = ImageDraw.Draw(image)
     font = ImageFont.load_default(size=max(LEAST_LETTERS, round(LETTERS * image.width)))
-    taken: list[tuple[float, float, float, float]] = []
-    placed: list[tuple[int, Place, tuple[float, float, float, float]]] = []
+    taken: list[Box] = []
+    placed: list[tuple[int, Place, Box]] = []
     for number, aim in aims:
         box = free_box(aim, badge_size(draw, str(number), font), image.size, taken)
         taken.append(box)
@@ -104,9 +103,7 @@ def badge_size(
     return max(right - left + 0.7 * height, height), height
 
 
-def free_box(
-    aim: Place, size: tuple[float, float], limits: tuple[int, int], taken: Sequence[tuple[float, float, float, float]]
-) -> tuple[float, float, float, float]:
+def free_box(aim: Place, size: tuple[float, float], limits: tuple[int, int], taken: Sequence[Box]) -> Box:
     """The free rectangle for a badge nearest to its place, inside the picture."""
     boxes = [box_at(aim, size, limits)]
     for ring in range(1, STEPS + 1):
@@ -117,9 +114,7 @@ def free_box(
     return next((box for box in boxes if not any(meet(box, other) for other in taken)), boxes[0])
 
 
-def box_at(
-    middle: Place, size: tuple[float, float], limits: tuple[int, int]
-) -> tuple[float, float, float, float]:  # fmt: skip
+def box_at(middle: Place, size: tuple[float, float], limits: tuple[int, int]) -> Box:
     """A rectangle about a point, shifted into the picture."""
     left, top = (
         float(np.clip(c - 0.5 * s, 1.0, limit - s - 2.0)) for c, s, limit in zip(middle, size, limits, strict=True)
@@ -127,7 +122,7 @@ def box_at(
     return left, top, left + size[0], top + size[1]
 
 
-def meet(a: tuple[float, float, float, float], b: tuple[float, float, float, float]) -> bool:
+def meet(a: Box, b: Box) -> bool:
     """Return whether two rectangles overlap or nearly touch."""
     return a[0] < b[2] + 1 and b[0] < a[2] + 1 and a[1] < b[3] + 1 and b[1] < a[3] + 1
 

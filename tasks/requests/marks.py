@@ -1,13 +1,8 @@
 """Numbered pictures of things in a scene ("set of marks"), and of all candidates for a support.
 
-In: a scene and its things. Out: sRGB pictures in which each thing has its number. Obstacles (ceiling, walls in front of
-the camera) are left out. The correction page for people, the picture of a refusal and the questions to a model show the
-same numbers.
-
-One picture of all possible supports of the object: numbered on a plan and a view, with a list.
-
-In: a scene. Out: an sRGB picture with a number, name, certainty, id and size for each thing, so that a person can
-choose one.
+In: a scene and its things. Out: sRGB pictures in which each thing has its number, and one of plan and view with a list
+of names, certainties, ids and sizes, so that a person can choose. Obstacles (ceiling, walls in front of the camera) are
+left out. The correction page for people, the picture of a refusal and the questions to a model show the same numbers.
 """
 
 from collections.abc import Mapping, Sequence
@@ -55,9 +50,6 @@ THING_DISTANCE = 1.35
 """Distance of its camera over the diagonal of its box [-]."""
 NEAREST = 0.4
 """Least distance of the camera [m]."""
-Line = tuple[int, str, str]
-"""Number, name and size."""
-
 LETTERS, ROW, GAP = 17, 27, 14
 """Height of the letters, of a row of the list, and of the gap between pictures [pixels]."""
 COLUMN = 400
@@ -188,23 +180,18 @@ def hidden(scene: MarkedScene, camera: Camera) -> Mask:
     normal, floor = scene.mesh.face_normals, framed(scene)[0][2]
     height, length = scene.mesh.triangles[:, :, 2], np.linalg.norm(normal, axis=1)
     overhead = (np.abs(normal[:, 2]) > LEVEL * length) & (height.min(axis=1) > floor + HEAD)
-    cut |= overhead & of_the_room(scene)
+    plan = float(np.prod(np.ptp(scene.mesh.bounds[:, :2], axis=0)))
+    room = scene.structure.copy()
+    for mark in scene.marks:
+        if 4.0 * float(np.prod(mark.box.half_extents[:2])) > WIDE * plan:
+            room[mark.faces] = True
+    cut |= overhead & room
     low = height.max(axis=1) < floor + ON_THE_FLOOR
     up, down = (float(length[low & (sign * normal[:, 2] > LEVEL * length)].sum()) for sign in (1.0, -1.0))
     if up > ONE_SIDED * (up + down) > 0.0:
         center = scene.mesh.triangles.mean(axis=1)
         cut |= np.einsum("ij,ij->i", normal, camera.position - center) < 0.0
     return np.asarray(cut)
-
-
-def of_the_room(scene: MarkedScene) -> Mask:
-    """Mask of the faces that belong to the building, or to things too wide for furniture, shape (m,)."""
-    plan = float(np.prod(np.ptp(scene.mesh.bounds[:, :2], axis=0)))
-    rooms = scene.structure.copy()
-    for mark in scene.marks:
-        if 4.0 * float(np.prod(mark.box.half_extents[:2])) > WIDE * plan:
-            rooms[mark.faces] = True
-    return rooms
 
 
 def framed(scene: MarkedScene) -> tuple[Array, Array]:
@@ -261,8 +248,8 @@ def candidates_picture(scene: Segmentation) -> NDArray[np.uint8]:
     return np.asarray(composed(shots, listed(scene)), dtype=np.uint8).copy()
 
 
-def listed(scene: Segmentation) -> list[Line]:
-    """A line for each number."""
+def listed(scene: Segmentation) -> list[tuple[int, str, str]]:
+    """Number, name and size of each numbered thing."""
     found = []
     for index, number in numbers_of(scene).items():
         one = scene.instances[index]
@@ -271,8 +258,8 @@ def listed(scene: Segmentation) -> list[Line]:
     return found
 
 
-def composed(shots: Sequence[Image.Image], lines: Sequence[Line]) -> Image.Image:
-    """Pictures in a row and a list in columns below."""
+def composed(shots: Sequence[Image.Image], lines: Sequence[tuple[int, str, str]]) -> Image.Image:
+    """Pictures in a row and a list in columns below; `lines`: number, name and size."""
     width = sum(shot.width for shot in shots) + GAP * (len(shots) + 1)
     columns = max(1, (width - GAP) // COLUMN)
     rows = -(-len(lines) // columns)

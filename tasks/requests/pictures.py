@@ -39,34 +39,27 @@ SEEN_POINTS = 200
 
 def in_the_room(mesh: Mesh, room: DecomposedRoom, box: OrientedBox, faces: IntArray) -> NDArray[np.uint8]:
     """The room around a thing painted in a bright colour, shape (SIZE, SIZE, 3)."""
-    rest, thing = _apart(mesh, faces)
-    loud = np.rint((1.0 - TINT) * thing.colors + TINT * LOUD).astype(np.uint8)
-    painted = Mesh(thing.vertices, thing.faces, loud)
-    return _seen(rest, painted, _others(room, faces), box, max(ROOM_DISTANCE, ROOM_AROUND * box.diagonal))
+    return _seen(mesh, room, faces, loud(mesh.submesh(faces)), box, max(ROOM_DISTANCE, ROOM_AROUND * box.diagonal))
 
 
 def close_up(mesh: Mesh, room: DecomposedRoom, box: OrientedBox, faces: IntArray) -> NDArray[np.uint8]:
     """A thing in its own colours in close-up, shape (SIZE, SIZE, 3)."""
-    rest, thing = _apart(mesh, faces)
-    return _seen(rest, thing, _others(room, faces), box, max(NEAREST, THING_DISTANCE * box.diagonal))
+    return _seen(mesh, room, faces, mesh.submesh(faces), box, max(NEAREST, THING_DISTANCE * box.diagonal))
 
 
-def _apart(mesh: Mesh, faces: IntArray) -> tuple[Mesh, Mesh]:
-    """The rest of the scene, and the thing."""
-    other = np.ones(len(mesh.faces), dtype=bool)
-    other[faces] = False
-    return mesh.submesh(np.flatnonzero(other)), mesh.submesh(faces)
-
-
-def _others(room: DecomposedRoom, faces: IntArray) -> NDArray[np.bool_]:
-    """Mask of the faces other than the thing's that belong to the shell."""
-    return np.delete(room.shell.any, faces)
+def loud(mesh: Mesh) -> Mesh:
+    """The mesh with the bright colour blended into its own."""
+    return Mesh(mesh.vertices, mesh.faces, np.rint((1.0 - TINT) * mesh.colors + TINT * LOUD).astype(np.uint8))
 
 
 def _seen(
-    rest: Mesh, thing: Mesh, structure: NDArray[np.bool_], box: OrientedBox, distance: float
+    mesh: Mesh, room: DecomposedRoom, faces: IntArray, thing: Mesh, box: OrientedBox, distance: float
 ) -> NDArray[np.uint8]:  # fmt: skip
-    """The picture from the side that shows most of the thing, with the walls in front of it cut away."""
+    """The picture from the side that shows most of the thing, with the walls in front of it cut away; `thing` replaces
+    its faces (k,) of the mesh."""
+    other = np.ones(len(mesh.faces), dtype=bool)
+    other[faces] = False
+    rest, structure = mesh.submesh(np.flatnonzero(other)), room.shell.any[other]
     loose = rest.submesh(np.flatnonzero(~structure))
     position = best_place(loose, thing, box, distance, *from_inside(rest.bounds, box))
     shown = rest.submesh(np.flatnonzero(~cut_faces(rest, structure, position, box.center)))
@@ -86,24 +79,18 @@ def best_place(
     """Position from which a camera sees most of a thing among others, shape (3,); of equal positions the nearest to
     `way`."""
     solid = Raycaster(Mesh.concatenate([others, thing]))
-    seen = [
-        (_visible_share(solid, thing, place) - cost, -k, place)
-        for k, (place, cost) in enumerate(_places(box, distance, way, from_below=from_below))
-    ]
-    return max(seen, key=lambda one: one[:2])[2]
-
-
-def _places(box: OrientedBox, distance: float, way: Array, *, from_below: bool) -> list[tuple[Array, float]]:
-    """Positions of the camera around a thing, and the penalty of each; the position along `way` has none."""
     start = float(np.arctan2(way[1], way[0]))
     sign = -1.0 if from_below else 1.0
-    found = []
+    best, most = box.center, -np.inf
     for elevation in np.radians(ELEVATIONS):
         for turn in np.linspace(-np.pi, np.pi, DIRECTIONS, endpoint=False):
             flat = np.array([np.cos(start + turn), np.sin(start + turn)])
             direction = np.array([*(np.cos(elevation) * flat), sign * np.sin(elevation)])
-            found.append((box.center + distance * direction, OUTSIDE * (1.0 - float(np.cos(turn)))))
-    return found
+            place = box.center + distance * direction
+            worth = _visible_share(solid, thing, place) - OUTSIDE * (1.0 - float(np.cos(turn)))
+            if worth > most:
+                best, most = place, worth
+    return best
 
 
 def _visible_share(loose: Raycaster, thing: Mesh, camera: Array) -> float:

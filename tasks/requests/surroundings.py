@@ -67,14 +67,12 @@ def piece_boxes(scene: Segmentation, base: Instance, index: int) -> list[Oriente
     large = numbers[count >= LARGE * count.max(initial=0)]
     if len(large) < 2:
         return [box]
-    return [box_about(box, scene.mesh.corners(mine[piece == number]).reshape(-1, 3)) for number in large]
-
-
-def box_about(like: OrientedBox, points: Array) -> OrientedBox:
-    """The box around points (n, 3) with the same rotation as another box."""
-    local = like.to_local(points)
-    low, high = local.min(axis=0), local.max(axis=0)
-    return OrientedBox(like.to_world(0.5 * (low + high)[None])[0], like.axes, 0.5 * (high - low))
+    boxes = []
+    for number in large:
+        local = box.to_local(scene.mesh.corners(mine[piece == number]).reshape(-1, 3))
+        low, high = local.min(axis=0), local.max(axis=0)
+        boxes.append(OrientedBox(box.to_world(0.5 * (low + high)[None])[0], box.axes, 0.5 * (high - low)))
+    return boxes
 
 
 def reference_frame(

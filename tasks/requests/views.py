@@ -72,31 +72,28 @@ def part_views(scene: Segmentation, index: int, sums: Sums | None = None) -> tup
     return tuple(views)
 
 
-def instance_view(scene: Segmentation, index: int, sums: Sums) -> InstanceView:
-    """One instance."""
-    instance = scene.instances[index]
-    corners = instance.box.corners
-    mine = slice(int(sums.first[index]), int(sums.first[index + 1]))
-    return InstanceView(
-        id=instance.id,
-        label=instance.label,
-        center=vector(instance.box.center),
-        size=vector(2.0 * instance.box.half_extents),
-        low=vector(corners.min(axis=0)),
-        high=vector(corners.max(axis=0)),
-        front=None if instance.front is None else vector(instance.front),
-        structure=instance.structure,
-        color=mean_color(sums.color[mine].sum(axis=0), float(sums.area[mine].sum())),
-        parts=part_views(scene, index, sums),
-        guesses=instance.guesses,
-        confidence=instance.confidence,
-    )
-
-
 def instance_views(scene: Segmentation) -> tuple[InstanceView, ...]:
     """All instances."""
-    sums = sums_of(scene)
-    return tuple(instance_view(scene, index, sums) for index in range(len(scene.instances)))
+    sums, views = sums_of(scene), []
+    for index, instance in enumerate(scene.instances):
+        corners = instance.box.corners
+        mine = slice(int(sums.first[index]), int(sums.first[index + 1]))
+        view = InstanceView(
+            id=instance.id,
+            label=instance.label,
+            center=vector(instance.box.center),
+            size=vector(2.0 * instance.box.half_extents),
+            low=vector(corners.min(axis=0)),
+            high=vector(corners.max(axis=0)),
+            front=None if instance.front is None else vector(instance.front),
+            structure=instance.structure,
+            color=mean_color(sums.color[mine].sum(axis=0), float(sums.area[mine].sum())),
+            parts=part_views(scene, index, sums),
+            guesses=instance.guesses,
+            confidence=instance.confidence,
+        )
+        views.append(view)
+    return tuple(views)
 
 
 def object_view(item: Segmentation) -> ObjectView:

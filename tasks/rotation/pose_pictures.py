@@ -35,7 +35,8 @@ def three_flips(
     """The object over the base, flipped about x, y and z, from one camera, at the angle `around` [rad] from the
     front."""
     hover, extent = hovering(mesh, place)
-    camera = wide_camera(scene, base, hover, extent, size, around)
+    reach = max(1.8 * extent, min(0.6 * base.box.diagonal, 2.6 * extent))
+    camera = camera_at(scene, base, hover - (0.0, 0.0, 0.25 * extent), reach, size, around)
     turns = [np.diag(diagonal) for diagonal in FLIPS.values()]
     shots = over_the_base(scene, base, mesh, turns, hover, camera)
     return tuple(annotated(rgb, axis, camera, hover, extent) for rgb, axis in zip(shots, FLIPS, strict=True))
@@ -110,12 +111,6 @@ def over_the_base(
         pose[:3, 3] = hover - turn @ middle
         shots.append(picture([support, mesh.transformed(pose)], camera, samples=1).rgb)
     return shots
-
-
-def wide_camera(scene: Segmentation, base: Instance, hover: Array, extent: float, size: int, around: float) -> Camera:
-    """A camera that shows object and support, from the viewer's side turned by an angle [rad]."""
-    reach = max(1.8 * extent, min(0.6 * base.box.diagonal, 2.6 * extent))
-    return camera_at(scene, base, hover - (0.0, 0.0, 0.25 * extent), reach, size, around)
 
 
 def camera_at(

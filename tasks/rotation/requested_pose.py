@@ -3,8 +3,6 @@
 In: the rotation question, its reply and the mesh. Out: `AskedPose`, which the drop compares with the rest state. The
 upright axis of the object is that of its usual rest pose; its shape decides whether it stands on end. The chosen
 rotation is never taken as the request: a wrong choice must become visible.
-
-Viewing direction of an object: along its front, or along a side if it has no front.
 """
 
 from dataclasses import dataclass
@@ -81,7 +79,10 @@ def requested_pose(
     name = asked_name(request)
     if name == "any" and not request.facing and request.turn_deg == 0.0:
         return None
-    rest = usual_pose(request, reply.pose_id)
+    if reply.pose_id.startswith("righted"):
+        rest = next(pose for pose in request.poses if pose.id == "righted")
+    else:
+        rest = default_pose(request, thing_of(request.object_name))[0]
     own = np.array(rest.rotation)
     up, front = own.T @ UP, own.T @ np.array(rest.front)
     aimed = aim(request, rest, mesh, up, front)
@@ -125,13 +126,6 @@ def asked_name(request: RotationRequest) -> str:
     thing = thing_of(request.object_name)
     free = request.pose == "seated" and thing is not None and thing.rest == "any"
     return "any" if free else request.pose or "any"
-
-
-def usual_pose(request: RotationRequest, pose_id: str) -> PoseView:
-    """The object's usual rest pose: the righted pose if one of its variants was chosen, else as offline."""
-    if pose_id.startswith("righted"):
-        return next(pose for pose in request.poses if pose.id == "righted")
-    return default_pose(request, thing_of(request.object_name))[0]
 
 
 def aim(request: RotationRequest, rest: PoseView, mesh: Mesh, up: Array, front: Array) -> WantedLook:

@@ -92,9 +92,13 @@ def rotation(
         return pose_strip(scene, base, mesh, place, config.picture_size // 2, others(poses))
 
     has_front = front_of(rotated(mesh, believed), side)[1]
-    facing = wished_facing(intent, has_front=has_front)
+    asked, lean = intent.orientation.facing, intent.orientation.lean
+    facing = f"away:{lean}" if lean and has_front and not asked else asked  # away from what it leans on
+    words = intent.orientation.words or "nothing about orientation"
+    where = intent.region.words or "no particular place"
+    about = f"object: {intent.object_name}; on: {intent.base_label}; where: {where}; orientation: {words}"
     request = RotationRequest(
-        prompt=refined_prompt(prompt, intent),
+        prompt=f"{prompt} [{about}]",
         object_name=intent.object_name,
         pose=intent.orientation.pose,
         facing=facing,
@@ -134,19 +138,6 @@ def others(poses: Sequence[PoseView]) -> tuple[PoseView, ...]:
     return tuple(one for one in poses if one.id not in flips)
 
 
-def wished_facing(intent: Intent, *, has_front: bool) -> str:
-    """Target of the front: the requested target; for a leaning object, away from the thing that it leans on."""
-    said, lean = intent.orientation.facing, intent.orientation.lean
-    return f"away:{lean}" if lean and has_front and not said else said
-
-
-def refined_prompt(prompt: str, intent: Intent) -> str:
-    """The prompt with its interpretation spelled out."""
-    words = intent.orientation.words or "nothing about orientation"
-    where = intent.region.words or "no particular place"
-    return f"{prompt} [object: {intent.object_name}; on: {intent.base_label}; where: {where}; orientation: {words}]"
-
-
 # choices ------------------------------------------------------------------------------------------------------------
 
 
@@ -170,7 +161,11 @@ def facings(scene: Segmentation, base: Instance, place: Array, asked: str) -> tu
 def matrix_of(reply: RotationReply, request: RotationRequest, scene: Segmentation, base: Instance, mesh: Mesh) -> Array:
     """The rotation R* of a reply, shape (3, 3)."""
     if reply.quaternion is not None:
-        return matrix_of_quaternion(np.array(reply.quaternion))
+        quaternion = np.array(reply.quaternion)
+        length = float(np.linalg.norm(quaternion))
+        if not abs(length - 1.0) < ROUNDED:
+            raise LanguageError(f"the chosen quaternion {quaternion.tolist()} has length {length:.3g}, not 1")
+        return np.asarray(Turn.from_quat(quaternion, scalar_first=True).as_matrix())
     pose = next(p for p in request.poses if p.id == reply.pose_id)
     matrix = np.array(pose.rotation)
     if reply.facing_id == "aligned":
@@ -183,14 +178,6 @@ def matrix_of(reply: RotationReply, request: RotationRequest, scene: Segmentatio
         ahead = ahead if request.has_front else nearest_side(mesh, matrix, ahead)
         yaw = yaw_between(ahead, np.array(facing.direction))
     return np.asarray(about_z(yaw + np.radians(reply.turn_deg)) @ matrix)
-
-
-def matrix_of_quaternion(quaternion: Array) -> Array:
-    """The rotation matrix of a quaternion (w, x, y, z), normalised if rounding left it nearly unit, shape (3, 3)."""
-    length = float(np.linalg.norm(quaternion))
-    if not abs(length - 1.0) < ROUNDED:
-        raise LanguageError(f"the chosen quaternion {quaternion.tolist()} has length {length:.3g}, not 1")
-    return np.asarray(Turn.from_quat(quaternion, scalar_first=True).as_matrix())
 
 
 def yaw_between(a: Array, b: Array) -> float:

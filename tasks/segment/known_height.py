@@ -90,17 +90,13 @@ def heights(scene: Segmentation, thing: str) -> list[tuple[float, float]]:
     ground = floor_level(scene)
     found = []
     for index, one in enumerate(scene.instances):
-        sure = one.confidence if is_such(one.label, thing) else likely(one.guesses, thing)
+        guessed = max((share for label, share in one.guesses if is_such(label, thing)), default=0.0)
+        sure = one.confidence if is_such(one.label, thing) else guessed
         if sure > 0.0:
             level = main_level(scene.mesh, np.flatnonzero(scene.face_instance == index))
             if not np.isnan(level):
                 found.append((level - ground, sure))
     return found
-
-
-def likely(guesses: tuple[tuple[str, float], ...], thing: str) -> float:
-    """Probability that a thing with these possible labels is such a thing [-]."""
-    return max((share for label, share in guesses if is_such(label, thing)), default=0.0)
 
 
 def is_such(label: str, thing: str) -> bool:

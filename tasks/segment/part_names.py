@@ -1,9 +1,7 @@
-"""Names of parts, with a picture of them: geometry proposes, a client names.
+"""Names of parts: geometry proposes, a client names, with a numbered picture of each thing in parts if it needs one.
 
 In: a divided scene or object. Out: the same with the client's names; faces, boxes and the number of parts do not
 change, so two parts with the same name remain two parts.
-
-The picture of an instance in parts: alone, each part numbered and in its own colour; made only if a client needs it.
 """
 
 import colorsys
@@ -23,12 +21,11 @@ from dcap.language.connect import Client
 from dcap.language.protocol.questions import PARTS
 from dcap.language.protocol.requests import PartsRequest, Picture, ProposedPart, Vector
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.segmentation import Instance, Part, Segmentation
+from dcap.scene.types.segmentation import Part, Segmentation
+from tasks.requests.badges import HUE_STEP
 from tasks.requests.pictures import SIZE, THING_DISTANCE, TINT, best_place, from_inside
 from tasks.requests.views import Sums, part_views, sums_of
 
-HUE_STEP = 0.381966
-"""Step around the colour wheel between parts [-]: with the golden section, similar hues have distant numbers."""
 SATURATION, BRIGHT, DARK = 0.9, 1.0, 0.6
 """Saturation and brightness of the colours; every other colour is dark [-]."""
 DIGITS = 22
@@ -43,7 +40,11 @@ def paint(index: int) -> Vector:
 def parts_picture(scene: Segmentation, index: int) -> NDArray[np.uint8]:
     """One instance from the side where most of it is visible, preferably its front, shape (SIZE, SIZE, 3)."""
     instance = scene.instances[index]
-    parts = [_painted(scene, index, number) for number in range(len(instance.parts))]
+    parts = []
+    for number in range(len(instance.parts)):  # the remainder of its own colours keeps shading and pattern visible
+        part = scene.mesh.submesh(np.flatnonzero((scene.face_instance == index) & (scene.face_part == number)))
+        colors = (1.0 - TINT) * part.colors + TINT * 255.0 * np.array(paint(number))
+        parts.append(Mesh(part.vertices, part.faces, np.rint(colors).astype(np.uint8)))
     way, from_below = from_inside(scene.mesh.bounds, instance.box)
     way = way if instance.front is None else instance.front
     box = instance.box
@@ -51,13 +52,6 @@ def parts_picture(scene: Segmentation, index: int) -> NDArray[np.uint8]:
     position = best_place(Mesh.concatenate([]), Mesh.concatenate(parts), box, distance, way, from_below)
     shot = picture(parts, looking_at(position, box.center, SIZE, SIZE), samples=1, shadows=False)
     return _numbered(shot.rgb, shot.mesh_index)
-
-
-def _painted(scene: Segmentation, index: int, number: int) -> Mesh:
-    """One part in its colour; the remainder of its own colours keeps shading and pattern visible."""
-    part = scene.mesh.submesh(np.flatnonzero((scene.face_instance == index) & (scene.face_part == number)))
-    colors = (1.0 - TINT) * part.colors + TINT * 255.0 * np.array(paint(number))
-    return Mesh(part.vertices, part.faces, np.rint(colors).astype(np.uint8))
 
 
 def _numbered(rgb: NDArray[np.uint8], part: NDArray[np.int32]) -> NDArray[np.uint8]:
@@ -77,7 +71,11 @@ def with_part_names(scene: Segmentation, client: Client) -> Segmentation:
 
     No question is asked about structure and annotated names.
     """
-    asked = [i for i, one in enumerate(scene.instances) if is_asked(one)]
+    asked = [
+        i
+        for i, one in enumerate(scene.instances)
+        if not one.structure and len(one.parts) > 1 and any(part.confidence < 1.0 for part in one.parts)
+    ]
     if not asked:
         return scene
     sums, instances = sums_of(scene), list(scene.instances)
@@ -87,11 +85,6 @@ def with_part_names(scene: Segmentation, client: Client) -> Segmentation:
         parts = (Part(chosen[k].name, p.box, chosen[k].confidence) for k, p in enumerate(instances[i].parts))
         instances[i] = replace(instances[i], parts=tuple(parts))
     return replace(scene, instances=tuple(instances))
-
-
-def is_asked(instance: Instance) -> bool:
-    """Return whether an instance has several parts and the source does not name them with certainty."""
-    return not instance.structure and len(instance.parts) > 1 and any(p.confidence < 1.0 for p in instance.parts)
 
 
 def parts_request(scene: Segmentation, index: int, sums: Sums) -> PartsRequest:

@@ -2,18 +2,12 @@
 
 In: the unnamed faces. Out: groups of faces with labels and their certainties. Each thing is one question; supports are
 asked about first, so that the question about a thing on a bed mentions the bed; things of one level are asked about
-together.
+together. The instances of a scene with earlier placements come from its folder: nothing is asked or found again.
 
-Rooms that a scan has fused: decides which unions of pieces are things, by their similarity to usual things.
-
-The worth of a union of pieces is the evidence of its rough shape for some label over no knowledge, less the cost of
-assuming one more thing (otherwise every piece would be a thing) and of cutting it out of the surface around it. Labels
-are only assumed here; a client chooses them later. A room is wet or dry, whichever explains more: a seat of 40 cm is a
-stool in a living room.
-
-Questions about the things found in a room without annotations: one request per thing, supports first.
-
-The instances of a scene with earlier placements: taken from its folder, nothing is asked or found again.
+Of a room that a scan has fused, the unions of pieces that are things are those most similar to usual things. The worth
+of a union is the evidence of its rough shape for some label over no knowledge, less the cost of assuming one more thing
+(otherwise every piece would be a thing) and of cutting it out of the surface around it. Labels are only assumed here; a
+client chooses them later. A room is wet or dry, whichever explains more: a seat of 40 cm is a stool in a living room.
 """
 
 import math
@@ -30,7 +24,7 @@ from dcap.geometry.segmentation.rooms.composites import ONLY_PARTS, composites
 from dcap.geometry.segmentation.rooms.decomposition import DecomposedRoom, decompose_room
 from dcap.geometry.segmentation.rooms.traits import FLOOR, Traits, describe_things, thing_segments
 from dcap.geometry.segmentation.rooms.unions import RoughShape, worth_most
-from dcap.knowledge.shapes import Evidence, colour_measures, evidence, labels, shapes
+from dcap.knowledge.shapes import colour_measures, evidence, labels, shapes
 from dcap.language.connect import Client
 from dcap.language.protocol.questions import LABEL
 from dcap.language.protocol.replies import OTHER, LabelReply
@@ -59,9 +53,10 @@ Union = frozenset[int]
 def likely_things(unions: Sequence[Union], rough: Sequence[RoughShape]) -> list[Union]:
     """The disjoint unions that explain most."""
     number = {union: i for i, union in enumerate(unions)}
+    measures, holders = [rough_measures(one) for one in rough], [one.held_by for one in rough]
     best: tuple[float, list[Union]] = (-math.inf, [])
     for room in COMMON:
-        found = _evidence(rough, room)
+        found = evidence(measures, holders, room, ONLY_PARTS)
         against = [BURIED * one.buried + CUT * one.cut + PER_THING for one in rough]
         worth: NDArray[np.float64] = found.nats - np.array(against)
         chosen = worth_most(unions, worth.tolist())
@@ -72,19 +67,15 @@ def likely_things(unions: Sequence[Union], rough: Sequence[RoughShape]) -> list[
 
 def room_labels(measures: Sequence[Mapping[str, float]], holders: Sequence[str]) -> tuple[str, ...]:
     """Possible names of things with these measures and supports, in such a room."""
-    room = max(COMMON, key=lambda room: explained(room, _worthy(evidence(measures, holders, room, ONLY_PARTS))))
+
+    def explains(room: str) -> float:
+        found = evidence(measures, holders, room, ONLY_PARTS)
+        worth = [(label, nats - PER_THING) for label, nats in zip(found.label, found.nats.tolist(), strict=True)]
+        return explained(room, [one for one in worth if one[1] > 0.0])
+
+    room = max(COMMON, key=explains)
     odd = {shape.label for shape in shapes() if shape.room not in ("", room)}
     return tuple(label for label in labels() if label not in odd)
-
-
-def _worthy(found: Evidence) -> list[tuple[str, float]]:
-    return [(label, nats - PER_THING) for label, nats in zip(found.label, found.nats.tolist(), strict=True)
-            if nats > PER_THING]  # fmt: skip
-
-
-def _evidence(rough: Sequence[RoughShape], room: str) -> Evidence:
-    measures, holders = [rough_measures(one) for one in rough], [one.held_by for one in rough]
-    return evidence(measures, holders, room, ONLY_PARTS)
 
 
 def explained(room: str, things: Sequence[tuple[str, float]]) -> float:
@@ -201,17 +192,14 @@ def floor_below(room: DecomposedRoom, number: int) -> float | None:
     return room.shell.levels.floor
 
 
-def fused_labels(room: DecomposedRoom, traits: tuple[Traits, ...]) -> tuple[str, ...]:
-    """Names of things that may stand in a fused room, from all measures of the candidates there."""
-    likely = [i for i, one in enumerate(room.fused) if one.likely]
-    measures = [label_request(i, traits, {}, (), labels()).measures() for i in likely]
-    return room_labels(measures, [traits[i].held_by for i in likely])
-
-
 def asked(mesh: Mesh, room: DecomposedRoom, traits: tuple[Traits, ...], client: Client) -> list[LabelReply]:
     """The client's answer for each thing."""
     known: dict[int, LabelReply] = {}
-    allowed = fused_labels(room, traits) if room.fused else labels()
+    allowed = labels()
+    if room.fused:  # from all measures of the candidates there
+        likely = [i for i, one in enumerate(room.fused) if one.likely]
+        measures = [label_request(i, traits, {}, (), allowed).measures() for i in likely]
+        allowed = room_labels(measures, [traits[i].held_by for i in likely])
 
     def request(i: int) -> LabelRequest:
         pictures = (

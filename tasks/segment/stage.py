@@ -9,9 +9,9 @@ of this.
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
-from pydantic import BaseModel, PositiveInt
+from pydantic import BaseModel
 
+from dcap.arrays import Mask
 from dcap.geometry.segmentation.boxed import Group, boxed_groups
 from dcap.geometry.segmentation.faces import FaceTable
 from dcap.geometry.segmentation.named import THING, annotated_parts, named_groups
@@ -25,17 +25,18 @@ from dcap.scene.text import readable
 from dcap.scene.types.scan import Scan
 from dcap.scene.types.segmentation import GivenLabels, Instance, Segmentation, SegmentedObject, SegmentedScene
 from tasks.cache import stage
-from tasks.segment.given_things import GivenGroups, given_groups
+from tasks.segment.given_things import given_groups
 from tasks.segment.part_names import with_part_names
 from tasks.segment.room_labels import known_scene, labelled_room
 
+LEAST_FACES = 2
+"""Instances with fewer faces are left out."""
+
 
 class SegmentConfig(BaseModel, frozen=True, extra="forbid"):
-    """Smallest things, and the language client for names that the source does not give."""
+    """The language client for names that the source does not give."""
 
     language: LanguageConfig = LanguageConfig()
-    min_faces: PositiveInt = 2
-    """Instances with fewer faces are left out."""
 
 
 def segment(
@@ -47,18 +48,25 @@ def segment(
             raise InputError(f"--labels {labels.source}: the scene was written by a placement, with its names; omit it")
         return SegmentedScene(known_scene(scan, scan.earlier))
     table = FaceTable.of(scan.mesh)
-    given = None if labels is None else _given(scan, table, labels, client)
+
+    def taken_apart(inside: Mask) -> list[Group]:  # the client is asked only if there is a room to divide
+        return labelled_room(scan.mesh, table, inside, client)
+
+    given = None if labels is None else given_groups(scan, table, labels, taken_apart)
     if given is not None:
         groups = given.groups
+    elif scan.boxes:
+        groups = boxed_groups(table, scan.boxes)
     else:
-        groups = boxed_groups(table, scan.boxes) if scan.boxes else _groups_without_boxes(scan, table, client)
-    groups = [g for g in groups if len(g.faces) >= min(config.min_faces, len(scan.mesh.faces))]
+        groups = named_groups(table, scan, taken_apart, names_thing)
+    groups = [g for g in groups if len(g.faces) >= min(LEAST_FACES, len(scan.mesh.faces))]
     face_instance = np.full(len(scan.mesh.faces), -1, dtype=np.int32)
     face_part = np.full(len(scan.mesh.faces), -1, dtype=np.int32)
     instances = []
     for index, group in enumerate(groups):
         instance, part = make_instance(
-            group.id, group.label, table, group.faces, group.axes, _words(scan, group.faces),
+            group.id, group.label, table, group.faces, group.axes,
+            node_words(scan.node_names, scan.face_node, group.faces) if scan.node_names else [],
             given.parts.get(group.id) if given is not None else annotated_parts(scan, group.faces),
         )  # fmt: skip
         box = instance.box if group.stands_at is None else instance.box.down_to(group.stands_at)
@@ -66,22 +74,12 @@ def segment(
         face_instance[group.faces] = index
         face_part[group.faces] = part
     notes = given.notes if given is not None else ()
-    found = Segmentation(scan.mesh, _with_fronts(instances), face_instance, face_part, notes)
+    walls = [one for one in instances if one.structure and one.label == "wall"]
+    fronted = (
+        one if one.front is not None else replace(one, front=facing_away_from_wall(one, walls)) for one in instances
+    )
+    found = Segmentation(scan.mesh, tuple(fronted), face_instance, face_part, notes)
     return SegmentedScene(with_part_names(found, client))
-
-
-def _given(scan: Scan, table: FaceTable, labels: GivenLabels, client: Client) -> GivenGroups:
-    """Groups by a person's labels; the client is asked only about unlabelled faces."""
-    return given_groups(scan, table, labels, lambda inside: labelled_room(scan.mesh, table, inside, client))
-
-
-def _groups_without_boxes(scan: Scan, table: FaceTable, client: Client) -> list[Group]:
-    """Groups by names; the client is asked only if there is a room to divide."""
-
-    def taken_apart(inside: NDArray[np.bool_]) -> list[Group]:
-        return labelled_room(scan.mesh, table, inside, client)
-
-    return named_groups(table, scan, taken_apart, names_thing)
 
 
 segment_task = stage(segment)
@@ -102,16 +100,3 @@ def segment_object(scan: Scan, config: SegmentConfig, client: Client) -> Segment
 
 
 segment_object_task = stage(segment_object)
-
-
-def _words(scan: Scan, faces: NDArray[np.int64]) -> list[str]:
-    """Part words of the nodes of the given faces; empty if the source names no nodes."""
-    return node_words(scan.node_names, scan.face_node, faces) if scan.node_names else []
-
-
-def _with_fronts(instances: list[Instance]) -> tuple[Instance, ...]:
-    """The instances, where things without a front of their own face away from the wall behind them."""
-    walls = [one for one in instances if one.structure and one.label == "wall"]
-    return tuple(
-        one if one.front is not None else replace(one, front=facing_away_from_wall(one, walls)) for one in instances
-    )

@@ -16,7 +16,7 @@ from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
 from tasks.anchor.stage import AnchorConfig, anchor
 from tasks.intent.stage import IntentConfig, intent
-from tasks.mesh.stage import MeshConfig, cleaned
+from tasks.mesh.stage import cleaned
 from tasks.rotation.stage import RotationConfig, rotation
 from tasks.segment.stage import SegmentConfig, segment, segment_object
 
@@ -34,7 +34,7 @@ SOFA = "sup_couch_kaykit/couch.gltf"
 
 @cache
 def read(name: str, label: str, role: Role) -> Segmentation:
-    scan = cleaned(read_scan(FOLDER / name, SourceOptions(label=label), role), MeshConfig())
+    scan = cleaned(read_scan(FOLDER / name, SourceOptions(label=label), role))
     return (segment if role is Role.SCENE else segment_object)(scan, SegmentConfig(), OfflineClient())
 
 

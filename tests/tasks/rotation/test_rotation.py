@@ -19,7 +19,7 @@ from dcap.scene.readers.frame import Role
 from dcap.scene.readers.source import read_scan
 from dcap.scene.types.choices import Rotation
 from dcap.scene.types.sample import SourceOptions
-from tasks.mesh.stage import MeshConfig, cleaned
+from tasks.mesh.stage import cleaned
 from tasks.segment.stage import SegmentConfig, segment_object
 from tests.tasks.rotation.orientation_truth import TRUTH, case_error, chosen, error_deg, parts_of, parts_read
 
@@ -92,7 +92,7 @@ def test_files_that_lie_or_stand_askew(variant):
 def test_words_are_followed_for_downloads(name):
     """Each of ten downloaded meshes, as read, is within 15 degrees in at least five of the six wordings."""
     truth = TRUTH["third_party"][name]
-    scan = cleaned(read_scan(FOLDER / name, SourceOptions(), Role.OBJECT), MeshConfig())
+    scan = cleaned(read_scan(FOLDER / name, SourceOptions(), Role.OBJECT))
     parts = parts_read(segment_object(scan, SegmentConfig(), OfflineClient()))
     errors = {wording: case_error(truth, parts, wording, AS_MADE) for wording in TRUTH["wordings"]}
     assert sum(error <= BOUND_DEG for error in errors.values()) >= 5, errors

@@ -21,7 +21,7 @@ from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.scan import Scan
 from dcap.scene.writers.interiorgs import write_ply
-from tasks.mesh.stage import MeshConfig, cleaned
+from tasks.mesh.stage import cleaned
 from tasks.segment.stage import SegmentConfig, segment
 
 SCENE = "scene0007_01"
@@ -92,7 +92,7 @@ def test_annotated_instances_arrive_aligned(tmp_path: Path) -> None:
     np.testing.assert_allclose(scan.world_from_file, TURN)
     np.testing.assert_allclose(scan.mesh.vertices, mesh.vertices @ TURN[:3, :3].T + TURN[:3, 3], atol=1e-6)
     assert scan.node_names == ("floor_0", "chair_1", "chair_2", "coffee_table_4")
-    found = segment(cleaned(scan, MeshConfig()), SegmentConfig(), OfflineClient())
+    found = segment(cleaned(scan), SegmentConfig(), OfflineClient())
     assert [(one.id, one.label) for one in found.instances[:4]] == [
         ("floor_0", "floor"), ("chair_1", "chair"), ("chair_2", "chair"), ("coffee_table_4", "coffee table"),
     ]  # fmt: skip

@@ -17,7 +17,7 @@ from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.segmentation import Instance, Part, Segmentation
 from dcap.scene.writers.glb import Node, glb_bytes, labelled_nodes
-from tasks.mesh.stage import MeshConfig, cleaned
+from tasks.mesh.stage import cleaned
 from tasks.segment.stage import SegmentConfig, segment
 
 CORNERS = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])
@@ -65,7 +65,7 @@ def test_instances_and_parts_come_back(tmp_path: Path) -> None:
     (tmp_path / "room.glb").write_bytes(glb_bytes(labelled_nodes(first)))
     scan = read_scan(tmp_path / "room.glb", SourceOptions(), Role.SCENE)
     assert (scan.up, scan.unit_source, scan.notes) == ("y", "format", ())
-    back = segment(cleaned(scan, MeshConfig()), SegmentConfig(), OfflineClient())
+    back = segment(cleaned(scan), SegmentConfig(), OfflineClient())
     assert [(a.id, a.label, [p.name for p in a.parts]) for a in back.instances] == [
         (one, label, [name for name, _ in pieces]) for (one, label), pieces in THINGS.items()
     ]
