@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import TypeVar
 
 from dcap.quiet_imports import quiet_imports
-from dcap.scene.machine_errors import as_machine_errors
 from dcap.scene.settings import runs_root
 from flows.options import DropOptions, Options, PlaceOptions, check_case, check_out, check_prompt
 from flows.results import Placement, Result
 from flows.settings import effective_options, exported_paths
+from tasks.machine_errors import as_machine_errors
 
 AnyPath = str | os.PathLike[str]
 Function = TypeVar("Function", bound=Callable[..., object])

@@ -27,7 +27,6 @@ from dcap.language.model.ledger import check_budget, spending_of
 from dcap.language.protocol.client import ClientName
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import InputError
-from dcap.scene.machine_errors import is_server_error
 from dcap.scene.settings import runs_root, version
 from dcap.scene.text import not_one_of
 from dcap.scene.types.sample import Sample
@@ -46,6 +45,7 @@ from flows.scoring import scored_row, write_measures
 from flows.selection import Selection, dataset_samples, failed_before, truths_of
 from flows.server import pages_of, prefect_server
 from tasks.code import installed_version
+from tasks.machine_errors import is_server_error
 from tasks.mesh.stage import mesh_object_task, mesh_scene_task
 from tasks.run_context import RunContext, use_context
 

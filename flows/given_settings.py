@@ -16,8 +16,8 @@ from dcap.scene.checks.findings import yaml_lines
 from dcap.scene.errors import InputError, short
 from dcap.scene.readers.files import BROKEN_YAML, parse_yaml, yaml_fault
 from dcap.scene.settings import home
-from dcap.scene.team_server import API_URL
 from dcap.scene.text import did_you_mean
+from tasks.machine_errors import API_URL
 
 FILE = "dcap.yaml"
 FILE_VARIABLE = "DCAP_CONFIG"

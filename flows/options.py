@@ -20,10 +20,10 @@ from pydantic_settings import BaseSettings, InitSettingsSource, PydanticBaseSett
 from dcap.language.protocol.client import DEFAULT_MODEL, Effort
 from dcap.language.protocol.session import MAX_TOKENS, TIMEOUT
 from dcap.scene.errors import InputError
-from dcap.scene.machine_errors import machine_error
 from dcap.scene.text import LONGEST_PROMPT, LONGEST_WORDS, shortened, unfit
 from dcap.scene.written_files import FULL
 from flows.given_settings import given_settings
+from tasks.machine_errors import machine_error
 
 LARGEST_RESOLUTION_M = 1.0
 """Largest cell size that resolves any object placed in a room [m]."""

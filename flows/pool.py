@@ -26,7 +26,6 @@ from prefect.utilities.callables import parameter_schema
 from dcap.cores import available_cores
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import DcapError, StoreError
-from dcap.scene.machine_errors import pass_over_server_errors
 from dcap.scene.readers.files import parse_yaml
 from dcap.scene.settings import resource
 from flows.configure import with_threads
@@ -43,6 +42,7 @@ from flows.watched import (
     show_pictures,
     tag_task_run,
 )
+from tasks.machine_errors import pass_over_server_errors
 from tasks.process import die_with_parent
 
 POOL, SAMPLE = "dcap", "place/sample"

@@ -25,7 +25,7 @@ from dcap.scene.readers.files import read_json
 from dcap.scene.readers.scenes.interiorgs import is_interiorgs
 from dcap.scene.readers.scenes.scannet import is_scannet
 from dcap.scene.readers.scenes.sugar import find_mesh, has_only_splats
-from dcap.scene.readers.splat_scene import SplatScene, read_splat_scene
+from dcap.scene.readers.source import SplatScene, read_splat_scene
 from dcap.scene.settings import runs_root
 from dcap.scene.types.sample import Sample, SourceOptions
 from dcap.scene.writers.sugar import run_script, train_command, write_picture, write_sugar_model

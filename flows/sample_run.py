@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from dcap.scene.errors import DcapError
-from dcap.scene.machine_errors import machine_error
 from dcap.scene.readers.scenes.sugar import MESH_SUFFIXES
 from dcap.scene.secrets import redacted
 from dcap.scene.types.sample import Sample
 from flows.methods import place_by
 from flows.place import SECTIONS, STAGES, PlaceConfig, PlacementRefs
 from tasks.artifact import FILES, Record, Ref, Store
+from tasks.machine_errors import machine_error
 from tasks.overview import overview_task
 from tasks.run_context import Event, Mode, OnEvent, RunContext, StageEvent, use_context
 from tasks.upkeep import why_not_cached

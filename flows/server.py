@@ -31,10 +31,10 @@ from dcap.packages import module_command
 from dcap.scene.errors import DcapError, InputError
 from dcap.scene.secrets import redacted_url
 from dcap.scene.settings import resource, server_folder
-from dcap.scene.team_server import API_URL, LOGIN, OWN_URL
 from dcap.scene.written_files import write_whole
 from dcap.shared_context import SharedContext
 from flows.own_requests import LOOPBACK, is_loopback, url_host
+from tasks.machine_errors import API_URL, LOGIN, OWN_URL
 from tasks.process import die_with_parent
 
 HOST, SERVER_LOGIN = "PREFECT_SERVER_API_HOST", "PREFECT_SERVER_API_AUTH_STRING"

@@ -37,9 +37,7 @@ from prefect.transactions import CommitMode, transaction
 
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import StoreError
-from dcap.scene.machine_errors import is_lost_server, is_server_error, pass_over_server_errors
 from dcap.scene.settings import server_folder
-from dcap.scene.team_server import team_server
 from dcap.scene.types.outcome import Infeasible
 from dcap.scene.types.sample import Sample
 from flows.place import PlaceConfig
@@ -48,6 +46,7 @@ from flows.server import give_up_server, own_server_has_ended, was_given_up
 from tasks.artifact import Store
 from tasks.cache import INFEASIBLE, reason_line
 from tasks.codec import picture_from_png
+from tasks.machine_errors import is_lost_server, is_server_error, pass_over_server_errors, team_server
 from tasks.run_context import Mode, OnEvent, RunContext, current_context, use_context
 
 if TYPE_CHECKING:

@@ -25,7 +25,6 @@ from pydantic import Field
 
 from dcap.cores import SHARE, available_cores
 from dcap.scene.errors import DcapError
-from dcap.scene.machine_errors import as_machine_errors
 from dcap.scene.settings import data_root, shared_store_url
 from flows.benchmark import rerun_sample
 from flows.benchmark_config import place_dataset
@@ -35,6 +34,7 @@ from flows.options import BenchmarkOptions
 from flows.output import result_line
 from flows.server import pages_of, prefect_server
 from flows.settings import effective_options
+from tasks.machine_errors import as_machine_errors
 from tasks.process import die_with_parent
 
 HEARTBEAT_SECONDS = 10

@@ -18,7 +18,7 @@ from dcap.scene.types.choices import Anchor, Intent
 from dcap.scene.types.outcome import Infeasible, Reason
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
-from dcap.scene.writers.objects import write_object
+from dcap.scene.writers.meshes import write_object
 from dcap.synthetic.dataset import build_object
 from dcap.synthetic.recipes import object_recipes
 from dcap.synthetic.rooms import BuiltRoom

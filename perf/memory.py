@@ -25,8 +25,8 @@ from rich.table import Table
 
 from dcap.evaluation.run_folder import SAMPLES_FOLDER
 from dcap.packages import module_command
-from dcap.scene.team_server import API_URL
 from flows.samples import load_yaml
+from tasks.machine_errors import API_URL
 
 SETTINGS = {"DCAP_PARTICLES__CELL": "0.04", "DCAP_RENDER__SIZE": "128", "DCAP_CONFIG": ""}
 """Environment for fast drops and pictures, without a file of settings."""

@@ -31,7 +31,7 @@ from dcap.scene.types.outcome import Infeasible
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.scan import Scan
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
-from dcap.scene.writers.objects import write_object
+from dcap.scene.writers.meshes import write_object
 from dcap.synthetic.dataset import build_object
 from dcap.synthetic.recipes import room_names
 from dcap.synthetic.scan import scanned

@@ -29,11 +29,11 @@ from dcap.language.connect import connect
 from dcap.language.protocol.client import ClientName
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import StoreError
-from dcap.scene.machine_errors import pass_over_server_errors
 from dcap.scene.types.outcome import Infeasible
 from tasks.artifact import Record, Ref, Store
 from tasks.code import Code, check_data_files, code_at_begin, code_of, note_files
 from tasks.codec import from_tree, to_tree
+from tasks.machine_errors import pass_over_server_errors
 from tasks.process import StageProcessError, preload, run_in_process
 from tasks.records import (
     DECODER,

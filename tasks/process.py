@@ -26,8 +26,8 @@ from typing import Any, TypeVar
 from threadpoolctl import threadpool_limits
 
 from dcap.scene.errors import DcapError, MachineError
-from dcap.scene.machine_errors import machine_error
 from tasks.code import PACKAGES
+from tasks.machine_errors import machine_error
 
 ResultT = TypeVar("ResultT")
 OnProgress = Callable[[float, str], None]

@@ -3,15 +3,13 @@
 Every message says what went wrong, where, with which value, and which setting to change. `exit_code` is returned by the
 command line.
 
-Problems of a file and their severity.
-
-The functions of a reader pass each problem to a `Report` and continue. To use a file, pass `refusing`, which raises at
-the first error; to check a file, pass one that collects. Both follow the same rules.
+Readers of meshes, splats and points raise at the first problem of a file. Annotations have many small entries, so their
+readers pass each problem to a `Report` and continue: `refusing` raises at the first error, a check collects all.
 """
 
 import reprlib
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
@@ -31,6 +29,9 @@ class InputError(DcapError):
 
 class FormatError(InputError):
     """A file violates its format; names the file and the offset, element or key."""
+
+    problem: "Problem | None" = None
+    """The problem without the file's name, if its line or place is known."""
 
 
 class GeometryError(DcapError):
@@ -107,24 +108,21 @@ def note(what: str, place: Place = (), line: int = 0) -> Problem:
     return Problem(Severity.NOTE, what, place, line)
 
 
+def format_error(path: Path, what: str, place: Place = (), line: int = 0) -> FormatError:
+    """The error for a problem at a line or place of a file."""
+    broken = FormatError(f"{path}: line {line}: {what}" if line else f"{path}: {what}")
+    broken.problem = error(what, place, line)
+    return broken
+
+
 def refusing(path: Path) -> Report:
     """A report that raises FormatError at the first error and ignores everything else."""
 
     def report(problem: Problem) -> None:
         if problem.severity is Severity.ERROR:
-            line = f"line {problem.line}: " if problem.line else ""
-            raise FormatError(f"{path}: {line}{problem.what}")
+            raise format_error(path, problem.what, problem.place, problem.line)
 
     return report
-
-
-def lenient(report: Report) -> Report:
-    """A report that turns errors into warnings."""
-
-    def lowered(problem: Problem) -> None:
-        report(replace(problem, severity=Severity.WARNING) if problem.severity is Severity.ERROR else problem)
-
-    return lowered
 
 
 _SHORT = reprlib.Repr()

@@ -23,9 +23,8 @@ from dcap.geometry.splatting.discs import splats_on_mesh
 from dcap.scene.writers import gaussians as gaussians_write
 from dcap.scene.writers import interiorgs as interiorgs_write
 from dcap.scene.writers import meshes as ply_write
-from dcap.scene.writers import objects as object_write
 from dcap.scene.writers.interiorgs import write_interiorgs, write_interiorgs_splats
-from dcap.scene.writers.objects import write_object
+from dcap.scene.writers.meshes import write_object
 from dcap.synthetic.recipes import RECIPES, ObjectRecipe, RoomRecipe, object_recipes, room_names, room_recipe
 from dcap.synthetic.rooms import build_recipe
 from dcap.synthetic.shapes import Assembly, joined, union
@@ -96,7 +95,7 @@ def scenes_of(rooms: Sequence[str], scenes: int, seed: int) -> Iterator[tuple[st
 
 def _sources() -> list[Path]:
     """Source files that determine the result of a recipe."""
-    writers = [Path(str(one.__file__)) for one in (interiorgs_write, object_write, ply_write)]
+    writers = [Path(str(one.__file__)) for one in (interiorgs_write, ply_write)]
     return [*sorted(Path(__file__).parent.rglob("*.py")), *writers]
 
 

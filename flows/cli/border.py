@@ -13,9 +13,9 @@ import typer
 from pydantic import ValidationError
 
 from dcap.scene.errors import DcapError, InputError
-from dcap.scene.machine_errors import machine_error
 from dcap.scene.secrets import redacted
 from dcap.scene.text import LONGEST_WORDS, shortened, visible
+from tasks.machine_errors import machine_error
 
 LACKING = {
     "int_parsing": "is not a whole number",

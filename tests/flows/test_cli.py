@@ -12,12 +12,12 @@ import pytest
 
 import dcap
 from dcap.scene.errors import MachineError
-from dcap.scene.machine_errors import as_machine_errors
 from dcap.scene.written_files import draft_folder
 from flows.cli.app import exit_code, main
 from flows.configure import configured
 from flows.options import PlaceOptions
 from tasks.cache import deciding
+from tasks.machine_errors import as_machine_errors
 
 
 def failed(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:

@@ -24,7 +24,6 @@ from prefect.settings import PREFECT_CLIENT_MAX_RETRIES
 from prefect.states import Completed
 
 from dcap.scene.errors import DcapError
-from dcap.scene.machine_errors import is_lost_server, pass_over_server_errors
 from dcap.scene.settings import server_folder
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.sample import Sample
@@ -32,6 +31,7 @@ from flows import pool, server, watched
 from flows.place import PlaceConfig
 from tasks.artifact import Ref, Store
 from tasks.cache import SIMULATIONS, stage
+from tasks.machine_errors import is_lost_server, pass_over_server_errors
 from tasks.run_context import RunContext, use_context
 
 

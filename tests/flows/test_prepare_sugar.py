@@ -54,7 +54,7 @@ def test_everything_that_sugar_takes_is_there(prepared: Path, room: Path) -> Non
     """And nothing else: pictures alone in images/, one for each camera of cameras.json and of the COLMAP model."""
     pictures = [f"images/view_{k:05d}.png" for k in range(6)]
     assert set(files(prepared)) == {
-        *pictures, "sparse/0/cameras.bin", "sparse/0/images.bin", "sparse/0/points3D.bin", "checkpoint/cameras.json",
+        *pictures, "sparse/0/cameras.txt", "sparse/0/images.txt", "sparse/0/points3D.txt", "checkpoint/cameras.json",
         "checkpoint/point_cloud/iteration_7000/point_cloud.ply", "run_sugar.sh", "prepared.json",
     }  # fmt: skip
     for name in pictures:

@@ -1,40 +1,28 @@
-"""COLMAP's files as its documentation lays them out, of models without observations and tracks."""
+"""COLMAP's text files as its documentation lays them out, of models without observations and tracks."""
 
-import struct
 from pathlib import Path
 
 import numpy as np
 
 from dcap.scene.types.pictures import ColmapModel, Pinhole, PosedImage
 
-PINHOLE = 1
-"""COLMAP's number of the camera model."""
-
 
 def read_colmap(folder: Path) -> ColmapModel:
-    """The model of three binary files."""
-    cameras, images, points = ((folder / f"{name}.bin").read_bytes() for name in ("cameras", "images", "points3D"))
-    assert len(cameras) == 8 + 56 * struct.unpack_from("<Q", cameras)[0]
-    kinds = []
-    for number, model, width, height, fx, fy, cx, cy in struct.iter_unpack("<iiQQ4d", cameras[8:]):
-        assert model == PINHOLE
-        kinds.append(Pinhole(number, width, height, (fx, fy), (cx, cy)))
-    found, at = [], 8
-    for _ in range(struct.unpack_from("<Q", images)[0]):
-        number, *pose, camera = struct.unpack_from("<i7di", images, at)
-        end = images.index(b"\0", at + 64)
-        found.append(PosedImage(number, images[at + 64 : end].decode(), camera, np.array(pose[:4]), np.array(pose[4:])))
-        assert images[end + 1 : end + 9] == bytes(8)  # observations
-        at = end + 9
-    assert at == len(images)
-    row = np.dtype([("id", "<u8"), ("place", "<f8", 3), ("color", "u1", 3), ("error", "<f8"), ("track", "<u8")])
-    rows = np.frombuffer(points, row, offset=8)
-    assert len(rows) == struct.unpack_from("<Q", points)[0]
-    return ColmapModel(tuple(kinds), tuple(found), rows["place"], rows["color"])
-
-
-def read_colmap_text(folder: Path) -> dict[str, list[list[str]]]:
-    """The words of each line that is no comment, by the name of the file."""
-    names = ("cameras", "images", "points3D")
-    lines = {name: (folder / f"{name}.txt").read_text(encoding="utf-8").splitlines() for name in names}
-    return {name: [line.split(" ") for line in lines[name] if line[:1] != "#"] for name in names}
+    """The model of three text files; every picture is followed by an empty line of observations."""
+    rows = {}
+    for name in ("cameras", "images", "points3D"):
+        lines = (folder / f"{name}.txt").read_text(encoding="utf-8").splitlines()
+        rows[name] = [line.split(" ") for line in lines if line[:1] != "#"]
+    cameras = []
+    for number, model, width, height, *lengths in rows["cameras"]:
+        fx, fy, cx, cy = map(float, lengths)
+        assert model == "PINHOLE"
+        cameras.append(Pinhole(int(number), int(width), int(height), (fx, fy), (cx, cy)))
+    assert all(words == [""] for words in rows["images"][1::2])
+    images = []
+    for number, *pose, camera, name in ([*row[:9], " ".join(row[9:])] for row in rows["images"][::2]):
+        values = np.array(pose, dtype=np.float64)
+        images.append(PosedImage(int(number), name, int(camera), values[:4], values[4:]))
+    points = np.array(rows["points3D"], dtype=np.float64).reshape(-1, 8)
+    assert np.array_equal(points[:, 0], np.arange(1, len(points) + 1))
+    return ColmapModel(tuple(cameras), tuple(images), points[:, 1:4], points[:, 4:7].astype(np.uint8))

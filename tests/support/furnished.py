@@ -7,7 +7,7 @@ import trimesh
 
 from dcap.geometry.solid.repair import subdivide_near
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.writers.objects import write_object
+from dcap.scene.writers.meshes import write_object
 
 Span = tuple[float, float]
 Parts = dict[str, Mesh]

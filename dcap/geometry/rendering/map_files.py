@@ -14,7 +14,7 @@ from dcap.geometry.camera import Camera
 from dcap.geometry.camera_file import write_camera
 from dcap.geometry.rendering.coverage import share_bytes
 from dcap.scene.types.pictures import ColmapModel, ConditioningMaps, Pinhole, posed
-from dcap.scene.writers.sugar import write_colmap_text
+from dcap.scene.writers.sugar import write_colmap
 
 MILLIMETRES = 1000.0
 FARTHEST = 65535
@@ -60,7 +60,7 @@ def write_maps(folder: Path, maps: ConditioningMaps, camera: Camera) -> None:
         np.save(folder / f"{name}.npy", getattr(maps, name), allow_pickle=False)
     (folder / "ids.json").write_text(json.dumps(maps.names, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     write_camera(folder / "camera.json", camera)
-    write_colmap_text(folder / COLMAP, colmap_model(maps, camera))
+    write_colmap(folder / COLMAP, colmap_model(maps, camera))
 
 
 def colmap_model(maps: ConditioningMaps, camera: Camera) -> ColmapModel:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from dcap.scene.checks.findings import Findings, Lines, json_lines, repeated_keys
-from dcap.scene.errors import FormatError, GeometryError, Place, Problem, Report, error, note, short, warning
+from dcap.scene.errors import FormatError, GeometryError, Problem, Report, error, note, warning
 from dcap.scene.readers.files import FORMATS, read_json
 from dcap.scene.readers.scenes.interiorgs import LABELS, STRUCTURE, LabelEntry, label_entries, structure_of
 from dcap.scene.readers.scenes.occupancy import NAMES, map_cells, map_extent
@@ -24,8 +24,6 @@ OUTSIDE = 1.0
 """Distance of a box from every room beyond which it stands on no floor [m]."""
 SAME = 1e-3
 """Difference below which boxes are equal [m]."""
-SMALLEST_ROOM = 0.01
-"""Area below which a profile counts as a line [m^2]."""
 T = TypeVar("T")
 SLACK = 2.0
 """Largest difference between the sizes of the picture and the map [pixels]: conventions differ by half a pixel per
@@ -40,8 +38,8 @@ def check_annotations(folder: Path, findings: Findings) -> tuple[LabelBox, ...]:
         if document is not None:
             unread: tuple[tuple[Room, ...], tuple[LabelBox, ...]] = ((), ())
             rooms, _ = boxes_of(structure_of, document, report, unread)
-            for problem in structure_problems(document, rooms):
-                report(problem)
+            if not rooms and isinstance(document, dict):
+                report(warning("no room with a floor polygon: the floor is unknown", ("rooms",)))
     else:
         findings.report(folder / STRUCTURE)(warning("is missing: rooms, walls and openings are not known"))
     if not (folder / LABELS).is_file():
@@ -113,84 +111,6 @@ def _distance(footprint: NDArray[np.float64], room: Room) -> float:
         room.profile.min(axis=0) - footprint.max(axis=0), footprint.min(axis=0) - room.profile.max(axis=0)
     )
     return float(np.linalg.norm(np.maximum(apart, 0.0)))
-
-
-def structure_problems(document: object, rooms: Sequence[Room]) -> Iterator[Problem]:
-    """Problems that the reader of structure.json ignores: invalid polygons, sizes of things in the rooms."""
-    if not isinstance(document, dict):
-        return
-    if not rooms:
-        yield warning("no room with a floor polygon: the floor is unknown", ("rooms",))
-    yield from _profile_problems(document.get("rooms"))
-    yield from _thing_problems(document.get("ins"))
-
-
-def _profile_problems(entries: object) -> Iterator[Problem]:
-    """Floor polygons without area, or with edges that cross."""
-    for index, entry in enumerate(entries if isinstance(entries, list) else []):
-        try:
-            profile = np.array([_xy(point) for point in entry["profile"]], dtype=np.float64).reshape(-1, 2)
-        except (KeyError, TypeError, ValueError, IndexError, OverflowError):
-            continue  # already reported by the reader
-        if len(profile) < 3 or not np.isfinite(profile).all():
-            continue
-        place: Place = ("rooms", index, "profile")
-        if (crossing := crossing_edges(profile)) is not None:
-            edges = f"edges {crossing[0]} and {crossing[1]}"
-            yield warning(f"profile of room {index} crosses itself ({edges}); give its corners in order", place)
-        elif area(profile) < SMALLEST_ROOM:
-            yield warning(f"profile of room {index} has an area of {area(profile):.2g} m2; give its corners", place)
-
-
-def _xy(point: object) -> list[float]:
-    values = [point[k] for k in "xy"] if isinstance(point, dict) else list(point)[:2]  # type: ignore[call-overload]
-    return [float(value) for value in values]
-
-
-def area(polygon: NDArray[np.float64]) -> float:
-    """Area of a polygon (n, 2) by the shoelace formula [m^2]."""
-    x, y = (polygon - polygon[0]).T
-    return float(abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2)
-
-
-def crossing_edges(polygon: NDArray[np.float64]) -> tuple[int, int] | None:
-    """The first two edges of a polygon (n, 2) that cross between their ends."""
-    ends = np.roll(polygon, -1, axis=0)
-
-    def side(a: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64]) -> NDArray[np.float64]:
-        u, v = b - a, c - a
-        return np.asarray(u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0])
-
-    for i in range(len(polygon) - 2):
-        j = np.arange(i + 2, len(polygon) - (i == 0))  # the last edge is a neighbour of the first
-        a, b, c, d = polygon[i], ends[i], polygon[j], ends[j]
-        apart = (side(a, b, c) * side(a, b, d) < 0) & (side(c, d, a) * side(c, d, b) < 0)
-        if apart.any():
-            return i, int(j[np.argmax(apart)])
-    return None
-
-
-def _thing_problems(things: object) -> Iterator[Problem]:
-    """Problems of `ins`: labels, positions and sizes."""
-    if things is not None and not isinstance(things, list):
-        yield warning(f"'ins' is not a list of objects, but {short(things)}", ("ins",))
-    for index, thing in enumerate(things if isinstance(things, list) else []):
-        if not isinstance(thing, dict):
-            yield warning(f"entry {index} of 'ins' is {short(thing)}, expected an object", ("ins", index))
-            continue
-        for key in ("position", "size"):
-            value = thing.get(key)
-            if not _is_vector(value, least=0.0 if key == "size" else -np.inf):
-                what = f"{key} of entry {index} of 'ins' is {short(value)}, expected three finite numbers"
-                yield warning(what + (", none below 0" if key == "size" else ""), ("ins", index, key))
-
-
-def _is_vector(value: object, least: float) -> bool:
-    try:
-        vector = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError):
-        return False
-    return vector.shape == (3,) and bool((np.isfinite(vector) & (vector >= least)).all())
 
 
 def check_occupancy(folder: Path, findings: Findings) -> None:

@@ -8,16 +8,14 @@ searched, whatever its name.
 """
 
 import re
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 
 from dcap.scene.checks.annotations import check_annotations, check_occupancy, read_tree
-from dcap.scene.checks.findings import Findings, Lines, json_lines
-from dcap.scene.errors import GeometryError, InputError, Place, Problem, Report, Severity, error, note, warning
+from dcap.scene.checks.findings import Findings, json_lines
+from dcap.scene.errors import InputError, error, note, warning
 from dcap.scene.readers.files import GROUND_TRUTH
 from dcap.scene.readers.mesh.raw import RawMesh
 from dcap.scene.readers.points.formats import is_points, read_points
@@ -32,13 +30,12 @@ from dcap.scene.readers.scenes.scannet import (
     vertex_instances,
 )
 from dcap.scene.readers.scenes.sugar import MESH_SUFFIXES, check_suffix, describe, find_mesh
-from dcap.scene.readers.source import BROKEN, READERS
-from dcap.scene.readers.splats.formats import check_gaussians, is_splats
+from dcap.scene.readers.source import READERS, readable
+from dcap.scene.readers.splats.formats import is_splats, read_gaussians
 
 MANY = 0.1
 """Share of faces without area above which a mesh is damaged, beyond rounding [-]."""
 
-Found = TypeVar("Found")
 NUMBERED = re.compile(r"\d{4}_\w+")
 """Pattern of InteriorGS's scene folders: 0001_839920."""
 MARKS = ("occupancy.json", "occupancy.png", "3dgs_compressed.ply")
@@ -62,28 +59,20 @@ class FileContents:
 
 
 def check_shape(path: Path, findings: Findings) -> FileContents:
-    """Check one mesh file with its materials and textures, or one file of splats or points."""
-    report = findings.report(path, _lines(path))
-    if is_splats(path):
-        return FileContents(path, splats=_guarded(path, report, lambda: check_gaussians(path, report), 0))
-    if is_points(path):
-        return FileContents(path, vertices=_guarded(path, report, lambda: len(read_points(path)[0]), 0))
-    return _guarded(path, report, lambda: _check_mesh(path, report), FileContents(path))
-
-
-def _check_mesh(path: Path, report: Report) -> FileContents:
-    told: list[Severity] = []
-
-    def also(problem: Problem) -> None:
-        told.append(problem.severity)
-        report(problem)
-
+    """Read one mesh file with its materials and textures, or one file of splats or points."""
     try:
-        raw = READERS[path.suffix.lower()](path, also).without_loose_vertices()
-    except (InputError, GeometryError, *BROKEN):
-        if Severity.ERROR in told:  # an invalid mesh in the rest of a broken file is no additional problem
-            return FileContents(path)
-        raise
+        with readable(path):
+            if is_splats(path):
+                return FileContents(path, splats=len(read_gaussians(path)))
+            if is_points(path):
+                return FileContents(path, vertices=len(read_points(path)[0]))
+            raw = READERS[path.suffix.lower()](path)
+    except InputError as broken:
+        problem = getattr(broken, "problem", None) or error(str(broken).removeprefix(f"{path}: "))
+        text = path.read_text("utf-8-sig") if problem.place and path.suffix.lower() == ".gltf" else ""
+        findings.report(path, json_lines(text) if text else None)(problem)
+        return FileContents(path)
+    report = findings.report(path)
     for one in raw.notes:
         report(warning(one))
     bad = raw.degenerate
@@ -102,37 +91,6 @@ def _names(raw: RawMesh) -> tuple[str, ...]:
     named = zip(raw.node_names, raw.node_labels, strict=True)
     found = {name if label is None else name.split("/")[0]: name if label is None else label for name, label in named}
     return tuple(one for one in found.values() if one)
-
-
-def _guarded(path: Path, report: Report, check: Callable[[], Found], otherwise: Found) -> Found:
-    """Run a check; a truncated file is reported as another error."""
-    try:
-        return check()
-    except (InputError, GeometryError) as broken:
-        report(error(str(broken).removeprefix(f"{path}: ")))
-    except OSError as broken:
-        report(error(f"cannot be read: {broken.strerror}"))
-    except BROKEN as broken:
-        report(error(f"the file contradicts its format ({type(broken).__name__}: {broken})"))
-    return otherwise
-
-
-def _lines(path: Path) -> Lines | None:
-    """Lines of places in a glTF text; problems of other formats state their lines themselves."""
-    if path.suffix.lower() != ".gltf":
-        return None
-    known: list[Lines] = []
-
-    def line(place: Place) -> int:
-        if not place:
-            return 0
-        try:
-            known[:] = known or [json_lines(path.read_text("utf-8"))]
-        except (OSError, ValueError):  # JSON in another encoding
-            return 0
-        return known[0](place)
-
-    return line
 
 
 @dataclass(slots=True)

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -17,8 +17,9 @@ from dcap.scene.readers.mesh.paint import bake
 from dcap.scene.readers.mesh.ply import read_ply
 from dcap.scene.readers.mesh.raw import RawMesh
 from dcap.scene.readers.mesh.stl import read_stl
-from dcap.scene.readers.points.formats import is_points, read_points, squares
+from dcap.scene.readers.points.formats import is_points, point_squares, read_points
 from dcap.scene.readers.scenes.interiorgs import is_interiorgs, read_labels, read_structure
+from dcap.scene.readers.scenes.occupancy import read_occupancy
 from dcap.scene.readers.scenes.placed_scene import (
     OBJECT_MESH,
     SCENE,
@@ -30,10 +31,11 @@ from dcap.scene.readers.scenes.placed_scene import (
     read_facts,
 )
 from dcap.scene.readers.scenes.scannet import is_scannet, majority, read_scannet
-from dcap.scene.readers.scenes.sugar import check_suffix, describe, find_mesh
+from dcap.scene.readers.scenes.sugar import COMPRESSED_NAME, check_suffix, describe, find_mesh, find_splats
 from dcap.scene.readers.splats.formats import is_splats, read_gaussians
 from dcap.scene.readers.splats.splats import discs
 from dcap.scene.readers.usd.usd import USD_SUFFIXES, read_usd
+from dcap.scene.types.floor_plan import Occupancy
 from dcap.scene.types.gaussians import Gaussians
 from dcap.scene.types.mesh import Mesh, SourceSurface
 from dcap.scene.types.outcome import Cause, Caution
@@ -270,7 +272,7 @@ def read_file(path: Path, labels: VertexLabels | None = None) -> tuple[RawMesh, 
             return discs(path, splats), splats
         if kind == "points":
             cloud, notes = read_points(path)
-            return squares(path, cloud, notes), cloud
+            return point_squares(path, cloud, notes), cloud
         raw = READERS[path.suffix.lower()](path)
         return (raw if labels is None else with_vertex_labels(raw, labels)).without_loose_vertices(), None
 
@@ -344,4 +346,49 @@ def _scan(
         label=" ".join(label.replace("_", " ").lower().split()), world_from_file=frame.world_from_file, up=frame.up,
         unit_metres=frame.unit_metres, unit_source=frame.unit_source, notes=raw.notes + frame.notes + notes,
         node_labels=raw.node_labels,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class SplatScene:
+    """Content of a folder or file of splats."""
+
+    path: Path
+    """The file of splats."""
+    splats: Gaussians
+    boxes: tuple[LabelBox, ...]
+    rooms: tuple[Room, ...]
+    occupancy: Occupancy | None
+    annotated: bool
+    """Whether the folder has InteriorGS' annotations: the format states units and axes."""
+    world_from_file: NDArray[np.float64]
+    """Maps the file's own coordinates to ours, shape (4, 4)."""
+    notes: tuple[str, ...]
+    """Assumptions and ignored parts on reading, one sentence each."""
+
+
+def read_splat_scene(path: Path, options: SourceOptions) -> SplatScene:
+    """Read a folder with Gaussian splats, or a file of them."""
+    if not path.exists():
+        raise InputError(f"{path}: no such file or folder")
+    annotated = path.is_dir() and is_interiorgs(path)
+    if annotated:
+        check_options(path, options, Role.SCENE)
+    found = find_splats(path) if path.is_dir() else path
+    if found is None:
+        raise InputError(
+            f"{path}: no Gaussian splats in this folder (looked for {COMPRESSED_NAME} and other "
+            ".ply, .splat, .spz and .sog files)"
+        )
+    raw, splats = read_file(found)
+    if not isinstance(splats, Gaussians):
+        kind = "a mesh" if splats is None else "a point cloud"
+        raise InputError(f"{found}: {kind}, not Gaussian splats; give a file of splats or a folder with one")
+    frame = (stated_frame if annotated else find_frame)(raw, options, Role.SCENE)
+    boxes, notes = read_labels(path) if annotated else ((), ())
+    rooms = read_structure(path)[0] if annotated else ()
+    occupancy, map_notes = read_occupancy(path, rooms) if path.is_dir() else (None, ())
+    return SplatScene(
+        found, splats.transformed(frame.world_from_file), boxes, rooms, occupancy, annotated, frame.world_from_file,
+        raw.notes + frame.notes + notes + map_notes,
     )  # fmt: skip

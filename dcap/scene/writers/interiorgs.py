@@ -5,10 +5,8 @@ occupancy.png/json, and `MESH_NAME` or the compressed splats. Metres, right-hand
 """
 
 import json
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +18,7 @@ from dcap.scene.types.floor_plan import FREE, OCCUPIED, UNKNOWN
 from dcap.scene.types.gaussians import Gaussians
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.writers.gaussians import write_compressed_splats
-from dcap.scene.writers.meshes import ply_bytes
+from dcap.scene.writers.meshes import write_ply
 
 MESH_NAME = "sugarmesh_3Dgs7000_sdfestim02_sdfnorm02_level03_decim1000000.ply"
 """SuGaR's file name of a mesh of level 0.3 decimated to a million triangles."""
@@ -168,11 +166,3 @@ def _write_occupancy(folder: Path, room: RoomRecord) -> None:
         "max": _rounded(bounds[1]),
     }
     _write_json(folder / "occupancy.json", document)
-
-
-def write_ply(path: Path, mesh: Mesh, comments: Sequence[str] = ()) -> None:
-    """Write a binary PLY with vertex normals and colours, with the properties that Open3D writes."""
-    place: NDArray[np.float64] = np.hstack([mesh.vertices, mesh.vertex_normals])
-    vertex: dict[str, NDArray[Any]] = {"x y z nx ny nz": place, "red green blue": mesh.colors}
-    face = {"list vertex_indices": mesh.faces.astype(np.uint32)}
-    path.write_bytes(ply_bytes({"vertex": vertex, "face": face}, comments))

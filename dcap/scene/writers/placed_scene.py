@@ -12,6 +12,7 @@ import hashlib
 import json
 import shutil
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -22,17 +23,11 @@ from dcap.scene.readers.scenes.placed_scene import (
     FACTS,
     SHIFT,
     VERSION,
-    BoxEntry,
     DeformationEntry,
     InstanceEntry,
-    LayerEntry,
-    MaterialEntry,
-    PartEntry,
-    PlacedEntry,
     SceneFile,
 )
 from dcap.scene.settings import cache_root
-from dcap.scene.types.boxes import OrientedBox
 from dcap.scene.types.earlier import Deformation, EarlierPlacements
 from dcap.scene.types.materials import PartMaterial
 from dcap.scene.types.segmentation import Instance
@@ -81,50 +76,22 @@ def deformed_ply(one: Deformation) -> bytes:
 
 def instance_entry(one: Instance, earlier: EarlierPlacements, parts: NDArray[np.integer] | None) -> InstanceEntry:
     """An instance in the file's form."""
-    materials = {(row.part_index): row for row in earlier.materials if row.body == one.id}
-    thing = earlier.thing(one.id)
-    return InstanceEntry(
-        id=one.id,
-        label=one.label,
-        structure=one.structure,
-        confidence=one.confidence,
-        guesses=list(one.guesses),
-        front=None if one.front is None else one.front.tolist(),
-        box=box_entry(one.box),
-        parts=[
-            PartEntry(
-                name=part.name, confidence=part.confidence, box=box_entry(part.box),
-                material=material_entry(materials[index]) if index in materials else None,
-                faces=None if parts is None else runs_of(parts == index),
-            )
-            for index, part in enumerate(one.parts)
-        ],
-        placed=None if thing is None else PlacedEntry(
-            mass=thing.mass, carried_by=list(thing.carried_by), prompt=thing.prompt
-        ),
-    )  # fmt: skip
+    materials = {row.part_index: row for row in earlier.materials if row.body == one.id}
+    facts = {name: getattr(one, name) for name in ("id", "label", "structure", "confidence", "guesses", "front", "box")}
+    rows = [
+        {
+            "name": part.name, "confidence": part.confidence, "box": part.box,
+            "material": material_facts(materials[index]) if index in materials else None,
+            "faces": None if parts is None else runs_of(parts == index),
+        }
+        for index, part in enumerate(one.parts)
+    ]  # fmt: skip
+    return InstanceEntry.model_validate(facts | {"parts": rows, "placed": earlier.thing(one.id)})
 
 
-def box_entry(box: OrientedBox) -> BoxEntry:
-    """A box in the file's form."""
-    return BoxEntry(center=box.center.tolist(), axes=box.axes.tolist(), half_extents=box.half_extents.tolist())
-
-
-def material_entry(row: PartMaterial) -> MaterialEntry:
+def material_facts(row: PartMaterial) -> dict[str, object]:
     """A part's material in the file's form."""
-    m = row.material
-    layers = None
-    if m.layers is not None:
-        layers = LayerEntry(
-            youngs_modulus=m.layers.youngs_modulus,
-            poisson_ratio=m.layers.poisson_ratio,
-            shear_modulus=m.layers.shear_modulus,
-        )
-    return MaterialEntry(
-        id=m.id, model=row.model.value, density=m.density, youngs_modulus=m.youngs_modulus,
-        poisson_ratio=m.poisson_ratio, static_friction=m.static_friction, dynamic_friction=m.dynamic_friction,
-        rolling_resistance=m.rolling_resistance, kind=m.kind, source=m.source, reason=row.reason, layers=layers,
-    )  # fmt: skip
+    return asdict(row.material) | {"model": row.model.value, "reason": row.reason}
 
 
 def runs_of(mine: NDArray[np.bool_]) -> list[tuple[int, int]]:

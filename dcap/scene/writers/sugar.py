@@ -6,14 +6,11 @@ and so is the resulting mesh.
 
 [G24] Guedon, Lepetit: SuGaR: surface-aligned Gaussian splatting for efficient 3D mesh reconstruction. CVPR 2024.
 
-COLMAP models to files: cameras, images and points3D, binary (which programs prefer) or as text.
-
-The layouts are COLMAP's (https://colmap.github.io/format.html); observations and tracks are not written.
+COLMAP models are written as text (https://colmap.github.io/format.html), without observations and tracks.
 """
 
 import json
 import shlex
-import struct
 from pathlib import Path
 
 import numpy as np
@@ -24,8 +21,6 @@ from dcap.scene.types.gaussians import Gaussians
 from dcap.scene.types.pictures import ColmapModel
 from dcap.scene.writers.gaussians import write_splats
 
-PINHOLE = 1
-"""COLMAP's number of the camera model."""
 NO_ERROR = -1.0
 """Reprojection error of points without matches [pixel]."""
 
@@ -44,28 +39,6 @@ MESHES = ("coarse_mesh", "refined_mesh")
 
 
 def write_colmap(folder: Path, model: ColmapModel) -> None:
-    """Write cameras.bin, images.bin and points3D.bin."""
-    folder.mkdir(parents=True, exist_ok=True)
-    cameras = [struct.pack("<iiQQ4d", c.id, PINHOLE, c.width, c.height, *c.focal, *c.center) for c in model.cameras]
-    images = [
-        struct.pack("<i7di", i.id, *i.quaternion, *i.translation, i.camera_id) + i.name.encode() + bytes(9)
-        for i in model.images
-    ]  # a zero ends the name, then comes the number of observations: none
-    points = np.zeros(
-        len(model.points),
-        dtype=[("id", "<u8"), ("place", "<f8", 3), ("color", "u1", 3), ("error", "<f8"), ("track", "<u8")],
-    )
-    points["id"], points["place"], points["color"] = np.arange(1, len(points) + 1), model.points, model.colors
-    points["error"] = NO_ERROR
-    for name, count, rows in (
-        ("cameras", len(cameras), b"".join(cameras)),
-        ("images", len(images), b"".join(images)),
-        ("points3D", len(points), points.tobytes()),
-    ):
-        (folder / f"{name}.bin").write_bytes(struct.pack("<Q", count) + rows)
-
-
-def write_colmap_text(folder: Path, model: ColmapModel) -> None:
     """Write cameras.txt, images.txt and points3D.txt, with enough digits to restore the same numbers."""
     folder.mkdir(parents=True, exist_ok=True)
 

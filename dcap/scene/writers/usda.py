@@ -5,7 +5,7 @@ and UsdPhysics. Visible meshes do not collide: colliders are separate meshes of 
 are the settled triangles themselves (approximation `none`), elsewhere convex pieces (`convexHull`).
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,9 +37,10 @@ class _UsdaWriter:
     def text(self) -> str:
         """The file."""
         notes = "\n".join([*(f"{one}." for one in self.scene.notes), FRICTION_NOTE])
-        bodies = [*self.free(self.scene.thing)]
+        gravity = ["vector3f physics:gravityDirection = (0, 0, -1)", f"float physics:gravityMagnitude = {GRAVITY}"]
+        content = [*prim("PhysicsScene", "PhysicsScene", gravity), *self.free(self.scene.thing)]
         for one in self.scene.fixed:
-            bodies += self.fixed(one)
+            content += self.fixed(one)
         lines = [
             "#usda 1.0",
             "(",
@@ -50,16 +51,7 @@ class _UsdaWriter:
             '    upAxis = "Z"',
             ")",
             "",
-            'def Xform "World"',
-            "{",
-            '    def PhysicsScene "PhysicsScene"',
-            "    {",
-            "        vector3f physics:gravityDirection = (0, 0, -1)",
-            f"        float physics:gravityMagnitude = {GRAVITY}",
-            "    }",
-            *indented(bodies),
-            *indented(self.materials()),
-            "}",
+            *prim("Xform", "World", [*content, *self.materials()]),
         ]
         return "\n".join(lines) + "\n"
 
@@ -67,81 +59,72 @@ class _UsdaWriter:
         """The object."""
         own = body.inertial
         moments, axes = principal(own.inertia)
-        yield f'def Xform "{self.names.of(WORLD, body.name)}" ('
-        yield '    prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI"]'
-        yield ")"
-        yield "{"
-        yield f"    custom string dcap:label = {quoted(body.label)}"
-        yield f"    point3f physics:centerOfMass = {tuple_of(own.center_of_mass)}"
-        yield f"    float3 physics:diagonalInertia = {tuple_of(moments)}"
-        yield f"    float physics:mass = {own.mass:.9g}"
-        yield f"    quatf physics:principalAxes = {tuple_of(axes)}"
-        yield f"    quatd xformOp:orient = {tuple_of(body.quaternion, 17)}"
-        yield f"    double3 xformOp:translate = {tuple_of(body.position, 17)}"
-        yield '    uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:orient"]'
         resting = self.scene.resting
         shapes = [
-            (
-                piece.name.split("/")[-1],
-                piece.mesh,
-                "convexHull",
-                replace_friction(resting, body.friction, piece.friction),
-            )
+            (piece.name, piece.mesh, "convexHull", replace_friction(resting, body.friction, piece.friction))
             for piece in body.pieces
         ]
-        yield from indented(self.inner(f"{WORLD}/{body.name}", body.parts, shapes))
-        yield "}"
+        name = self.names.of(WORLD, body.name)
+        lines = [
+            f"custom string dcap:label = {quoted(body.label)}",
+            f"point3f physics:centerOfMass = {tuple_of(own.center_of_mass)}",
+            f"float3 physics:diagonalInertia = {tuple_of(moments)}",
+            f"float physics:mass = {own.mass:.9g}",
+            f"quatf physics:principalAxes = {tuple_of(axes)}",
+            f"quatd xformOp:orient = {tuple_of(body.quaternion, 17)}",
+            f"double3 xformOp:translate = {tuple_of(body.position, 17)}",
+            'uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:orient"]',
+            *self.inner(f"{WORLD}/{name}", body.parts, shapes),
+        ]
+        yield from prim("Xform", name, lines, "PhysicsRigidBodyAPI", "PhysicsMassAPI")
 
     def fixed(self, body: FixedBody) -> Iterator[str]:
         """A thing of the scene."""
         name = self.names.of(WORLD, body.name)
-        shapes = [(patch.name.split("/")[-1], patch.surface, "none", patch.friction) for patch in body.patches]
-        shapes += [(piece.name.split("/")[-1], piece.mesh, "convexHull", piece.friction) for piece in body.pieces]
-        yield f'def Xform "{name}"'
-        yield "{"
-        yield f"    custom string dcap:id = {quoted(body.name)}"
-        yield f"    custom string dcap:label = {quoted(body.label)}"
-        yield from indented(self.inner(f"{WORLD}/{name}", body.parts, shapes))
-        yield "}"
+        shapes = [(patch.name, patch.surface, "none", patch.friction) for patch in body.patches]
+        shapes += [(piece.name, piece.mesh, "convexHull", piece.friction) for piece in body.pieces]
+        lines = [
+            f"custom string dcap:id = {quoted(body.name)}",
+            f"custom string dcap:label = {quoted(body.label)}",
+            *self.inner(f"{WORLD}/{name}", body.parts, shapes),
+        ]
+        yield from prim("Xform", name, lines)
 
     def inner(
         self, path: str, parts: Sequence[SeenPart], shapes: Sequence[tuple[str, Mesh, str, ContactFriction]]
     ) -> Iterator[str]:
         """Visible meshes of a body, and its colliders."""
         for part in parts:
-            yield f'def Mesh "{self.names.of(path, part.name)}"' + head_of(self.look(part.material))
-            yield "{"
-            yield f"    custom string dcap:part = {quoted(part.name)}"
-            yield from indented(geometry(part.mesh))
-            yield f"    color3f[] primvars:displayColor = {array_of(part.mesh.colors / 255.0, 3)} ("
-            yield '        interpolation = "vertex"'
-            yield "    )"
-            yield from indented(bound(self.look(part.material), ""))
-            yield "}"
-        if not shapes:
-            return
-        own = self.names.of(path, "collision")
-        yield f'def Scope "{own}"'
-        yield "{"
-        for name, mesh, approximation, friction in shapes:
-            yield f'    def Mesh "{self.names.of(f"{path}/{own}", name)}" ('
-            yield (
-                '        prepend apiSchemas = ["PhysicsCollisionAPI", "PhysicsMeshCollisionAPI", "MaterialBindingAPI"]'
-            )
-            yield "    )"
-            yield "    {"
-            yield f'        uniform token physics:approximation = "{approximation}"'
-            yield '        uniform token purpose = "guide"'
-            yield from indented(geometry(mesh), 2)
-            yield from indented(bound(self.slip(friction), ":physics"), 2)
-            yield "    }"
-        yield "}"
+            look = self.look(part.material)
+            lines = [
+                f"custom string dcap:part = {quoted(part.name)}",
+                *geometry(part.mesh),
+                f"color3f[] primvars:displayColor = {array_of(part.mesh.colors / 255.0, 3)} (",
+                '    interpolation = "vertex"',
+                ")",
+                *([f"rel material:binding = <{LOOKS}/{look}>"] if look else []),
+            ]
+            apis = ["MaterialBindingAPI"] if look else []
+            yield from prim("Mesh", self.names.of(path, part.name), lines, *apis)
+        if shapes:
+            own = self.names.of(path, "collision")
+            colliders = (line for shape in shapes for line in self.collider(f"{path}/{own}", *shape))
+            yield from prim("Scope", own, colliders)
 
-    def slip(self, friction: ContactFriction) -> str:
-        """Name of the physics material with a friction."""
+    def collider(
+        self, path: str, name: str, mesh: Mesh, approximation: str, friction: ContactFriction
+    ) -> Iterator[str]:
+        """A collision shape below a path."""
         if friction not in self.frictions:
             self.frictions[friction] = self.names.of(LOOKS, f"friction_{len(self.frictions)}")
-        return self.frictions[friction]
+        lines = [
+            f'uniform token physics:approximation = "{approximation}"',
+            'uniform token purpose = "guide"',
+            *geometry(mesh),
+            f"rel material:binding:physics = <{LOOKS}/{self.frictions[friction]}>",
+        ]
+        apis = ("PhysicsCollisionAPI", "PhysicsMeshCollisionAPI", "MaterialBindingAPI")
+        yield from prim("Mesh", self.names.of(path, name.split("/")[-1]), lines, *apis)
 
     def look(self, material: Material | None) -> str:
         """Name of the material with constants; empty for none."""
@@ -153,31 +136,26 @@ class _UsdaWriter:
 
     def materials(self) -> Iterator[str]:
         """All materials in use."""
-        yield 'def Scope "Materials"'
-        yield "{"
+        found: list[str] = []
         for friction, name in self.frictions.items():
-            yield f'    def Material "{name}" ('
-            yield '        prepend apiSchemas = ["PhysicsMaterialAPI"]'
-            yield "    )"
-            yield "    {"
-            yield f"        custom float dcap:rollingResistance = {friction.rolling_resistance:.9g}"
-            yield f"        float physics:dynamicFriction = {friction.dynamic:.9g}"
-            yield "        float physics:restitution = 0"
-            yield f"        float physics:staticFriction = {friction.static:.9g}"
-            yield "    }"
+            lines = [
+                f"custom float dcap:rollingResistance = {friction.rolling_resistance:.9g}",
+                f"float physics:dynamicFriction = {friction.dynamic:.9g}",
+                "float physics:restitution = 0",
+                f"float physics:staticFriction = {friction.static:.9g}",
+            ]
+            found += prim("Material", name, lines, "PhysicsMaterialAPI")
         for material, name in self.constants.items():
-            yield f'    def Material "{name}" ('
-            yield '        prepend apiSchemas = ["PhysicsMaterialAPI"]'
-            yield "    )"
-            yield "    {"
-            yield f"        custom float dcap:poissonRatio = {material.poisson_ratio:.9g}"
-            yield f"        custom float dcap:rollingResistance = {material.rolling_resistance:.9g}"
-            yield f"        custom float dcap:youngsModulus = {material.youngs_modulus:.9g}"
-            yield f"        float physics:density = {material.density:.9g}"
-            yield f"        float physics:dynamicFriction = {material.dynamic_friction:.9g}"
-            yield f"        float physics:staticFriction = {material.static_friction:.9g}"
-            yield "    }"
-        yield "}"
+            lines = [
+                f"custom float dcap:poissonRatio = {material.poisson_ratio:.9g}",
+                f"custom float dcap:rollingResistance = {material.rolling_resistance:.9g}",
+                f"custom float dcap:youngsModulus = {material.youngs_modulus:.9g}",
+                f"float physics:density = {material.density:.9g}",
+                f"float physics:dynamicFriction = {material.dynamic_friction:.9g}",
+                f"float physics:staticFriction = {material.static_friction:.9g}",
+            ]
+            found += prim("Material", name, lines, "PhysicsMaterialAPI")
+        yield from prim("Scope", "Materials", found)
 
 
 FRICTION_NOTE = (
@@ -204,15 +182,15 @@ class _Names:
         return found
 
 
-def head_of(material: str) -> str:
-    """The head of a prim with a bound material."""
-    return ' (\n    prepend apiSchemas = ["MaterialBindingAPI"]\n)' if material else ""
-
-
-def bound(material: str, purpose: str) -> Iterator[str]:
-    """The relation to a material; empty without one."""
-    if material:
-        yield f"    rel material:binding{purpose} = <{LOOKS}/{material}>"
+def prim(kind: str, name: str, lines: Iterable[str], *apis: str) -> Iterator[str]:
+    """A prim with its content and the schemas that are applied to it."""
+    yield f'def {kind} "{name}"' + (" (" if apis else "")
+    if apis:
+        yield f"    prepend apiSchemas = [{', '.join(quoted(one) for one in apis)}]"
+        yield ")"
+    yield "{"
+    yield from (f"    {line}" for line in lines)
+    yield "}"
 
 
 def principal(inertia: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -223,13 +201,15 @@ def principal(inertia: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArra
     return moments, np.asarray(Rotation.from_matrix(axes).as_quat(canonical=True, scalar_first=True))
 
 
-def geometry(mesh: Mesh) -> Iterator[str]:
+def geometry(mesh: Mesh) -> list[str]:
     """Attributes of a triangle mesh."""
-    yield f"    float3[] extent = {array_of(mesh.bounds, 7)}"
-    yield f"    int[] faceVertexCounts = [{', '.join(['3'] * len(mesh.faces))}]"
-    yield f"    int[] faceVertexIndices = [{', '.join(map(str, mesh.faces.ravel().tolist()))}]"
-    yield f"    point3f[] points = {array_of(mesh.vertices, 7)}"
-    yield '    uniform token subdivisionScheme = "none"'
+    return [
+        f"float3[] extent = {array_of(mesh.bounds, 7)}",
+        f"int[] faceVertexCounts = [{', '.join(['3'] * len(mesh.faces))}]",
+        f"int[] faceVertexIndices = [{', '.join(map(str, mesh.faces.ravel().tolist()))}]",
+        f"point3f[] points = {array_of(mesh.vertices, 7)}",
+        'uniform token subdivisionScheme = "none"',
+    ]
 
 
 def array_of(rows: NDArray[np.floating], digits: int) -> str:
@@ -245,8 +225,3 @@ def tuple_of(values: NDArray[np.float64], digits: int = 9) -> str:
 def quoted(words: str) -> str:
     """A string."""
     return '"' + words.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n") + '"'
-
-
-def indented(lines: Iterator[str] | Sequence[str], times: int = 1) -> Iterator[str]:
-    """Lines inside a prim, indented."""
-    return ("    " * times + one for one in lines)

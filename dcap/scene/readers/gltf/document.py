@@ -19,7 +19,7 @@ from urllib.parse import unquote
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.scene.errors import FormatError, InputError, Report, error
+from dcap.scene.errors import FormatError, InputError, format_error
 from dcap.scene.readers.files import absence, find_file, parse_json, read_bytes
 from dcap.scene.readers.mesh.raw import MAX_CORNERS
 
@@ -127,18 +127,16 @@ def missing(path: Path, uri: str) -> str:
 class Accessors:
     """The accessors of one document over its loaded buffers."""
 
-    def __init__(self, path: Path, document: Json, buffers: list[bytes], report: Report) -> None:
+    def __init__(self, path: Path, document: Json, buffers: list[bytes]) -> None:
         self.path, self.buffers = path, buffers
         self.entries = entries(path, document, "accessors")
         self.views = entries(path, document, "bufferViews")
-        self.broken: set[int] = set()
         for index in range(len(self.entries)):
             try:
                 self._check(index)
             except (InputError, *INCONSISTENT) as broken:
-                self.broken.add(index)
                 what = str(broken if isinstance(broken, InputError) else self._inconsistent(index, broken))
-                report(error(what.removeprefix(f"{path}: "), ("accessors", index)))
+                raise format_error(path, what.removeprefix(f"{path}: "), ("accessors", index)) from None
 
     def _inconsistent(self, index: int, cause: Exception) -> FormatError:
         return FormatError(f"{self.path}: accessor {index} is inconsistent ({type(cause).__name__}: {cause})")
@@ -157,8 +155,8 @@ class Accessors:
     def read(self, index: int) -> NDArray[np.generic]:
         """The values of one accessor, shape (count, width); normalised integers become floats."""
         try:
-            if index < 0 or index in self.broken:  # already reported; its stated size must not be allocated
-                raise FormatError(f"{self.path}: accessor {index} is broken")
+            if index < 0:
+                raise FormatError(f"{self.path}: there is no accessor {index}")
             return self._read(index)
         except INCONSISTENT as broken:
             raise self._inconsistent(index, broken) from None

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from dcap.arrays import Array
-from dcap.scene.errors import FormatError, InputError, Report, error, refusing
+from dcap.scene.errors import FormatError, InputError, format_error
 from dcap.scene.readers.files import read_bytes
 from dcap.scene.readers.gltf.document import (
     INCONSISTENT,
@@ -151,17 +151,16 @@ class Skins:
         return np.asarray(moved / total[:, None])
 
 
-def read_gltf(path: Path, report: Report | None = None, *, all_maps: bool = False) -> RawMesh:
-    """Read the default scene of a glTF file; with a `report`, broken accessors and faces are reported.
+def read_gltf(path: Path, *, all_maps: bool = False) -> RawMesh:
+    """Read the default scene of a glTF file.
 
     `all_maps`: also read transparency, factors, further maps and names of materials, in addition to base colours.
     """
-    report = report or refusing(path)
     data = read_bytes(path)
     document, end = read_document(path, data)
     notes = _unread_extensions(path, document)
-    accessors = Accessors(path, document, _buffers(path, document, binary_chunk(path, data, end)), report)
-    return _GltfBuilder(path, document, accessors, report, notes, all_maps=all_maps).build()
+    accessors = Accessors(path, document, _buffers(path, document, binary_chunk(path, data, end)))
+    return _GltfBuilder(path, document, accessors, notes, all_maps=all_maps).build()
 
 
 def _unread_extensions(path: Path, document: Json) -> list[str]:
@@ -204,10 +203,8 @@ def _buffers(path: Path, document: Json, binary: bytes | None) -> list[bytes]:
 class _GltfBuilder:
     """Collects the primitives of the node tree into one mesh."""
 
-    def __init__(
-        self, path: Path, document: Json, accessors: Accessors, report: Report, notes: list[str], *, all_maps: bool
-    ) -> None:
-        self.path, self.document, self.accessors, self.report = path, document, accessors, report
+    def __init__(self, path: Path, document: Json, accessors: Accessors, notes: list[str], *, all_maps: bool) -> None:
+        self.path, self.document, self.accessors = path, document, accessors
         self.nodes, self.meshes = (entries(path, document, key) for key in ("nodes", "meshes"))
         self.visited: set[int] = set()
         self.notes = notes
@@ -340,8 +337,7 @@ class _GltfBuilder:
         wrong = (faces < 0) | (faces >= len(position))
         if wrong.any():
             what = f"a face uses vertex {faces[wrong][0]}, its primitive has {len(position)} ({self.names[-1]})"
-            self.report(error(what, ("accessors", int(primitive.get("indices", attributes["POSITION"])))))
-            faces = faces[~wrong.any(axis=1)]
+            raise format_error(self.path, what, ("accessors", int(primitive.get("indices", attributes["POSITION"]))))
         self.face_count += len(faces)
         check_face_count(self.path, self.face_count)
         check_vertex_count(self.path, self.vertex_count + len(position))

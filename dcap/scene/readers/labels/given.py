@@ -27,6 +27,7 @@ from dcap.arrays import Array, IntArray
 from dcap.scene.errors import FormatError, InputError, refusing, short
 from dcap.scene.readers.files import read_bytes, read_json
 from dcap.scene.readers.labels.things import read_things
+from dcap.scene.readers.points.formats import ONLY, arrays_of
 from dcap.scene.readers.scenes.interiorgs import label_entries
 from dcap.scene.readers.scenes.scannet import GROUPS, SEGMENTS, instances_of, segments_of, vertex_instances
 from dcap.scene.text import short_name
@@ -49,12 +50,6 @@ LARGEST = 2**31
 """Upper bound for numbers of things [-]."""
 LONGEST_NUMBER = 30
 """Maximum length of a number's line [characters]."""
-MAGIC = b"\x93NUMPY"
-"""First bytes of a file with a single array; archives and pickles begin otherwise."""
-BROKEN_ARRAY = (ValueError, EOFError, SyntaxError, OverflowError, MemoryError, RecursionError)
-"""Errors that numpy raises for bytes that are not an array."""
-SHOWN = 200
-"""Maximum length of numpy's message that is shown [characters]."""
 KNOWN = (
     "labels.json of `dcap dataset label`, vertex ids (.npy, .txt, .json), ScanNet's segs.json with aggregation.json, "
     "RoomPlan's JSON or InteriorGS' labels.json"
@@ -140,21 +135,10 @@ def numbers(what: str, value: object, count: int) -> Array:
 
 def read_numpy(path: Path) -> VertexLabels:
     """A file of numpy."""
-    if read_bytes(path, len(MAGIC)) != MAGIC:
-        raise FormatError(f"{path}: not a numpy array: wrong signature")
-    try:
-        # mapped: the size in the header is compared with the file before memory is allocated
-        array = np.load(path, mmap_mode="r", allow_pickle=False)
-    except (*BROKEN_ARRAY, OSError) as broken:
-        raise FormatError(f"{path}: cannot be read as an array of numpy: {one_line(broken)}") from None
-    if not isinstance(array, np.ndarray) or array.ndim != 1:
-        raise FormatError(f"{path}: an array of shape {getattr(array, 'shape', ())}, expected one number per vertex")
+    array = arrays_of(path)[ONLY]
+    if array.ndim != 1:
+        raise FormatError(f"{path}: an array of shape {array.shape}, expected one number per vertex")
     return named(path, whole(path, array), names_beside(path))
-
-
-def one_line(error: Exception) -> str:
-    """Message of numpy's error in one line."""
-    return " ".join(str(error).split())[:SHOWN]
 
 
 def read_text(path: Path) -> VertexLabels:

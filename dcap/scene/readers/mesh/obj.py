@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.scene.errors import FormatError, InputError, Report, error, refusing
+from dcap.scene.errors import FormatError, InputError, format_error
 from dcap.scene.readers.files import library_names, meanings, read_bytes
 from dcap.scene.readers.mesh.mtl import MtlMaterial, read_mtl, with_materials
 from dcap.scene.readers.mesh.raw import RawMesh, check_face_count, check_vertex_count, triangulate
@@ -45,12 +45,11 @@ class Lines:
     """(first face, name) of every object, group and material."""
 
 
-def read_obj(path: Path, report: Report | None = None, *, all_maps: bool = False) -> RawMesh:
-    """Read an OBJ file with the MTL and images next to it; with a `report`, broken lines are reported and left out.
+def read_obj(path: Path, *, all_maps: bool = False) -> RawMesh:
+    """Read an OBJ file with the MTL and images next to it.
 
     `all_maps`: also read transparency, factors, further maps and names of materials, in addition to colours.
     """
-    report = report or refusing(path)
     data = read_bytes(path)
     if data.startswith((BOM_UTF16_LE, BOM_UTF16_BE)):
         raise FormatError(f"{path}: its text is UTF-16; save it as UTF-8")
@@ -58,12 +57,12 @@ def read_obj(path: Path, report: Report | None = None, *, all_maps: bool = False
     lines = _sort_lines(data)
     check_face_count(path, len(lines.face))
     check_vertex_count(path, max(len(lines.vertex), len(lines.texture)))
-    numbers = _numbers(report, data, "v", lines.vertex, 3)
+    numbers = _numbers(path, data, "v", lines.vertex, 3)
     vertices = numbers[:, :3].copy()
     if not len(vertices) or not lines.face:
         raise InputError(f"{path}: no faces ({len(vertices)} vertices); a surface is needed")
-    uv = _numbers(report, data, "vt", lines.texture, 1)
-    faces, face_uv, owner = _faces(path, report, lines, vertices, len(uv))
+    uv = _numbers(path, data, "vt", lines.texture, 1)
+    faces, face_uv, owner = _faces(path, lines, vertices, len(uv))
     named = lines.switches["o"] or lines.switches["g"]
     face_node, names = _spread(named, len(lines.face))
     notes: list[str] = []
@@ -106,8 +105,8 @@ def _sort_lines(data: bytes) -> Lines:
     return lines
 
 
-def _numbers(report: Report, data: bytes, keyword: str, rows: list[bytes], least: int) -> NDArray[np.float64]:
-    """Rows of numbers as one array; rows of unequal length are cut to the shortest, broken rows are zeros."""
+def _numbers(path: Path, data: bytes, keyword: str, rows: list[bytes], least: int) -> NDArray[np.float64]:
+    """Rows of at least `least` numbers as one array; rows of unequal length are cut to the shortest."""
     if not rows:
         return np.zeros((0, least))
     counts = [len(row.split()) for row in rows]
@@ -119,28 +118,22 @@ def _numbers(report: Report, data: bytes, keyword: str, rows: list[bytes], least
             return np.array([row.split()[:width] for row in rows], dtype=np.float64)
     except ValueError:
         pass
-    broken = [_broken(row, least) for row in rows]
-    at = [number for number, key, _ in _statements(data) if key == keyword.encode()]
-    for number, why in zip(at, broken, strict=True):
-        if why:
-            report(error(why.format(keyword), line=number))
-    width = min((count for count, why in zip(counts, broken, strict=True) if not why), default=least)
-    zeros = [b"0"] * width
-    return np.array(
-        [zeros if why else row.split()[:width] for row, why in zip(rows, broken, strict=True)], dtype=np.float64
-    )
+    at = (number for number, key, _ in _statements(data) if key == keyword.encode())
+    faults = ((number, _fault(row, keyword, least)) for number, row in zip(at, rows, strict=True))
+    line, what = next((number, what) for number, what in faults if what)
+    raise format_error(path, what, line=line)
 
 
-def _broken(row: bytes, least: int) -> str:
-    """Fault in a row of at least `least` numbers, with a placeholder for its keyword; empty if it is sound."""
+def _fault(row: bytes, keyword: str, least: int) -> str:
+    """Fault in a row of at least `least` numbers; empty if it is sound."""
     words = row.split()
     if len(words) < least:
-        return f"'{{}}' has {len(words)} values, expected {least}"
+        return f"{keyword!r} has {len(words)} values, expected {least}"
     try:
         np.array(words, dtype=np.float64)
     except ValueError:
-        text = " ".join(word.decode("latin-1") for word in words).replace("{", "{{").replace("}", "}}")
-        return f"{text!r} in a '{{}}' line is not all numbers"
+        text = " ".join(word.decode("latin-1") for word in words)
+        return f"{text!r} in a {keyword!r} line is not all numbers"
     return ""
 
 
@@ -153,24 +146,25 @@ def _vertex_colors(numbers: NDArray[np.float64]) -> NDArray[np.uint8] | None:
 
 
 def _faces(
-    path: Path, report: Report, lines: Lines, vertices: NDArray[np.float64], uv_count: int
+    path: Path, lines: Lines, vertices: NDArray[np.float64], uv_count: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
     """Triangles (t, 3), their texture coordinate indices (t, 3; -1 for none) and their face line (t,)."""
     corners = np.array([len(row.split()) for row in lines.face])
-    for bad in np.flatnonzero(corners < 3):
-        report(error(f"a face of {corners[bad]} corners", line=lines.face_line[bad]))
-    check_face_count(path, int(np.maximum(corners - 2, 0).sum()))
+    if (corners < 3).any():
+        bad = int(np.argmax(corners < 3))
+        raise format_error(path, f"a face of {corners[bad]} corners", line=lines.face_line[bad])
+    check_face_count(path, int((corners - 2).sum()))
     parts = [(np.zeros((0, 3), np.int64), np.zeros((0, 3), np.int64), np.zeros(0, np.int64))]
-    for count in np.unique(corners[corners >= 3]):
-        index, numbers = _indices(report, lines, np.flatnonzero(corners == count), int(count))
+    for count in np.unique(corners):
+        numbers = np.flatnonzero(corners == count)
+        index = _indices(path, lines, numbers, int(count))
         position, wrong = _resolved(lines, numbers, index[..., 0], len(vertices), 0)
-        for row in np.flatnonzero(wrong.any(axis=1)):
+        if wrong.any():
+            row = int(np.argmax(wrong.any(axis=1)))
             what = f"a face uses vertex {index[row, wrong[row], 0][0]}, the file has {len(vertices)}"
-            report(error(what, line=lines.face_line[numbers[row]]))
-        sound = ~wrong.any(axis=1)
+            raise format_error(path, what, line=lines.face_line[numbers[row]])
         texture, absent = _resolved(lines, numbers, index[..., 1], uv_count, 1)
-        texture = np.where(absent, -1, texture)[sound]
-        position, numbers = position[sound], numbers[sound]
+        texture = np.where(absent, -1, texture)
         triples, polygon = triangulate(vertices, position)
         position, texture = (np.take_along_axis(of[polygon], triples, axis=1) for of in (position, texture))
         parts.append((position, texture, numbers[polygon]))
@@ -179,10 +173,8 @@ def _faces(
     return np.concatenate([p[0] for p in parts])[order], np.concatenate([p[1] for p in parts])[order], owner[order]
 
 
-def _indices(
-    report: Report, lines: Lines, numbers: NDArray[np.int64], count: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Position and texture indices as written (0: absent), shape (faces, count, 2), and the faces that have them."""
+def _indices(path: Path, lines: Lines, numbers: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+    """Position and texture indices as written (0: absent), shape (faces, count, 2)."""
     rows = [lines.face[i] for i in numbers]
     text = b" ".join(rows)
     tokens = text.split()
@@ -192,21 +184,15 @@ def _indices(
         try:
             flat = np.array(text.replace(b"//", b"/0/").replace(b"/", b" ").split(), dtype=np.int64)
             table = flat.reshape(len(rows), count, slashes + 1)
-            return table[..., :2] if slashes else np.concatenate([table, np.zeros_like(table)], axis=-1), numbers
+            return table[..., :2] if slashes else np.concatenate([table, np.zeros_like(table)], axis=-1)
         except (ValueError, OverflowError):
             pass
-    sound = np.array([_readable(row) for row in rows], dtype=bool)
-    for i in numbers[~sound]:
-        shown = lines.face[i][:SHOWN].decode("latin-1")
-        report(error(f"face {shown!r} is not understood", line=lines.face_line[i]))
-    tokens = [token for row, good in zip(rows, sound, strict=True) if good for token in row.split()]
+    for i, row in zip(numbers, rows, strict=True):
+        if not all(CORNER.fullmatch(token) for token in row.split()):
+            shown = row[:SHOWN].decode("latin-1")
+            raise format_error(path, f"face {shown!r} is not understood", line=lines.face_line[i])
     pairs = [[int(word or 0) for word in [*t.split(b"/"), b""][:2]] for t in tokens]
-    return np.array(pairs, dtype=np.int64).reshape(-1, count, 2), numbers[sound]
-
-
-def _readable(row: bytes) -> bool:
-    """Return whether every corner of a face line is a whole number with at most two more after slashes."""
-    return all(CORNER.fullmatch(token) for token in row.split())
+    return np.array(pairs, dtype=np.int64).reshape(-1, count, 2)
 
 
 def _resolved(

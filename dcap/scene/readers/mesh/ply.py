@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 from plyfile import PlyData, PlyElement, PlyElementParseError, PlyListProperty, PlyParseError
 
-from dcap.scene.errors import FormatError, InputError, Report, error, refusing
+from dcap.scene.errors import FormatError, InputError, format_error
 from dcap.scene.readers.files import read_bytes
-from dcap.scene.readers.mesh.raw import RawMesh, check_face_count, check_vertex_count, triangulate
+from dcap.scene.readers.mesh.raw import RawMesh, check_face_count, check_vertex_count, triangulate, unnamed_mesh
 from dcap.scene.types.mesh import Paint
 
 HEADER_LIMIT = 1 << 20
@@ -86,18 +86,14 @@ def read_header(path: Path) -> PlyHeader:
     return PlyHeader(elements, dict(zip(elements, counts, strict=True)), found.text, text)
 
 
-def read_tables(path: Path, header: PlyHeader, report: Report | None = None) -> dict[str, Table]:
-    """All elements by name; the file must be long enough for its header.
-
-    The first broken row is reported to `report`, if given, and raised.
-    """
+def read_tables(path: Path, header: PlyHeader) -> dict[str, Table]:
+    """All elements by name; the file must be long enough for its header."""
     _check_length(path, header, path.stat().st_size - len(header.text))
     try:
         found = (None if header.is_text else _mapped(path, header)) or _by_value(path, header)
     except PlyElementParseError as broken:
         what = f"PLY {broken}" + (": the file is truncated" if "early end" in broken.message else "")
-        (report or refusing(path))(error(what, line=_line(header, broken)))
-        raise FormatError(f"{path}: {what}") from None
+        raise format_error(path, what, line=_line(header, broken)) from None
     return {element.name: {p.name: element.data[p.name] for p in element.properties} for element in found}
 
 
@@ -171,14 +167,16 @@ def describes_splats(header: PlyHeader) -> bool:
     return "packed_position" in names or {"f_dc_0", "opacity"} <= names
 
 
-def read_ply(path: Path, report: Report | None = None) -> RawMesh:
-    """Read a PLY mesh of triangles or polygons; with a `report`, broken faces are reported and left out."""
-    report = report or refusing(path)
+def read_ply(path: Path) -> RawMesh:
+    """Read a PLY mesh of triangles or polygons."""
     header = read_header(path)
-    _refuse_splats(path, header)
+    if "vertex" not in header.elements:
+        raise FormatError(f"{path}: the PLY header declares no vertex element")
+    if describes_splats(header):  # not a surface: its vertices are centres
+        raise InputError(f"{path}: Gaussian splats, not a mesh")
     for name, check in (("vertex", check_vertex_count), ("face", check_face_count)):
         check(path, min(header.counts.get(name, 0), path.stat().st_size))
-    tables = read_tables(path, header, report)
+    tables = read_tables(path, header)
     vertex, face = tables["vertex"], tables.get("face", {})
     vertices = np.stack([scalar(path, vertex, axis) for axis in "xyz"], axis=1).astype(np.float64)
     index = next((face[name] for name in INDEX_NAMES if name in face), None)
@@ -188,33 +186,18 @@ def read_ply(path: Path, report: Report | None = None) -> RawMesh:
         raise InputError(f"{path}: no faces ({len(vertices)} vertices): a point cloud, not a mesh")
     if is_scalar(index):
         raise FormatError(f"{path}: the PLY face element has one vertex index per face, expected a list")
-    faces, owner = _faces(path, vertices, index, report)
+    faces, owner = _faces(path, vertices, index)
     face_color = colors_of(face)
-    return RawMesh(
-        path=path, vertices=vertices, faces=faces, colors=colors_of(vertex),
-        paint=None if face_color is None or colors_of(vertex) is not None else _face_paint(face_color[owner]),
-        face_node=np.full(len(faces), -1, dtype=np.int32), node_names=(), up="", unit_metres=0.0,
-        notes=_unread_textures(header),
-    )  # fmt: skip
+    paint = None
+    if face_color is not None and colors_of(vertex) is None:
+        count = len(faces)
+        paint = Paint(face_color[owner], np.full(count, -1, dtype=np.int32), np.zeros((count, 3, 2)), ())
+    textures = dict.fromkeys(match.group(1).decode().strip() for match in TEXTURE.finditer(header.text))
+    notes = (f"texture {name!r} of a PLY is not read; save the mesh as OBJ or GLB to keep it" for name in textures)
+    return unnamed_mesh(path, vertices, faces, colors=colors_of(vertex), paint=paint, notes=tuple(notes))
 
 
-def _unread_textures(header: PlyHeader) -> tuple[str, ...]:
-    """A note for each image named in the header: the format itself only has colours of vertices and faces."""
-    names = dict.fromkeys(match.group(1).decode().strip() for match in TEXTURE.finditer(header.text))
-    return tuple(f"texture {name!r} of a PLY is not read; save the mesh as OBJ or GLB to keep it" for name in names)
-
-
-def _refuse_splats(path: Path, header: PlyHeader) -> None:
-    """Refuse Gaussian splats, which are not a surface, instead of reading their centres."""
-    if "vertex" not in header.elements:
-        raise FormatError(f"{path}: the PLY header declares no vertex element")
-    if describes_splats(header):
-        raise InputError(f"{path}: Gaussian splats, not a mesh")
-
-
-def _faces(
-    path: Path, vertices: NDArray[np.float64], index: Column, report: Report
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _faces(path: Path, vertices: NDArray[np.float64], index: Column) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Triangles (t, 3) and the polygon (t,) from which each was cut."""
     of_several = index.dtype == np.object_
     lengths = np.array([len(row) for row in index]) if of_several else np.full(len(index), index.shape[1])
@@ -228,8 +211,7 @@ def _faces(
         if wrong.any():
             bad = wrong.any(axis=1)
             more = f" (face {numbers[np.argmax(bad)]}, {int(bad.sum())} such faces)"
-            report(error(f"a face uses vertex {polygons[wrong][0]}, the file has {len(vertices)}{more}"))
-            polygons, numbers = polygons[~bad], numbers[~bad]
+            raise FormatError(f"{path}: a face uses vertex {polygons[wrong][0]}, the file has {len(vertices)}{more}")
         triples, owner = triangulate(vertices, polygons)
         faces.append(np.take_along_axis(polygons[owner], triples, axis=1))
         owners.append(numbers[owner])
@@ -250,9 +232,3 @@ def colors_of(table: Table) -> NDArray[np.uint8] | None:
                 levels *= 255.0
             return np.clip(np.rint(levels), 0, 255).astype(np.uint8)
     return None
-
-
-def _face_paint(color: NDArray[np.uint8]) -> Paint:
-    """Face colours without textures."""
-    count = len(color)
-    return Paint(color, np.full(count, -1, dtype=np.int32), np.zeros((count, 3, 2)), ())

@@ -95,6 +95,29 @@ class RawMesh:
         return np.asarray(~(twice_area > 1e-14 * extent * extent))
 
 
+def unnamed_mesh(
+    path: Path, vertices: NDArray[np.floating], faces: NDArray[np.int64], *, colors: NDArray[np.uint8] | None = None,
+    paint: Paint | None = None, notes: tuple[str, ...] = (), of_splats: bool = False,
+) -> RawMesh:  # fmt: skip
+    """The mesh of a file without nodes, unit and up axis."""
+    return RawMesh(
+        path=path, vertices=vertices.astype(np.float64), faces=faces, colors=colors, paint=paint,
+        face_node=np.full(len(faces), -1, dtype=np.int32), node_names=(), up="", unit_metres=0.0, notes=notes,
+        of_splats=of_splats,
+    )  # fmt: skip
+
+
+def squares(
+    path: Path, center: NDArray[np.floating], u: NDArray[np.floating], v: NDArray[np.floating], *,
+    notes: tuple[str, ...] = (), of_splats: bool = False,
+) -> RawMesh:  # fmt: skip
+    """A square at each centre with the half sides `u` and `v`, (n, 3) each: used to find the units and axes of splats
+    and points, as for a mesh."""
+    corners = np.stack([center - u - v, center + u - v, center + u + v, center - u + v], axis=1)
+    faces = (4 * np.arange(len(center))[:, None, None] + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3)
+    return unnamed_mesh(path, corners.reshape(-1, 3), faces, notes=notes, of_splats=of_splats)
+
+
 def check_face_count(path: Path, count: int) -> None:
     """Refuse more faces than we can handle, before they are allocated."""
     if count > MAX_FACES:

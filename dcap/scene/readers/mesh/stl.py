@@ -9,25 +9,21 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.scene.errors import FormatError, Report
+from dcap.scene.errors import FormatError
 from dcap.scene.readers.files import read_bytes
-from dcap.scene.readers.mesh.raw import RawMesh, check_face_count
+from dcap.scene.readers.mesh.raw import RawMesh, check_face_count, unnamed_mesh
 
 HEADER, FACET = 84, 50
 """Lengths of the header and of one facet of a binary file [bytes]."""
 
 
-def read_stl(path: Path, report: Report | None = None) -> RawMesh:
-    """Read an STL file; equal corners become one vertex. Problems are raised, never passed to `report`."""
+def read_stl(path: Path) -> RawMesh:
+    """Read an STL file; equal corners become one vertex."""
     data = read_bytes(path)
     corners = _ascii(path, data) if _is_ascii(data) else _binary(path, data)
     check_face_count(path, len(corners) // 3)
     vertices, index = np.unique(corners, axis=0, return_inverse=True)
-    faces = index.reshape(-1, 3).astype(np.int64)
-    return RawMesh(
-        path=path, vertices=vertices, faces=faces, colors=None, paint=None,
-        face_node=np.full(len(faces), -1, dtype=np.int32), node_names=(), up="", unit_metres=0.0, notes=(),
-    )  # fmt: skip
+    return unnamed_mesh(path, vertices, index.reshape(-1, 3).astype(np.int64))
 
 
 def _facets(data: bytes) -> int:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from dcap.scene.errors import FormatError, InputError, short
 from dcap.scene.readers.files import MAX_FILE_BYTES, read_bytes
 from dcap.scene.readers.mesh.ply import colors_of, describes_splats, is_scalar, read_header, read_tables, scalar
-from dcap.scene.readers.mesh.raw import RawMesh
+from dcap.scene.readers.mesh.raw import RawMesh, squares
 from dcap.scene.readers.points.pcd import Notes, check_point_count, cloud_of, cloud_of_rows, read_pcd
 from dcap.scene.types.point_cloud import PointCloud, local_planes
 
@@ -28,6 +28,12 @@ POINT_KEYS = ("points", "xyz", "positions", "position", "vertices", "pos", "arr_
 COLOR_KEYS = ("colors", "color", "colours", "colour", "rgb")
 NORMAL_KEYS = ("normals", "normal")
 """Names of arrays in an .npz; the first that exists is used."""
+ONLY = "the array"
+"""Name of the array of an .npy."""
+BROKEN_ARRAYS = (
+    ValueError, EOFError, SyntaxError, OverflowError, MemoryError, RecursionError, OSError, zipfile.BadZipFile
+)  # fmt: skip
+"""Errors that numpy raises for bytes that are not arrays."""
 MOST_SQUARES = 100_000
 """Number of squares that represent the points of a file in finding its units and axes [-]."""
 STRAY = 10.0
@@ -127,18 +133,22 @@ def read_array_points(path: Path) -> tuple[PointCloud, Notes]:
 
 
 def arrays_of(path: Path) -> dict[str, NDArray[np.generic]]:
-    """The arrays of an .npy or .npz by name; pickles are never read."""
+    """The arrays of an .npz by name, or that of an .npy by ONLY; pickles are never read."""
     read_bytes(path, 1)
     try:
         if path.suffix.lower() == ".npy":
-            return {"the array": np.load(path, mmap_mode="r", allow_pickle=False)}
+            # mapped: the size in the header is compared with the file before memory is allocated
+            array = np.load(path, mmap_mode="r", allow_pickle=False)
+            if not isinstance(array, np.ndarray):
+                raise ValueError("an archive of arrays, not an array")
+            return {ONLY: array}
         with zipfile.ZipFile(path) as archive:
             size = sum(one.file_size for one in archive.infolist())
         if size > MAX_FILE_BYTES:
             raise InputError(f"{path}: {size / 2**30:.1f} GiB > {MAX_FILE_BYTES / 2**30:.0f} GiB; thin the cloud out")
         with np.load(path, allow_pickle=False) as archive:
             return {name: archive[name] for name in archive.files if name in KNOWN_KEYS or len(archive.files) == 1}
-    except (ValueError, EOFError, SyntaxError, OverflowError, MemoryError, OSError, zipfile.BadZipFile) as broken:
+    except BROKEN_ARRAYS as broken:
         raise FormatError(f"{path}: cannot be read as arrays of numpy: {' '.join(str(broken).split())[:200]}") from None
 
 
@@ -153,7 +163,7 @@ POINT_READERS: dict[str, Callable[[Path], tuple[PointCloud, Notes]]] = {
 POINT_SUFFIXES = tuple(POINT_READERS)
 
 
-def squares(path: Path, cloud: PointCloud, notes: Notes) -> RawMesh:
+def point_squares(path: Path, cloud: PointCloud, notes: Notes) -> RawMesh:
     """A square in the surface at each of some points, in the file's units: used to find units and axes, as for a
     mesh."""
     some = cloud.subset(np.arange(0, len(cloud), -(-len(cloud) // MOST_SQUARES)))
@@ -162,10 +172,4 @@ def squares(path: Path, cloud: PointCloud, notes: Notes) -> RawMesh:
     center, normal, half = some.position[kept], planes.normal[kept], 0.5 * planes.gap[kept, None]
     u = np.cross(normal, np.eye(3)[np.abs(normal).argmin(axis=1)])
     u *= half / np.linalg.norm(u, axis=1, keepdims=True)
-    v = np.cross(normal, u)
-    corners = np.stack([center - u - v, center + u - v, center + u + v, center - u + v], axis=1)
-    faces = (4 * np.arange(len(center))[:, None, None] + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3)
-    return RawMesh(
-        path=path, vertices=corners.reshape(-1, 3), faces=faces, colors=None, paint=None,
-        face_node=np.full(len(faces), -1, dtype=np.int32), node_names=(), up="", unit_metres=0.0, notes=notes,
-    )  # fmt: skip
+    return squares(path, center, u, np.cross(normal, u), notes=notes)

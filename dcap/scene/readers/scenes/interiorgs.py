@@ -10,8 +10,9 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from shapely import Polygon, is_valid_reason
 
-from dcap.scene.errors import Place, Report, error, lenient, note, refusing, short, warning
+from dcap.scene.errors import Place, Report, error, note, refusing, short, warning
 from dcap.scene.readers.files import read_json
 from dcap.scene.text import did_you_mean, short_name
 from dcap.scene.types.boxes import OrientedBox, min_area_box
@@ -30,6 +31,9 @@ THINNEST = 0.01
 
 FLAT = 1e-4
 """Largest extent of a flat box [m]."""
+
+SMALLEST_ROOM = 0.01
+"""Area below which a profile counts as a line [m^2]."""
 
 WALL_THICKNESS, WALL_HEIGHT = 0.1, 2.8
 """Thickness and height of walls that do not state them [m]."""
@@ -86,9 +90,10 @@ def _label_entry(place: Place, index: int, entry: object, used: set[str], report
             what = f"entry {index} ({label}) has no bounding_box and is skipped{hint}"
             report(warning(what, place) if hint else note(what, place))
         return LabelEntry(place, None)
-    # the box of an entry that is skipped for want of a label must not stop a reader
-    box = _box(index, (*place, "bounding_box"), corners, report if label else lenient(report))
-    if box is None or not label:
+    if not label:  # its box must not stop a reader
+        return LabelEntry(place, None)
+    box = _box(index, (*place, "bounding_box"), corners, report)
+    if box is None:
         return LabelEntry(place, None)
     return LabelEntry(place, LabelBox(_unique_id(entry, index, place, label, used, report), label, box))
 
@@ -208,7 +213,7 @@ def _number(where: str, entry: dict[str, object], place: Place, default: float, 
 
 
 def _room(index: int, room: dict[str, object], report: Report) -> Room | None:
-    """A floor polygon; None if it has no area."""
+    """A floor polygon; None if it has fewer than three corners."""
     place: Place = ("rooms", index, "profile")
     profile = _points(f"profile of room {index}", room.get("profile"), place, "xy", report)
     if profile is None:
@@ -217,6 +222,12 @@ def _room(index: int, room: dict[str, object], report: Report) -> Room | None:
         what = f"profile of room {index} has {len(profile)} points, expected 3 or more: the room is left out"
         report(warning(what, place))
         return None
+    outline = Polygon(profile)
+    if not outline.is_valid or outline.area < SMALLEST_ROOM:
+        why = f"{is_valid_reason(outline)}, area {outline.area:.2g} m2"
+        report(
+            warning(f"profile of room {index} crosses itself or has no area ({why}); give its corners in order", place)
+        )
     return Room(str(room.get("room_type") or "").lower(), profile)
 
 

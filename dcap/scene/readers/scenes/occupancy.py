@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.scene.errors import InputError, Report, error, note, refusing, short, warning
+from dcap.scene.errors import InputError, Report, error, note, refusing, short
 from dcap.scene.readers.files import MAX_PIXELS, read_bytes, read_gray, read_json
 from dcap.scene.text import did_you_mean
 from dcap.scene.types.floor_plan import FREE, OCCUPIED, UNKNOWN, Occupancy
@@ -24,8 +24,8 @@ MAX_CELLS = MAX_PIXELS
 LARGEST_SCALE = 10.0
 """Largest cell [m]; a larger one cannot show a place to stand."""
 NAMES = ("occupancy.json", "occupancy.png")
-CORNERS, USUAL = ("lower", "upper"), ("center", "min", "max")
-"""Points that a map requires besides its scale, and points that it usually has."""
+CORNERS = ("lower", "upper")
+"""Points that a map requires besides its scale."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,16 +87,11 @@ def map_extent(document: object, report: Report) -> MapExtent | None:
         return None
     scale = _scale(document, report)
     lower, upper = (_point(document, key, report) for key in CORNERS)
-    _, least, most = (_point(document, key, report) for key in USUAL)
-    if least and most and any(a > b for a, b in zip(least, most, strict=False)):
-        report(warning(f"min {least} is above max {most}; neither is used", ("min",)))
     if lower is None or upper is None:
         return None
     if lower[0] >= upper[0] or lower[1] >= upper[1]:
         report(error(f"lower {lower} is not below upper {upper} in x and y", ("lower",)))
         return None
-    if any(a > b for a, b in zip(lower[2:], upper[2:], strict=False)):
-        report(warning(f"z of lower {lower} is above that of upper {upper}; neither is used", ("lower",)))
     return MapExtent(scale, (lower[0], lower[1]), (upper[0], upper[1])) if scale is not None else None
 
 
@@ -117,8 +112,7 @@ def _scale(document: dict[str, object], report: Report) -> float | None:
 def _point(document: dict[str, object], key: str, report: Report) -> list[float] | None:
     """x, y and usually z [m] at a key; None if they are missing or invalid."""
     if key not in document:
-        what = f"key {key!r} is missing{did_you_mean(key, document)}"
-        report(error(what) if key in CORNERS else note(what))
+        report(error(f"key {key!r} is missing{did_you_mean(key, document)}"))
         return None
     value = document[key]
     numbers = [_number(one) for one in value] if isinstance(value, list) else []
@@ -126,8 +120,6 @@ def _point(document: dict[str, object], key: str, report: Report) -> list[float]
     if len(numbers) not in (2, 3) or len(point) < len(numbers):
         report(error(f"{key} is {short(value)}, expected three finite numbers x, y, z", (key,)))
         return None
-    if len(point) == 2:
-        report(note(f"{key} is {point}, without z; x and y suffice", (key,)))
     return point
 
 

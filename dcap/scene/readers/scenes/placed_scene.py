@@ -11,11 +11,11 @@ from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, Field, FiniteFloat, NonNegativeInt, PositiveFloat, ValidationError
+from pydantic import BaseModel, BeforeValidator, Field, FiniteFloat, NonNegativeInt, PositiveFloat
 from scipy.spatial import cKDTree
 
-from dcap.scene.errors import FormatError, GeometryError, InputError, refusing
-from dcap.scene.readers.files import read_json
+from dcap.scene.errors import FormatError, GeometryError, InputError
+from dcap.scene.readers.files import read_json, validated
 from dcap.scene.readers.mesh.ply import read_header, read_ply, read_tables, scalar
 from dcap.scene.types.boxes import OrientedBox
 from dcap.scene.types.earlier import Deformation, EarlierPlacements, PlacedThing
@@ -34,15 +34,21 @@ DEFORMED = "deformed_*.ply"
 OBJECT_NODE = "object"
 """Name of the node in scene.glb for the thing that was placed last."""
 
-Vector = Annotated[list[FiniteFloat], Field(min_length=3, max_length=3)]
+
+def _listed(value: object) -> object:
+    """An array as a list; anything else unchanged."""
+    return value.tolist() if isinstance(value, np.ndarray) else value
+
+
+Vector = Annotated[list[FiniteFloat], Field(min_length=3, max_length=3), BeforeValidator(_listed)]
 Share = Annotated[FiniteFloat, Field(ge=0.0, le=1.0)]
 Run = tuple[NonNegativeInt, NonNegativeInt]
 Positive = Annotated[PositiveFloat, Field(allow_inf_nan=False)]
 Friction = Annotated[FiniteFloat, Field(ge=0.0)]
 
 
-class Entry(BaseModel, frozen=True, extra="forbid"):
-    """An object of scene.json."""
+class Entry(BaseModel, frozen=True, extra="forbid", from_attributes=True):
+    """An object of scene.json; from a tree, or from a value with the same attributes."""
 
 
 class LayerEntry(Entry, frozen=True):
@@ -74,7 +80,7 @@ class BoxEntry(Entry, frozen=True):
     """A box with a rotation about the vertical."""
 
     center: Vector
-    axes: Annotated[list[Vector], Field(min_length=3, max_length=3)]
+    axes: Annotated[list[Vector], Field(min_length=3, max_length=3), BeforeValidator(_listed)]
     half_extents: Vector
 
 
@@ -159,14 +165,7 @@ def read_facts(folder: Path) -> SceneFile:
     version = tree.get("version") if isinstance(tree, dict) else None
     if version != VERSION:
         raise FormatError(f"{path}: version {version!r} of the format, this program reads {VERSION}; place again")
-    try:
-        facts = SceneFile.model_validate(tree)
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        place = "".join(f"[{one}]" if isinstance(one, int) else f".{one}" for one in first["loc"]).lstrip(".")
-        value = first["input"]
-        shown = f" {value!r}" if isinstance(value, str | int | float) else ""
-        raise FormatError(f"{path}: {place}{shown}: {first['msg']}") from None
+    facts = validated(path, SceneFile, tree)
     check_names(path, facts)
     return facts
 
@@ -220,7 +219,7 @@ def read_deformation(folder: Path, entry: DeformationEntry) -> Deformation:
     if not path.is_file():
         raise FormatError(f"{folder}: {entry.file} is missing, which {FACTS} names; place again")
     raw = read_ply(path)
-    vertex = read_tables(path, read_header(path), refusing(path))["vertex"]
+    vertex = read_tables(path, read_header(path))["vertex"]
     shift = np.stack([scalar(path, vertex, name) for name in SHIFT], axis=1).astype(np.float64)
     if not np.isfinite(shift).all():
         raise FormatError(
@@ -248,13 +247,8 @@ def material_of(body: str, index: int, part: PartEntry) -> PartMaterial:
     """Material of a part of scene.json."""
     entry = part.material
     assert entry is not None
-    layers = None
-    if entry.layers is not None:
-        layers = LayerConstants(entry.layers.youngs_modulus, entry.layers.poisson_ratio, entry.layers.shear_modulus)
-    material = Material(
-        entry.id, entry.density, entry.youngs_modulus, entry.poisson_ratio, entry.static_friction,
-        entry.dynamic_friction, entry.rolling_resistance, entry.kind, entry.source, layers,
-    )  # fmt: skip
+    layers = None if entry.layers is None else LayerConstants(**entry.layers.model_dump())
+    material = Material(**entry.model_dump(exclude={"model", "reason", "layers"}), layers=layers)
     return PartMaterial(body, part.name, index, material, BodyModel(entry.model), entry.reason)
 
 

@@ -19,18 +19,8 @@ COMPRESSED_NAME = "3dgs_compressed.ply"
 """Name of the splats of a scene in InteriorGS."""
 
 GENERIC_STEMS = {
-    "textured",
-    "model",
-    "mesh",
-    "scene",
-    "object",
-    "untitled",
-    "output",
-    "export",
-    "nontextured",
-    "geometry",
-    "meta",
-}
+    "textured", "model", "mesh", "scene", "object", "untitled", "output", "export", "nontextured", "geometry", "meta"
+}  # fmt: skip
 """File stems that say nothing about the thing, so that the folder's name is used."""
 
 

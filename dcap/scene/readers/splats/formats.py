@@ -25,11 +25,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.arrays import ByteArray
-from dcap.scene.errors import FormatError, InputError, Report, refusing
+from dcap.scene.errors import FormatError, InputError
 from dcap.scene.readers.files import read_bytes
 from dcap.scene.readers.mesh.ply import describes_splats, read_header
 from dcap.scene.readers.splats.sog import META, is_sog_meta, read_sog
-from dcap.scene.readers.splats.splats import Fields, check_count, check_splats, gaussians_of, logit_of, read_splats
+from dcap.scene.readers.splats.splats import Fields, check_count, gaussians_of, logit_of, read_splats
 from dcap.scene.types.gaussians import COEFFICIENTS, DC, Gaussians
 
 RECORD = np.dtype([("position", "<f4", 3), ("scale", "<f4", 3), ("color", "u1", 4), ("rotation", "u1", 4)])
@@ -48,7 +48,7 @@ ROTATION_BYTES = {2: 3, 3: 4}
 """Length of one rotation [bytes], by version."""
 
 
-def read_splat_records(path: Path, report: Report | None = None) -> Gaussians:
+def read_splat_records(path: Path) -> Gaussians:
     """Read a file of records, in its own units and axes."""
     size = path.stat().st_size if path.is_file() else 0
     if size % RECORD.itemsize:
@@ -66,10 +66,10 @@ def read_splat_records(path: Path, report: Report | None = None) -> Gaussians:
         (color[:, :3] - 0.5) / np.float32(DC),
         np.zeros((len(rows), 3, 0), np.float32),
     )
-    return gaussians_of(fields, report or refusing(path))
+    return gaussians_of(path, fields)
 
 
-def read_spz(path: Path, report: Report | None = None) -> Gaussians:
+def read_spz(path: Path) -> Gaussians:
     """Read a file of version 2 or 3, in its own units and axes."""
     data = read_bytes(path)
     if data[:4] == MAGIC:
@@ -93,7 +93,7 @@ def read_spz(path: Path, report: Report | None = None) -> Gaussians:
     body = np.frombuffer(_unpacked(path, stream, stream.unconsumed_tail, count * sum(widths)), np.uint8)
     ends = np.cumsum([count * width for width in widths])
     columns = [part.reshape(count, -1) for part in np.split(body, ends[:-1])]
-    return gaussians_of(_fields(columns, fraction, version), report or refusing(path))
+    return gaussians_of(path, _fields(columns, fraction, version))
 
 
 def _unpacked(path: Path, stream: "zlib._Decompress", data: bytes, size: int) -> bytes:
@@ -148,7 +148,7 @@ def _smallest_three(packed: ByteArray) -> NDArray[np.float64]:
     return xyzw[:, [3, 0, 1, 2]]
 
 
-SPLAT_READERS: dict[str, Callable[[Path, Report | None], Gaussians]] = {
+SPLAT_READERS: dict[str, Callable[[Path], Gaussians]] = {
     ".splat": read_splat_records,
     ".spz": read_spz,
     ".sog": read_sog,
@@ -174,11 +174,4 @@ def is_splats(path: Path) -> bool:
 
 def read_gaussians(path: Path) -> Gaussians:
     """Read any of these formats, in the file's own units and axes."""
-    reader = read_sog if path.name == META else SPLAT_READERS.get(path.suffix.lower())
-    return read_splats(path) if reader is None else reader(path, None)
-
-
-def check_gaussians(path: Path, report: Report) -> int:
-    """Report the problems of a file of splats; returns the number of splats."""
-    reader = read_sog if path.name == META else SPLAT_READERS.get(path.suffix.lower())
-    return check_splats(path, report) if reader is None else len(reader(path, report))
+    return (read_sog if path.name == META else SPLAT_READERS.get(path.suffix.lower(), read_splats))(path)

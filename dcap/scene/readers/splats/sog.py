@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.arrays import Array, ByteArray
-from dcap.scene.errors import FormatError, Report, refusing, short
+from dcap.scene.errors import FormatError, short
 from dcap.scene.readers.files import find_file, parse_json, read_bytes, read_rgba
-from dcap.scene.readers.splats.splats import MOST_SPLATS, Fields, check_count, gaussians_of, logit_of
+from dcap.scene.readers.splats.splats import MOST_SPLATS, Fields, check_count, gaussians_of, logit_of, quaternions_of
 from dcap.scene.types.gaussians import COEFFICIENTS, Gaussians
 
 META = "meta.json"
@@ -59,14 +59,14 @@ def picture_names(path: Path, text: bytes) -> list[str]:
     return [name for names in lists if isinstance(names, list) for name in names if isinstance(name, str)]
 
 
-def read_sog(path: Path, report: Report | None = None) -> Gaussians:
+def read_sog(path: Path) -> Gaussians:
     """Read a zipped file, or the meta.json of a folder, in the file's own units and axes."""
     if path.name == META:
-        return _gaussians(SogFiles(path, lambda name: _beside(path, name)), report or refusing(path))
+        return _gaussians(SogFiles(path, lambda name: _beside(path, name)))
     read_bytes(path, 1)  # missing and empty files are reported as everywhere
     try:
         with zipfile.ZipFile(path) as archive:
-            return _gaussians(SogFiles(path, lambda name: _member(path, archive, name)), report or refusing(path))
+            return _gaussians(SogFiles(path, lambda name: _member(path, archive, name)))
     except BROKEN_ZIP as broken:
         raise FormatError(f"{path}: cannot be read as a zip file: {broken}") from None
 
@@ -88,7 +88,7 @@ def _member(path: Path, archive: zipfile.ZipFile, name: str) -> bytes:
     return archive.read(info)
 
 
-def _gaussians(files: SogFiles, report: Report) -> Gaussians:
+def _gaussians(files: SogFiles) -> Gaussians:
     meta = parse_json(files.path, files.read(META), META)
     if not isinstance(meta, dict):
         raise FormatError(f"{files.path}: {META} is not an object, but {short(meta)}")
@@ -114,7 +114,7 @@ def _gaussians(files: SogFiles, report: Report) -> Gaussians:
         looked_up[:, :3].astype(np.float32),
         _harmonics(files, meta, count, version),
     )
-    return gaussians_of(fields, report)
+    return gaussians_of(files.path, fields)
 
 
 def _count(path: Path, meta: Mapping[str, object]) -> int:
@@ -174,10 +174,7 @@ def _rotation(pixels: ByteArray) -> Array:
     which = pixels[:, 3].astype(np.int64) - TAG
     known = which >= 0
     out = np.tile([1.0, 0.0, 0.0, 0.0], (len(pixels), 1))
-    rows, which, three = np.flatnonzero(known), which[known], three[known]
-    out[rows, which] = np.sqrt(np.maximum(0.0, 1.0 - (three**2).sum(axis=1)))
-    for i in range(3):  # the others keep their order around the omitted one
-        out[rows, i + (which <= i)] = three[:, i]
+    out[known] = quaternions_of(three[known], which[known])
     return out
 
 

@@ -11,16 +11,15 @@ share of the range if there is one, and alpha). A harmonic is a byte: 0 is -4, 2
 Guaranteed: the counts in the header are checked against the file's length before memory is allocated.
 """
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dcap.arrays import Float32Array
-from dcap.scene.errors import FormatError, InputError, Problem, Report, error, refusing, warning
+from dcap.scene.errors import FormatError, InputError
 from dcap.scene.readers.mesh.ply import Table, describes_splats, read_header, read_tables, scalar
-from dcap.scene.readers.mesh.raw import RawMesh
+from dcap.scene.readers.mesh.raw import RawMesh, squares
 from dcap.scene.types.gaussians import COEFFICIENTS, DC, Gaussians
 
 U32 = NDArray[np.uint32]
@@ -54,37 +53,6 @@ HARMONIC_RANGE = 8.0
 
 def read_splats(path: Path) -> Gaussians:
     """Read either schema, in the file's own units and axes."""
-    tables, report = splat_tables(path), refusing(path)
-    fields = _packed(path, tables, report) if WORDS[0] in tables["vertex"] else _plain(path, tables["vertex"])
-    return gaussians_of(fields, report)
-
-
-def gaussians_of(fields: "Fields", report: Report) -> Gaussians:
-    """Checked Gaussians from the fields of a file; infinite opacities are clipped."""
-    check_fields(fields, report)
-    position, log_scale, rotation, logit, dc, rest = fields
-    return Gaussians(position, log_scale, rotation, _bounded(logit), dc, rest)
-
-
-def check_splats(path: Path, report: Report) -> int:
-    """Check everything that `read_splats` relies on, without decoding data that is always valid; returns the number of
-    splats.
-
-    Raises FormatError or InputError if the file is truncated or has an unknown layout.
-    """
-    tables = splat_tables(path)
-    vertex = tables["vertex"]
-    if WORDS[0] not in vertex:
-        check_fields(_plain(path, vertex), report)
-        return len(scalar(path, vertex, "x"))
-    count = {len(_words(path, vertex, name)) for name in WORDS}.pop()
-    _chunk_ranges(path, tables.get("chunk", {}), count, report)
-    _harmonic_bytes(path, tables.get("sh"), count)
-    return count
-
-
-def splat_tables(path: Path) -> dict[str, Table]:
-    """The elements of a file of splats."""
     header = read_header(path)
     if not describes_splats(header):
         raise FormatError(f"{path}: no Gaussians: its vertices have neither packed_position nor f_dc_0 and opacity")
@@ -93,7 +61,23 @@ def splat_tables(path: Path) -> dict[str, Table]:
     tables = read_tables(path, header)
     if count == 0:
         raise InputError(f"{path}: no Gaussians in it")
-    return tables
+    return gaussians_of(path, (_packed if WORDS[0] in tables["vertex"] else _plain)(path, tables))
+
+
+def gaussians_of(path: Path, fields: "Fields") -> Gaussians:
+    """Checked Gaussians from the fields of a file; infinite opacities are clipped."""
+    position, log_scale, rotation, logit, dc, rest = fields
+    logit = np.clip(logit, -LARGEST_LOGIT, LARGEST_LOGIT)
+    for name, field in (
+        ("position", position), ("scale", log_scale), ("rotation", rotation), ("opacity", logit), ("colour", dc),
+        ("harmonic", rest),
+    ):  # fmt: skip
+        finite = np.isfinite(field).reshape(len(field), -1).all(axis=1)
+        _refuse(path, ~np.asarray(finite), f"the {name} of splat {{}} is not finite")
+    with np.errstate(over="ignore", invalid="ignore"):
+        length = np.linalg.norm(rotation, axis=1)
+    _refuse(path, length < 1e-6, "the rotation of splat {} has no length")
+    return Gaussians(position, log_scale, rotation, logit, dc, rest)
 
 
 def check_count(path: Path, count: int) -> None:
@@ -106,8 +90,9 @@ Fields = tuple[Float32Array, Float32Array, Float32Array, Float32Array, Float32Ar
 """Positions, log scales, rotations, logits, constant harmonics and higher harmonics, as in `Gaussians`."""
 
 
-def _plain(path: Path, table: Table) -> Fields:
+def _plain(path: Path, tables: dict[str, Table]) -> Fields:
     """Fields of the schema of 3D Gaussian splatting: single numbers by name."""
+    table = tables["vertex"]
     count = sum(name.startswith("f_rest_") for name in table)
     if count % 3 or count // 3 not in COEFFICIENTS.values():
         raise FormatError(f"{path}: {count} properties f_rest_*, expected 0, 9, 24 or 45")
@@ -125,12 +110,12 @@ def _plain(path: Path, table: Table) -> Fields:
     )  # fmt: skip
 
 
-def _packed(path: Path, tables: dict[str, Table], report: Report) -> Fields:
+def _packed(path: Path, tables: dict[str, Table]) -> Fields:
     """Fields of PlayCanvas' compressed schema."""
     words = {name: _words(path, tables["vertex"], name) for name in WORDS}
     n = len(words[WORDS[0]])
     owner = np.arange(n) // CHUNK
-    ranges = _chunk_ranges(path, tables.get("chunk", {}), n, report)
+    ranges = _chunk_ranges(path, tables.get("chunk", {}), n)
     chunk = {name: column[owner] for name, column in ranges.items()}
     position = _between(chunk, "{}_x {}_y {}_z", _vector(words["packed_position"]))
     log_scale = _between(chunk, "{}_scale_x {}_scale_y {}_scale_z", _vector(words["packed_scale"]))
@@ -160,7 +145,7 @@ def _words(path: Path, table: Table, name: str) -> U32:
     return column.astype(np.uint32)
 
 
-def _chunk_ranges(path: Path, table: Table, count: int, report: Report) -> dict[str, NDArray[np.float64]]:
+def _chunk_ranges(path: Path, table: Table, count: int) -> dict[str, NDArray[np.float64]]:
     """The ranges of the chunks by name, shape (ceil(n / CHUNK),) each; finite and in order."""
     groups = [("x", "y", "z"), ("scale_x", "scale_y", "scale_z"), ("r", "g", "b")][: 3 if "min_r" in table else 2]
     of = [name for group in groups for name in group]
@@ -172,24 +157,17 @@ def _chunk_ranges(path: Path, table: Table, count: int, report: Report) -> dict[
     for name, column in ranges.items():
         with np.errstate(over="ignore"):
             finite = np.isfinite(column.astype(np.float32))  # the values are read in single precision
-        _tell(~finite, "{} of chunk {} is not finite", name, report)
+        _refuse(path, ~finite, f"{name} of chunk {{}} is not finite")
     for name in of:
-        low, high = ranges[f"min_{name}"], ranges[f"max_{name}"]
-        _tell(low > high, "{} of chunk {} is above its max", f"min_{name}", report)
-    for name in of[3:6]:
-        largest = ranges[f"max_{name}"]
-        odd = np.isfinite(largest) & (largest > LARGEST_LOG_SCALE)
-        _tell(odd, "{} of chunk {} is above any size: splats of e^20 m", f"max_{name}", report, warning)
+        _refuse(path, ranges[f"min_{name}"] > ranges[f"max_{name}"], f"min_{name} of chunk {{}} is above its max")
     return ranges
 
 
-def _tell(
-    bad: NDArray[np.bool_], what: str, name: str, report: Report, problem: Callable[[str], Problem] = error
-) -> None:
-    """Report the first of the bad rows, and the number of others."""
+def _refuse(path: Path, bad: NDArray[np.bool_], what: str) -> None:
+    """Refuse a file with bad rows, naming the first of them and the number of others."""
     if bad.any():
         more = int(bad.sum()) - 1
-        report(problem(what.format(name, int(np.argmax(bad))) + (f" ({more} more like it)" if more else "")))
+        raise FormatError(f"{path}: {what.format(int(np.argmax(bad)))}{f' ({more} more like it)' if more else ''}")
 
 
 def _unit(word: NDArray[np.integer], bits: int) -> NDArray[np.float64]:
@@ -212,12 +190,15 @@ def _between(chunk: dict[str, NDArray[np.float64]], names: str, share: NDArray[n
 def _rotation(word: U32) -> NDArray[np.float64]:
     """Quaternions (w, x, y, z) whose largest component, positive, is omitted, shape (n, 4)."""
     three = np.stack([(_unit(word >> shift, 10) - 0.5) * np.sqrt(2.0) for shift in (20, 10, 0)], axis=1)
-    largest = np.sqrt(np.maximum(0.0, 1.0 - (three**2).sum(axis=1)))
-    which = (word >> 30).astype(np.int64)
-    out = np.empty((len(word), 4))
-    rows = np.arange(len(word))
-    out[rows, which] = largest
-    for i in range(3):  # the others keep their order around it
+    return quaternions_of(three, (word >> 30).astype(np.int64))
+
+
+def quaternions_of(three: NDArray[np.float64], which: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Unit quaternions (n, 4) from three components (n, 3), in order around the omitted one, which is positive."""
+    out = np.empty((len(three), 4))
+    rows = np.arange(len(three))
+    out[rows, which] = np.sqrt(np.maximum(0.0, 1.0 - (three**2).sum(axis=1)))
+    for i in range(3):
         out[rows, i + (which <= i)] = three[:, i]
     return out
 
@@ -245,27 +226,6 @@ def _harmonics(path: Path, table: Table | None, count: int) -> Float32Array:
     return ((share - 0.5) * HARMONIC_RANGE).astype(np.float32).reshape(count, 3, -1)
 
 
-def _bounded(logit: Float32Array) -> Float32Array:
-    """Opacities clipped to LARGEST_LOGIT, including infinite ones."""
-    return np.clip(logit, -LARGEST_LOGIT, LARGEST_LOGIT)
-
-
-def check_fields(fields: Fields, report: Report) -> None:
-    """Report numbers that are not finite, sizes out of bounds and rotations of zero length."""
-    position, log_scale, rotation, logit, dc, rest = fields
-    for name, field in (
-        ("position", position), ("scale", log_scale), ("rotation", rotation), ("opacity", _bounded(logit)),
-        ("colour", dc), ("harmonic", rest),
-    ):  # fmt: skip
-        finite = np.isfinite(field).reshape(len(field), -1).all(axis=1)
-        _tell(~np.asarray(finite), "the {} of splat {} is not finite", name, report)
-    large = (np.isfinite(log_scale) & (log_scale > LARGEST_LOG_SCALE)).any(axis=1)
-    _tell(np.asarray(large), "the {} of splat {} is above any size: e^20 m", "scale", report, warning)
-    with np.errstate(over="ignore", invalid="ignore"):
-        length = np.linalg.norm(rotation, axis=1)
-    _tell(length < 1e-6, "the {} of splat {} has no length", "rotation", report)
-
-
 def discs(path: Path, splats: Gaussians) -> RawMesh:
     """A square across each opaque Gaussian, in the file's units: used to find units and axes, as for a mesh."""
     opaque = np.flatnonzero(splats.opacity > 0.5)
@@ -275,11 +235,4 @@ def discs(path: Path, splats: Gaussians) -> RawMesh:
     wide = np.argsort(some.log_scale, axis=1)[:, :0:-1]  # the two larger axes
     rows = np.arange(len(some))
     u, v = (some.axes[rows, :, wide[:, k]] * some.scale[rows, wide[:, k]][:, None] for k in range(2))
-    corners = np.stack([some.position - u - v, some.position + u - v, some.position + u + v, some.position - u + v], 1)
-    halves = np.array([[0, 1, 2], [0, 2, 3]])
-    faces = (4 * rows[:, None, None] + halves).reshape(-1, 3)
-    return RawMesh(
-        path=path, vertices=corners.reshape(-1, 3).astype(np.float64), faces=faces, colors=None, paint=None,
-        face_node=np.full(len(faces), -1, dtype=np.int32), node_names=(), up="", unit_metres=0.0, notes=(),
-        of_splats=True,
-    )  # fmt: skip
+    return squares(path, some.position, u, v, of_splats=True)

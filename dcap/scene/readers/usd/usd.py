@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.packages import module_command
-from dcap.scene.errors import FormatError, InputError, Report, error
+from dcap.scene.errors import FormatError, InputError
 from dcap.scene.readers.files import PixelBudget, read_bytes, read_image
 from dcap.scene.readers.mesh.raw import RawMesh
 from dcap.scene.readers.usd import usd_stage
@@ -36,11 +36,8 @@ MEMORY = 4 << 30
 """Address space allowed [bytes], half of it for the library itself, and in addition a hundred times the file."""
 
 
-def read_usd(path: Path, report: Report | None = None) -> RawMesh:
-    """Read every mesh of a stage; helpers and hidden meshes only if there are no others.
-
-    With a `report`, the first problem is reported and raised: the rest of the stage is not checked.
-    """
+def read_usd(path: Path) -> RawMesh:
+    """Read every mesh of a stage; helpers and hidden meshes only if there are no others."""
     data = read_bytes(path)
     if not data.startswith(MAGIC):
         raise FormatError(f"{path}: not a USD file: neither text, binary nor package")
@@ -59,8 +56,6 @@ def read_usd(path: Path, report: Report | None = None) -> RawMesh:
         raise FormatError(f"{path}: the USD library did not finish within {MOST_SECONDS} s") from None
     if done.returncode == usd_stage.REFUSED:
         found = json.loads(done.stdout.splitlines()[-1])
-        if report is not None:
-            report(error(found["message"].removeprefix(f"{path}: ")))
         raise (FormatError if found["broken"] else InputError)(found["message"])
     if done.returncode:
         raise FormatError(

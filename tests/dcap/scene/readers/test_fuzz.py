@@ -33,8 +33,7 @@ from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.scan import Scan
 from dcap.scene.writers.gaussians import write_compressed_splats, write_splats
 from dcap.scene.writers.glb import Node, glb_bytes
-from dcap.scene.writers.interiorgs import write_ply
-from dcap.scene.writers.objects import write_object
+from dcap.scene.writers.meshes import write_object, write_ply
 
 MANY = int(os.environ.get("DCAP_FUZZ_EXAMPLES", "50"))
 """Changes per format that the slow test tries."""

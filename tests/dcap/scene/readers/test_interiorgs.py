@@ -14,8 +14,7 @@ from dcap.scene.errors import InputError
 from dcap.scene.readers.frame import Role
 from dcap.scene.readers.scenes.interiorgs import read_labels, read_structure
 from dcap.scene.readers.scenes.sugar import find_mesh
-from dcap.scene.readers.source import read_scan
-from dcap.scene.readers.splat_scene import read_splat_scene
+from dcap.scene.readers.source import read_scan, read_splat_scene
 from dcap.scene.types.boxes import min_area_box
 from dcap.scene.types.sample import SourceOptions
 

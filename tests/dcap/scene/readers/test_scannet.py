@@ -20,7 +20,7 @@ from dcap.scene.readers.source_files import source_files, telling_folder
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.scan import Scan
-from dcap.scene.writers.interiorgs import write_ply
+from dcap.scene.writers.meshes import write_ply
 from tasks.mesh.stage import cleaned
 from tasks.segment.stage import SegmentConfig, segment
 

@@ -1,15 +1,15 @@
-"""COLMAP models as its programs read them, binary and as text."""
+"""COLMAP models as its programs read them."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
-from colmap_files import read_colmap, read_colmap_text
+from colmap_files import read_colmap
 from scipy.spatial.transform import Rotation
 
 from dcap.scene.errors import GeometryError
 from dcap.scene.types.pictures import ColmapModel, Pinhole, posed
-from dcap.scene.writers.sugar import write_colmap, write_colmap_text
+from dcap.scene.writers.sugar import write_colmap
 
 
 def model(images: int = 3, points: int = 5) -> ColmapModel:
@@ -40,25 +40,6 @@ def test_models_are_written_to_the_last_bit(tmp_path: Path) -> None:
     assert np.array_equal(read.colors, true.colors)
     write_colmap(tmp_path, model(0, 0))
     assert (read_colmap(tmp_path).images, len(read_colmap(tmp_path).points)) == ((), 0)
-
-
-def test_text_says_the_same(tmp_path: Path) -> None:
-    """With enough digits to restore the numbers; each picture is followed by an empty line of observations."""
-    true = model()
-    write_colmap_text(tmp_path, true)
-    read = read_colmap_text(tmp_path)
-    cameras = [[c.id, "PINHOLE", c.width, c.height, *c.focal, *c.center] for c in true.cameras]
-    assert read["cameras"] == [[str(word) for word in row] for row in cameras]
-    for words, blank, image in zip(read["images"][::2], read["images"][1::2], true.images, strict=True):
-        assert (words[0], words[8], " ".join(words[9:]), blank) == (
-            str(image.id),
-            str(image.camera_id),
-            image.name,
-            [""],
-        )
-        assert [float(word) for word in words[1:8]] == [*image.quaternion, *image.translation]
-    points = np.array(read["points3D"], dtype=float)
-    assert np.array_equal(points[:, 1:7], np.column_stack([true.points, true.colors]))
 
 
 def test_a_pose_is_world_to_camera() -> None:

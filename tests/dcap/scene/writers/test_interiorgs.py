@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.writers.interiorgs import write_interiorgs, write_ply
+from dcap.scene.writers.interiorgs import write_interiorgs
+from dcap.scene.writers.meshes import write_ply
 from dcap.synthetic.rooms import BuiltRoom, build_room
 
 

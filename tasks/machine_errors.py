@@ -2,6 +2,7 @@
 
 In: an exception. Out: the line with the path and the remedy, or None for a mistake of ours, whose traceback must be
 shown. Errors of Prefect's client are recognised by the modules of their classes, so nothing is imported for them.
+The address of the server, ours or a team's, is in $PREFECT_API_URL during a run, for this process and all its children.
 """
 
 import errno
@@ -14,9 +15,8 @@ from pathlib import Path
 from subprocess import SubprocessError
 
 from dcap.scene.errors import DcapError, InputError, MachineError
-from dcap.scene.secrets import redacted
+from dcap.scene.secrets import redacted, redacted_url
 from dcap.scene.settings import data_root, server_folder
-from dcap.scene.team_server import LOGIN, team_server
 from dcap.scene.text import shortened
 from dcap.scene.written_files import FULL
 
@@ -26,8 +26,6 @@ EXHAUSTED = (errno.EMFILE, errno.ENFILE)
 SERVER = ("httpx", "httpcore")
 """Packages whose errors mean that the server of the runs does not respond properly; Prefect's own errors are among
 them."""
-UNLOADED = ("failed to map segment", "annot allocate memory")
-"""Messages of the loader for a library that does not fit into memory."""
 NO_SERVER = "Failed to reach API"
 """Text of Prefect's plain RuntimeError if its server is gone."""
 GIVEN_UP = "Retry handling ended"
@@ -37,8 +35,12 @@ ANSWERS = (*SERVER, "prefect")
 UNAUTHORIZED, REFUSALS = 401, range(400, 500)
 LONGEST_PATH, LONGEST_WORDS = 200, 300
 """Maximum lengths of a path and of foreign text in a line [characters]."""
-ROOMY = 64 << 20
-"""Free space below which a disk is mentioned as a possible reason for a server problem [bytes]."""
+API_URL = "PREFECT_API_URL"
+"""Prefect's variable with the address of the server."""
+LOGIN = "PREFECT_API_AUTH_STRING"
+"""Prefect's variable with `NAME:PASSWORD` for clients."""
+OWN_URL = "DCAP_OWN_SERVER"
+"""Variable with the address of the server started by this project."""
 
 
 def machine_error(error: BaseException) -> MachineError | None:
@@ -50,15 +52,21 @@ def machine_error(error: BaseException) -> MachineError | None:
     if isinstance(error, MemoryError):
         words = f" ({error})" if str(error) else ""
         return MachineError(f"out of memory{words}; {_knob_of_memory()}")
-    if isinstance(error, ImportError) and any(words in str(error) for words in UNLOADED):
-        return MachineError(f"out of memory, or of the address space of a limit (ulimit -v): {_words(error)}")
     if isinstance(error, SubprocessError):
         return MachineError(redacted(_words(error)))
     if _status(error) == UNAUTHORIZED:
-        return MachineError(_of_log_in())
+        wants = f"rejects the value of {LOGIN}" if os.environ.get(LOGIN) else "requires authentication"
+        server = team_server() or "of this program"
+        return MachineError(f"the Prefect server {server} {wants}; set {LOGIN}=NAME:PASSWORD")
     if _of_server(error):
         return MachineError(redacted(f"the Prefect server: {_words(error)}; {_of_the_server()}"))
     return None
+
+
+def team_server() -> str:
+    """Address of a team's server, without secrets; empty if the server is our own or there is none."""
+    url = os.environ.get(API_URL, "")
+    return "" if url == os.environ.get(OWN_URL) else redacted_url(url)
 
 
 @contextmanager
@@ -124,11 +132,11 @@ def _room(path: str) -> str:
     places = [("its folder", Path(path) if Path(path).is_dir() else Path(path).parent)] if path else []
     places += [("DCAP_DATA", data)] if data else []
     places += [("TMPDIR", Path(tempfile.gettempdir())), ("the working directory", Path(os.curdir))]
-    told = [f"{free_space(place) / 2**20:.0f} MiB in {name} ({place})" for name, place in places]
-    return f"free space: {', '.join(told)}; make room, or set DCAP_DATA, TMPDIR or --out to another disk"
+    free = [f"{_free_space(place) / 2**20:.0f} MiB in {name} ({place})" for name, place in places]
+    return f"free space: {', '.join(free)}; make room, or set DCAP_DATA, TMPDIR or --out to another disk"
 
 
-def free_space(path: Path) -> int:
+def _free_space(path: Path) -> int:
     """Free bytes on the disk of a folder, which need not exist yet; 0 if unknown."""
     nearest = next((one for one in (path, *path.absolute().parents) if os.path.isdir(one)), Path(os.sep))
     try:
@@ -139,39 +147,15 @@ def free_space(path: Path) -> int:
 
 def _of_the_server() -> str:
     """Advice for a server of the runs that does not respond properly."""
-    team = team_server()
-    return f"PREFECT_API_URL names {team}: see there, or unset the variable" if team else _full() or _log()
-
-
-def _of_log_in() -> str:
-    """Requirements of a server that rejects our log-in."""
-    wants = f"rejects the value of {LOGIN}" if os.environ.get(LOGIN) else "requires authentication"
-    return f"the Prefect server {team_server() or 'of this program'} {wants}; set {LOGIN}=NAME:PASSWORD"
+    if team := team_server():
+        return f"{API_URL} names {team}: see there, or unset the variable"
+    return f"its log is {server_folder() / 'server.log'}" if _data_root() else "see its log"
 
 
 def _status(error: BaseException) -> int:
     """The status of a server's response; 0 for any other error."""
     status = getattr(getattr(error, "response", None), "status_code", 0) if _of_server(error) else 0
     return status if isinstance(status, int) else 0
-
-
-def _full() -> str:
-    """A note that the disk of our own server is full, or an empty text."""
-    folder = _server_folder()
-    if folder is None or (free := free_space(folder)) > ROOMY:
-        return ""
-    return f"its disk has {free / 2**20:.0f} MiB left: make room in {folder}, or set DCAP_DATA to another disk"
-
-
-def _log() -> str:
-    """The place of our own server's log."""
-    folder = _server_folder()
-    return f"its log is {folder / 'server.log'}" if folder else "see its log"
-
-
-def _server_folder() -> Path | None:
-    """Folder with the database of our own server; None if there is no data folder."""
-    return server_folder() if _data_root() else None
 
 
 def _knob_of_memory() -> str:
