@@ -140,6 +140,7 @@ def test_the_wheel_carries_what_lies_beside_modules(installed: Path) -> None:
     assert [name for name in names if (site / name).read_bytes() != (ROOT / name).read_bytes()] == []
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_the_wheel_is_typed(installed: Path, tmp_path: Path) -> None:
     """A type checker sees the face of an installed dcap: a misspelt option is an error, what is right is none."""

@@ -9,6 +9,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from fake_api import FakeApi, data_of, error, message, question_of, says
@@ -39,8 +40,9 @@ OTHERS = (
 
 
 @pytest.fixture(autouse=True)
-def few_resamples(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Intervals are not what is tested here."""
+def quick_judging(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Few resamples and examples of one colour: neither intervals nor the examples' pictures are tested here."""
+    monkeypatch.setattr("dcap.evaluation.judging.questions.drawn", lambda *_: np.zeros((8, 10, 3), dtype=np.uint8))
     monkeypatch.setattr("flows.judge_run.method_table", partial(method_table, resamples=50))
     monkeypatch.setattr("flows.judge_run.write_comparison_table", partial(write_comparison_table, resamples=50))
 

@@ -1,13 +1,16 @@
 """`dcap language check` asks the real questions, tells what it took, and ends at the first refusal."""
 
 import json
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 from fake_api import FakeApi, fails, message, offline_model, question_of, says
+from questions_at_hand import label_request
 
 from flows.cli.app import main
+from flows.language_check import label_answer
 
 
 @pytest.fixture(autouse=True)
@@ -30,6 +33,7 @@ class Model:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_dozen_questions_are_asked_and_told(api: FakeApi, capsys: pytest.CaptureFixture[str]) -> None:
     """Each kind of the stages' questions and the judge's, with what is right, tokens and cost."""
     api.answers = [Model()]
@@ -42,12 +46,23 @@ def test_a_dozen_questions_are_asked_and_told(api: FakeApi, capsys: pytest.Captu
     assert [question_of(body) for body in api.asked] == [*kinds, "judge_pair"]
 
 
-@pytest.mark.slow
-def test_wrong_answers_are_rows_too(api: FakeApi, capsys: pytest.CaptureFixture[str]) -> None:
-    """A model that says nothing of use is wrong in each row, and every question is asked."""
+def test_wrong_answers_are_rows_too(
+    api: FakeApi, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A model that says nothing of use is wrong in each row, and the next question is asked."""
+    monkeypatch.setattr("flows.language_check.make_dataset", lambda *_, **__: None)
+    monkeypatch.setattr(
+        "flows.language_check.answers",
+        lambda _, meter: [
+            meter.row("label", wanted, partial(label_answer, meter, label_request(), wanted))
+            for wanted in ("bed", "sofa")
+        ],
+    )
     api.answers = [says("nonsense")]
     assert main(["language", "check", "--language", "anthropic"]) == 0
-    assert capsys.readouterr().out.splitlines()[-1].startswith("0 of 12 right")
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines[:-1]] == ["wrong", "wrong"]
+    assert lines[-1].startswith("0 of 2 right")
 
 
 def test_the_first_refusal_ends_it(api: FakeApi, capsys: pytest.CaptureFixture[str]) -> None:

@@ -153,6 +153,7 @@ def begun(folder: Path, run: Any) -> int:
     return int((folder / "begun").read_text())
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_killed_benchmark_goes_on(tmp_path: Path, pages: PrefectPages, busy: Path) -> None:
     """Its job ends with it. The next run says that it has crashed, finishes, and repeats nothing that was finished."""
@@ -240,6 +241,7 @@ def test_samples_go_on_without_their_server(tmp_path: Path, busy: Path) -> None:
     assert "Traceback" not in err
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_an_interrupted_benchmark_ends_at_once(tmp_path: Path, busy: Path) -> None:
     """Although one stage computes in a thread and another in a process of its own; no process stays, its server

@@ -19,13 +19,13 @@ from dcap.scene.types.measures import Drift
 from dcap.scene.types.sample import GivenPlace, Sample
 from dcap.scene.types.segmentation import SegmentedObject
 from dcap.scene.types.settled import EndPose
-from flows import repeats
 from flows.methods import place_by
 from flows.place import STAGES, PlaceConfig, place
 from flows.repeats import COARSER
 from tasks.artifact import Ref, Store
 from tasks.cache import Stage, plain_input
 from tasks.particles.config import ParticlesConfig
+from tasks.drop.stage import drop_task
 from tasks.posed.stage import posed
 
 FLOWS = PROJECT_ROOT / "flows"
@@ -118,13 +118,13 @@ def test_a_repeat_that_is_refused_leaves_the_first_drop(
     answers = iter([EndPose((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))] * elsewhere + [None])
     monkeypatch.setattr("flows.repeats.ended_elsewhere", lambda _: next(answers))
     monkeypatch.setattr("flows.repeats.broke_down", lambda _: broke)
-    calls, first = [], repeats.drop_task
+    calls: list[object] = []
 
     def drop_once(*given: Any, **options: Any) -> Any:
         calls.append(given)
         if len(calls) > 1:
             raise GeometryError("too few particles")
-        return first(*given, **options)
+        return drop_task(*given, **options)
 
     monkeypatch.setattr("flows.repeats.drop_task", drop_once)
     place(sample, PlaceConfig())

@@ -11,6 +11,7 @@ from tasks.case.run import run_case
 CYLINDER, BALL, COVER = "a flat cylinder", "a ball, E 2e4", "a ball on a bonded cover"
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [pytest.param(one, marks=[pytest.mark.long] * (one != BALL)) for one in REFERENCES])
 def test_it_sinks_as_deep_as_the_reference(name: str, tmp_path: Path) -> None:

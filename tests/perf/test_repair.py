@@ -20,7 +20,7 @@ def assert_good(rows: list[PartRepair]) -> None:
     assert all(r.report.closed and r.report.hausdorff <= r.report.tolerance for r in rows)
 
 
-@pytest.mark.parametrize("name", ["hall_01", pytest.param("kids_01", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["hall_01", pytest.param("kids_01", marks=[pytest.mark.slow, pytest.mark.long])])
 def test_every_support_of_an_embedded_room_is_closed(name: str) -> None:
     """What the segmentation finds in a room's files, each support by itself; all rooms: `python -m perf.repair`."""
     rows = list(room_rows(name))

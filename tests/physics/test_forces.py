@@ -59,6 +59,7 @@ def test_the_clamp_of_a_foam_block_carries_what_lies_on_it(lab, kind):
     assert result.certificate.signals.force_residual.value < SHARE
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_two_blocks_on_foam_add_up(lab):
     """The clamp carries both weights, and each contact its own."""

@@ -42,6 +42,7 @@ def test_a_guided_cube_rests_on_its_edge(tmp_path):
     assert result["certificate"]["kick"]["done"]
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_free_one_falls_over(tmp_path):
     """Without the guide the same cube comes to lie on a face."""

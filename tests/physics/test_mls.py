@@ -347,6 +347,7 @@ def test_a_soft_ball_on_a_soft_slab_stops_bouncing(lab):
     assert result.contacts[0].normal_force_n == pytest.approx(200.0 * 4 / 3 * np.pi * 0.06**3 * lab.gravity, rel=0.02)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_rigid_bodies_stand_on_each_other_beside_the_material(lab):
     """A rigid cube on a rigid floor comes to rest on it while a soft body rests elsewhere."""

@@ -102,6 +102,7 @@ def test_what_does_not_rest_is_not_graded(lab):
     assert result.certificate.stability.done is False
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_ball_rolls_where_its_resistance_ends(lab):
     """F / W = b / R = 0.07; on the way it leans on the compliant spring of friction.py and comes back slowly."""

@@ -11,7 +11,7 @@ from datetime import UTC, datetime
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
-from api_rules import ANTHROPIC_RULES, Body, Call, anthropic_shape, refusal
+from api_rules import Body, Call, anthropic_refusal
 from pydantic import TypeAdapter
 
 from dcap.evaluation.sampling.questions import SAMPLES
@@ -60,15 +60,14 @@ class FakeApi:
 
     def checked(self, body: Body) -> Answer:
         """The reply to a question of a batch."""
-        wrong = refusal(Call(body, headers=HEADERS), ANTHROPIC_RULES, anthropic_shape)
-        return self.message(body) if wrong is None else error(wrong.status, wrong.kind, wrong.message)
+        wrong = anthropic_refusal(Call(body, headers=HEADERS))
+        return error(400, "invalid_request_error", wrong) if wrong else self.message(body)
 
     def post(self, call: Call) -> Answer:
         """What a POST returns."""
         path, body = call.path, call.body
-        wrong = refusal(call, ANTHROPIC_RULES, anthropic_shape)
-        if wrong is not None:
-            return error(wrong.status, wrong.kind, wrong.message)
+        if wrong := anthropic_refusal(call):
+            return error(400, "invalid_request_error", wrong)
         if path == "/v1/messages":
             return self.message(body)
         name = f"msgbatch_{len(self.batches)}"

@@ -1,14 +1,13 @@
 """A stand-in for a server of chat completions on the loopback interface, with the same models as Anthropic's stand-in.
 
 What comes is put into the form of the Messages API, given to the model, and the reply put back. It refuses what the
-real one refuses (openai_rules.py).
+real one refuses (api_rules.py).
 """
 
 from typing import Any
 
-from api_rules import Body, Call, Refusal, refusal
+from api_rules import Body, Call, openai_refusal
 from fake_api import Answer, FakeApi
-from openai_rules import OPENAI_RULES, openai_shape
 
 
 class FakeOpenAi(FakeApi):
@@ -25,21 +24,17 @@ class FakeOpenAi(FakeApi):
     def post(self, call: Call) -> Answer:
         """What a POST returns."""
         if call.path != "/v1/chat/completions":
-            return failure(Refusal(f"Invalid URL (POST {call.path})", 404))
+            return failure(404, f"Invalid URL (POST {call.path})")
         self.raw.append(call.body)
-        wrong = refusal(call, OPENAI_RULES, openai_shape)
-        if wrong is not None:
-            return failure(wrong)
+        if wrong := openai_refusal(call):
+            return failure(400, wrong)
         status, reply = self.message(as_messages(call.body))
-        if status == 200:
-            return status, completion(reply)
-        return failure(Refusal(reply["error"]["message"], status, reply["error"]["type"]))
+        return (status, completion(reply)) if status == 200 else failure(status, reply["error"]["message"])
 
 
-def failure(wrong: Refusal) -> Answer:
+def failure(status: int, text: str) -> Answer:
     """An error as this API gives it."""
-    told = {"message": wrong.message, "type": wrong.kind, "param": wrong.param, "code": wrong.code}
-    return wrong.status, {"error": told}
+    return status, {"error": {"message": text, "type": "invalid_request_error", "param": None, "code": None}}
 
 
 def as_messages(body: Body) -> Body:

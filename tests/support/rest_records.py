@@ -1,10 +1,12 @@
 """A certificate, contact and history with every kind of row, for tests that need some drop's records."""
 
-import numpy as np
+from dataclasses import replace
 
-from dcap.scene.types.measures import Drift, Indentation, Measures, RefereeMeasures
-from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.pictures import JudgedViews, SceneBefore, Sights
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.scene.types.mesh import AlphaMode, MaterialMap, Mesh, Paint, SourceSurface, SurfaceMaterial
+from dcap.scene.types.pictures import Renders, Visibility
 from dcap.scene.types.settled import LastState, PlacementChecks, Settled, SettledBody
 from solver.certificate import (
     BodyStability,
@@ -81,26 +83,6 @@ LAST = LastState(
 )  # fmt: skip
 
 
-def motion_records() -> tuple[object, ...]:
-    """One of each type that tells how a drop went."""
-    return *FRAMES.bodies, FRAMES, STRESSED
-
-
-def measured_records() -> tuple[object, ...]:
-    """One of each type that says what was measured of a final state."""
-    return (
-        Measures(
-            "3", "bed", "mattress", np.zeros(3), np.array([0.0, 1.0, 0.0]), 0.0, 0.01, float("inf"), 0.0, float("-inf")
-        ),
-        Indentation(0.012, 0.0123),
-        JudgedViews(*[np.zeros((2, 2, 3), np.uint8)] * 2),
-        SceneBefore(*[np.zeros((2, 2, 3), np.uint8)] * 2),
-        Sights(np.ones(4), np.ones(3), np.zeros((3, 3)), np.zeros((2, 3)), np.zeros((8, 3)), -90.0),
-        Drift(0.0, 0, float("inf"), float("inf"), float("inf"), "it starts 2 mm inside"),
-        RefereeMeasures(1e-4, 0.1, True, "3", 2e-4, 1.0, 5e-5),
-    )
-
-
 def settled_record(mesh: Mesh) -> Settled:
     """A rest state of one body with this surface of 60 vertices, with all that may be known of it."""
     body = SettledBody("object", mesh, np.zeros(3), np.array([1.0, 0, 0, 0]), np.zeros((60, 3)))
@@ -108,3 +90,18 @@ def settled_record(mesh: Mesh) -> Settled:
         Verdict.AT_REST, (body,), (CONTACT,), np.zeros((0, 3)), implicit_certificate(), history(200), 200, 1.5, (),
         CHECKS, FRAMES, (STRESSED,), (np.zeros((3, 3), np.float32),),
     )  # fmt: skip
+
+
+def painted_records(picture: NDArray[np.uint8]) -> tuple[object, ...]:
+    """A textured surface and its paint, pictures and what is seen in them."""
+    uv = np.linspace(0.0, 1.0, 6).reshape(1, 3, 2)
+    paint = Paint(np.full((1, 3), 200, np.uint8), np.zeros(1, np.int32), uv, (picture,))
+    seen = Visibility(np.ones((3, 4)), 0.25)
+    renders = Renders(picture, picture, picture, 0.75, np.zeros(3), np.ones(3), picture, picture, picture, seen)
+    triangle = Mesh.of(np.eye(3), [[0, 1, 2]])
+    part = MaterialMap(1, 1, 0.5)
+    said = SurfaceMaterial("glass", AlphaMode.MASK, 0.25, 0.5, 0.0, None, (0.1, 0.2, 0.3), False, normal_map=part)
+    clear = np.dstack([picture, picture[..., 0]])
+    full = replace(paint, textures=(clear, picture), face_material=np.zeros(1, np.int32), materials=(said,),
+                   more_uv=(uv,))  # fmt: skip
+    return paint, full, part, said, SourceSurface(triangle, full), SourceSurface.untextured(), seen, renders

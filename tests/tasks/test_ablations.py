@@ -19,8 +19,7 @@ from dcap.scene.types.segmentation import Segmentation, SegmentedObject, Segment
 from tasks.anchor.stage import AnchorConfig, anchor
 from tasks.intent.stage import IntentConfig
 from tasks.materials.stage import MaterialsConfig, materials
-from tasks.rotation.pose_pictures import TILES_IN_A_ROW, by_side
-from tasks.rotation.stage import RotationConfig, others, rotation
+from tasks.rotation.stage import RotationConfig, rotation
 
 OFFLINE = Stages()
 RADIUS = 0.05
@@ -72,13 +71,6 @@ def middle(name: str, rows: list[Material]) -> float:
     return float(np.exp(np.log(values).mean()) if name == "youngs_modulus" else values.mean())
 
 
-def test_blending_and_clamping_are_changes_of_constants_alone():
-    """Neither chooses other rows."""
-    usual = [row.material.id for row in made_of().rows]
-    for settings in ({"blended": True}, {"paper_limits": True}):
-        assert [row.material.id for row in made_of(**settings).rows] == usual
-
-
 @pytest.mark.parametrize("factor", [0.01, 0.2, 1.0, 6.0, 100.0])
 def test_without_a_prior_a_size_is_that_of_the_file(factor: float):
     """Of a mug in centimetres, of a toy mug and of one as large as a house; otherwise all but the first become mugs."""
@@ -128,38 +120,6 @@ def test_twelve_pictures_are_four_times_the_three():
     assert replace(more.requests[0], pictures=()) == replace(usual.requests[0], pictures=())
     np.testing.assert_array_equal(few.matrix, many.matrix)
     assert many.pictures == few.pictures == ()  # nobody looked before the answer
-
-
-def test_one_more_picture_shows_all_other_poses():
-    """Each listed pose but the flips is named once on it, poses that differ by a turn about the vertical on one tile;
-    nothing else is asked otherwise."""
-    usual, more = Asked(), Asked()
-    prompt = "put the plush toy on the bed"
-    few, many = turned(prompt, usual), turned(prompt, more, pose_strip=True)
-    before, after = usual.requests[0], more.requests[0]
-    assert [one.name for one in after.pictures[:-1]] == [one.name for one in before.pictures]
-    assert "each with its id below it" in after.pictures[-1].name
-    shown = others(after.poses)
-    assert {one.id for one in after.poses} - {one.id for one in shown} == {"flip_x", "flip_y", "flip_z"}
-    tiles = by_side(shown)
-    assert sorted(one.id for tile in tiles for one in tile) == sorted(one.id for one in shown)
-    assert next(len(tile) for tile in tiles if tile[0].id == "upright") > 1  # some stable pose is the file's
-    size = PICTURE_SIZE // 2
-    height, width, _ = after.pictures[-1].make().shape
-    assert width >= TILES_IN_A_ROW * size
-    assert height >= -(-len(tiles) // TILES_IN_A_ROW) * size
-    assert replace(after, pictures=()) == replace(before, pictures=())
-    np.testing.assert_array_equal(few.matrix, many.matrix)
-
-
-def test_no_pose_is_drawn_where_nobody_looks(monkeypatch: pytest.MonkeyPatch):
-    """The offline client makes none of the pictures that it is offered."""
-
-    def drawn(*_: object, **__: object) -> None:
-        raise AssertionError("a picture was made")
-
-    monkeypatch.setattr("tasks.rotation.pose_pictures.picture", drawn)
-    turned("put the plush toy on the bed", Asked(), views=12, pose_strip=True)
 
 
 def placed(prompt: str, room: Segmentation, **settings: object) -> Anchor | Infeasible:

@@ -14,9 +14,8 @@ import small_stages
 from patience import wait_until
 from small_stages import CHAIN, MakeConfig, chain, computed, ends_of, record_of
 
-from dcap.scene.errors import GeometryError, StoreError
+from dcap.scene.errors import GeometryError
 from dcap.scene.settings import PROJECT_ROOT
-from dcap.scene.types.materials import Material
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Infeasible, Reason
 from tasks import run_context
@@ -27,8 +26,6 @@ from tasks.records import FileLocks, find_record, key_of
 from tasks.run_context import Event, Mode
 
 Caller = Callable[[Callable[[], Any]], Any]
-
-FOAM = Material("foam", 30.0, 1e4, 0.3, 0.6, 0.5, 0.0, "soft", "test")
 
 
 @pytest.fixture(autouse=True)
@@ -113,24 +110,6 @@ def test_an_infeasible_passes_through() -> None:
     for _ in range(2):
         assert small_stages.refuse_task(a_mesh()).infeasible
     assert computed() == ["refuse"]
-
-
-def test_a_look_computes_nothing_and_goes_on() -> None:
-    """What is not known is pending, and so is what depends on it; what is known is returned."""
-    refs, ends = ends_of(chain, mode=Mode.LOOKUP)
-    assert [ref.pending for ref in refs] == [True] * 4
-    assert set(ends.values()) == {Event.MISSING}
-    first = chain()
-    assert ends_of(chain, mode=Mode.LOOKUP) == (first, dict.fromkeys(CHAIN, Event.CACHED))
-    next(Store.default().folder(first[2]).iterdir()).unlink()
-    _, ends = ends_of(chain, mode=Mode.LOOKUP)
-    assert list(ends.values()) == [Event.CACHED, Event.CACHED, Event.MISSING, Event.MISSING]
-
-
-def test_an_input_of_another_kind_is_refused() -> None:
-    """The line names the stage and the input."""
-    with pytest.raises(StoreError, match="stage double: mesh is a Material"):
-        small_stages.double_task(Store.default().save(FOAM))  # type: ignore[arg-type]
 
 
 DAMAGES: dict[str, Callable[[Path], object]] = {

@@ -115,27 +115,6 @@ def test_what_is_saved_while_a_program_runs_is_the_next_programs(root: Path) -> 
     assert found(root) != before
 
 
-def test_a_file_saved_as_the_program_starts_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nobody knows which state of it was loaded; one that is saved later is not asked for."""
-    path = PROJECT_ROOT / "dcap" / "scene" / "errors.py"
-    code.code_at_begin.cache_clear()
-    monkeypatch.setattr(code, "LOADED_NS", path.stat().st_mtime_ns - 1)
-    with pytest.raises(StoreError, match=r"has changed while this program started"):
-        code.code_at_begin((PROJECT_ROOT / "tasks/cache.py",))
-    code_of(PROJECT_ROOT / "tasks/cache.py")
-
-
-def test_a_data_file_that_changes_while_a_stage_reads_it_is_refused(root: Path) -> None:
-    """It is read when the stage runs, so its result is not kept."""
-    one = found(root)
-    code.check_data_files(one, root)
-    (root / "dcap/scene/late.py").write_text("def late(): return 9\n")
-    code.check_data_files(one, root)
-    (root / "materials.csv").write_text("foam,31\n")
-    with pytest.raises(StoreError, match=r"materials.csv has changed while this program runs"):
-        code.check_data_files(one, root)
-
-
 def test_an_installed_dcap_has_the_same_digests(root: Path) -> None:
     """A wheel has the data files in dcap/_resources; they count under the same names, files at its root do not."""
     (root / "prompts").mkdir()
@@ -162,3 +141,24 @@ def test_who_answers_counts() -> None:
         assert files >= lexicon | {"dcap/language/offline/client.py", "dcap/language/model/client.py"}, one.name
         assert "prompts/common.j2" in files
         assert not files & {"dcap/language/model/batch.py", "tasks/cache.py"}
+
+
+def test_a_file_saved_as_the_program_starts_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nobody knows which state of it was loaded; one that is saved later is not asked for."""
+    path = PROJECT_ROOT / "dcap" / "scene" / "errors.py"
+    code.code_at_begin.cache_clear()
+    monkeypatch.setattr(code, "LOADED_NS", path.stat().st_mtime_ns - 1)
+    with pytest.raises(StoreError, match=r"has changed while this program started"):
+        code.code_at_begin((PROJECT_ROOT / "tasks/cache.py",))
+    code_of(PROJECT_ROOT / "tasks/cache.py")
+
+
+def test_a_data_file_that_changes_while_a_stage_reads_it_is_refused(root: Path) -> None:
+    """It is read when the stage runs, so its result is not kept."""
+    one = found(root)
+    code.check_data_files(one, root)
+    (root / "dcap/scene/late.py").write_text("def late(): return 9\n")
+    code.check_data_files(one, root)
+    (root / "materials.csv").write_text("foam,31\n")
+    with pytest.raises(StoreError, match=r"materials.csv has changed while this program runs"):
+        code.check_data_files(one, root)

@@ -41,13 +41,12 @@ def read(name: str, label: str, role: Role) -> Segmentation:
 @pytest.mark.parametrize(
     ("support", "label", "item", "prompt", "part"),
     [
-        (TABLE, "table", MUG, "put the mug on the table", "top"),
         (TABLE, "table", MUG, "put the mug upside down near the edge of the table", "top"),
         (BED, "bed", KOALA, "put the koala on the bed facing the pillows", "mattress"),
-        (BED, "bed", SHOE, "put the shoe on the bed next to the pillow", "blanket"),
-        (SOFA, "sofa", BALL, "put the ball on the sofa", "seat cushion"),
         (SOFA, "sofa", BALL, "put the ball on the left arm of the sofa", "arm"),
-        ("room_myroom_mit/bed.glb", "", KOALA, "put the koala on the bed", "mattress"),
+        pytest.param(
+            "room_myroom_mit/bed.glb", "", KOALA, "put the koala on the bed", "mattress", marks=pytest.mark.long
+        ),
     ],
 )
 def test_object_starts_one_centimetre_over_the_asked_part(support, label, item, prompt, part):

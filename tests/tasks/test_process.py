@@ -27,14 +27,6 @@ def quiet(part: float, text: str) -> None:
     """Hear nothing."""
 
 
-def test_a_job_has_the_surroundings_of_who_asks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Also those that have changed since the first one: a variable, the working directory."""
-    run_in_process(surroundings, on_progress=quiet)
-    monkeypatch.setenv("DCAP_SOMETHING", "new")
-    monkeypatch.chdir(tmp_path)
-    assert run_in_process(surroundings, on_progress=quiet) == ("new", str(tmp_path), True)
-
-
 def test_nothing_outlives_a_job() -> None:
     """What it has started and did not wait for is killed when it has ended."""
     pid = run_in_process(orphan, on_progress=quiet)

@@ -9,7 +9,6 @@ from box_rooms import CUBE, HALL, ROOM, block, thing, toy
 from fake_api import FakeApi, offline_model, question_of, reason_of, self_willed
 from stage_chain import Stages
 
-from dcap.geometry.placement.poses import about_z
 from dcap.language.protocol.client import ClientName
 from dcap.scene.errors import LanguageError
 from dcap.scene.types.choices import Intent
@@ -97,29 +96,6 @@ def test_the_scale_follows_the_sizes_of_the_reply(api: FakeApi, model: Stages, e
     found = meant(model, item=thing("cube", block((0.0, 0.0, 0.0), (edge, edge, edge))))
     assert found.scale == pytest.approx(scale, rel=1e-3)
     assert found.size == pytest.approx([edge * scale] * 3)
-
-
-def test_mass_and_hollowness_are_those_of_the_reply(api: FakeApi, model: Stages):
-    """3 kg at the size it has; hollow, so its density is made to fit, and the mass goes with the surface."""
-    told = {"size": (0.06, 0.06, 0.06), "alternative_sizes": (), "spread": 1.5, "mass": 3.0, "hollow": True}
-    api.answers = [self_willed(intent=told)]
-    found = meant(model)
-    assert (found.mass, found.hollow) == (pytest.approx(3.0), True)
-    assert "so that the whole weighs 3 kg" in model.made_of(ON_THE_BED, CUBE).rows[0].reason
-    api.answers = [self_willed(intent=told | {"size": (0.05, 0.05, 0.05)})]
-    assert meant(model, "put this cube on the bed").mass == pytest.approx(3.0 * 1.2**2)
-
-
-def test_a_further_turn_is_about_the_vertical(api: FakeApi, model: Stages):
-    """30 degrees from the pose of the file, and from one that is upside down whatever the sentence says."""
-    thirty = about_z(np.radians(30))
-    told = {"facing_id": "keep", "turn_deg": 30.0, "quaternion": None}
-    api.answers = [self_willed(rotation=told | {"pose_id": "upright"})]
-    assert model.oriented(ON_THE_BED, CUBE).matrix == pytest.approx(thirty, abs=1e-9)
-    api.answers = [self_willed(rotation=told | {"pose_id": "flip_x"})]
-    flipped = model.oriented("put the cube upright on the bed", CUBE)
-    assert flipped.candidate == "flip_x"
-    assert flipped.matrix == pytest.approx(thirty @ np.diag([1.0, -1.0, -1.0]), abs=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -106,21 +106,6 @@ def test_a_name_through_a_link_to_a_folder_elsewhere_is_refused(
     assert list(store.refs()) == []
 
 
-@pytest.mark.parametrize("files", NAMING.values(), ids=NAMING)
-def test_a_name_through_a_link_within_the_folder_is_taken(store: Store, scene: Path, files: dict[str, str]) -> None:
-    """A link to a folder of the mesh's own, also where the mesh's folder lies behind a link that is the person's."""
-    path = naming(scene, files)
-    (scene / "own").mkdir()
-    (scene / "own" / "private.txt").write_text("not private")
-    (scene / "l").symlink_to("own")
-    (scene.parent / "mine").symlink_to("scene")
-    source = store.load(store.add_source(scene.parent / "mine" / path.name))
-    assert isinstance(source, Source)
-    copied = source.path.parent / "l" / "private.txt"
-    assert copied.read_text() == "not private"
-    assert not copied.parent.is_symlink()
-
-
 @pytest.mark.parametrize("name", [".ssh/id", "truth.yaml"])
 def test_hidden_files_and_truth_are_not_taken_by_their_name(store: Store, scene: Path, name: str) -> None:
     """What no link may show is not shown to a mesh that names it outright; its reader says why it is not there."""
@@ -132,17 +117,6 @@ def test_hidden_files_and_truth_are_not_taken_by_their_name(store: Store, scene:
         assert isinstance(source, Source)
         assert [one.name for one in source.path.parent.iterdir()] == [path.name]
     assert absence(name) == "is a hidden file or ground truth, which no mesh may name"
-
-
-def test_loops_pipes_and_links_to_folders_are_no_files(store: Store, scene: Path) -> None:
-    """They are passed over: nothing is read for ever and no other folder comes along."""
-    (scene / "loop").symlink_to("loop")
-    (scene / "up").symlink_to("..")
-    os.mkfifo(scene / "pipe")
-    os.mkfifo(scene / "a_vh_clean_2.ply")  # as the mesh of ScanNet's folders is called
-    source = store.load(store.add_source(scene))
-    assert isinstance(source, Source)
-    assert [path.name for path in source.path.iterdir()] == ["room.obj"]
 
 
 def test_an_obj_takes_its_textures_along(store: Store, tmp_path: Path) -> None:
@@ -220,3 +194,14 @@ def test_what_is_not_a_mesh_file_is_refused_unread(store: Store, tmp_path: Path)
             store.add_source(path)
         assert "\n" not in str(caught.value)
     assert list(store.refs()) == []
+
+
+def test_loops_pipes_and_links_to_folders_are_no_files(store: Store, scene: Path) -> None:
+    """They are passed over: nothing is read for ever and no other folder comes along."""
+    (scene / "loop").symlink_to("loop")
+    (scene / "up").symlink_to("..")
+    os.mkfifo(scene / "pipe")
+    os.mkfifo(scene / "a_vh_clean_2.ply")  # as the mesh of ScanNet's folders is called
+    source = store.load(store.add_source(scene))
+    assert isinstance(source, Source)
+    assert [path.name for path in source.path.iterdir()] == ["room.obj"]

@@ -61,15 +61,6 @@ def test_each_part_of_a_key_is_named() -> None:
         assert why(tree) == words
 
 
-def test_a_line_stays_a_line() -> None:
-    """Three files by name, the others by their number; long values are cut."""
-    known({"prompt": "a" * 100})
-    many = {f"solver/{name}.py": "b" for name in "abcde"}
-    said = why(drop({"prompt": "a" * 100}, code=code_with(**many)))
-    assert said == "code solver/a.py, solver/b.py, solver/c.py and 2 more"
-    assert len(why(drop({"prompt": "b" * 100}))) < 150
-
-
 def test_the_closest_record_is_that_of_the_same_sample() -> None:
     """One with the same sentence counts before a newer one whose scene is the same; of equals the newest counts, also
     one that came after the first look."""

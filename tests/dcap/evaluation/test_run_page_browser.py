@@ -19,6 +19,7 @@ from dcap.scene.types.pictures import PLACED
 pytestmark = [
     pytest.mark.browser,
     pytest.mark.slow,
+    pytest.mark.long,
     pytest.mark.timeout(600),
     pytest.mark.skipif(chromium() is None, reason="no Chromium on this machine"),
 ]

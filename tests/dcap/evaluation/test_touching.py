@@ -155,7 +155,13 @@ def pen(depth: float) -> Mesh:
 
 
 @pytest.mark.parametrize(
-    "shape", [pytest.param(book, marks=pytest.mark.long), cube, pen, lambda depth: ball(0.05, [0.0, 0.0, 0.05 - depth])]
+    "shape",
+    [
+        pytest.param(book, marks=pytest.mark.long),
+        cube,
+        pytest.param(pen, marks=pytest.mark.long),
+        lambda depth: ball(0.05, [0.0, 0.0, 0.05 - depth]),
+    ],
 )
 def test_lowered_into_a_slab_it_is_as_deep_as_it_is_low(shape):
     """Also where its top is nearer to the surface than its bottom, and where it is below the surface as a whole."""

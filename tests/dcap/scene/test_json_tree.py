@@ -7,11 +7,8 @@ from enum import StrEnum
 import numpy as np
 import pytest
 from pydantic import BaseModel
-from rest_records import explicit_certificate, implicit_certificate
 
-from dcap.scene.written_files import object_to_json, to_json
-from solver.certificate import Certificate
-from tasks.codec import decode, encode
+from dcap.scene.written_files import to_json
 
 
 class Colour(StrEnum):
@@ -50,19 +47,6 @@ class Length(BaseModel, frozen=True):
     metres: float
 
 
-class Options(BaseModel, frozen=True):
-    """A configuration."""
-
-    heights: tuple[float, ...] = (0.5, 1.5)
-    colour: Colour = Colour.RED
-    limit: int | None = None
-
-
-def test_a_configuration_becomes_an_object_of_all_its_fields() -> None:
-    """Also those that are None: it says what was chosen."""
-    assert to_json({"config": Options()}) == {"config": {"heights": [0.5, 1.5], "colour": "red", "limit": None}}
-
-
 @pytest.mark.parametrize("number", [float("inf"), np.float64("-inf")])
 def test_a_number_that_json_does_not_have_is_null(number: float) -> None:
     """Also inside of an array; so whatever is written can be read by any program."""
@@ -75,18 +59,3 @@ def test_nan_is_a_mistake(number: object) -> None:
     """Null would hide it; the field is named."""
     with pytest.raises(ValueError, match="height is NaN"):
         to_json({"thing": {"height": number}})
-
-
-@pytest.mark.parametrize("certificate", [implicit_certificate(), explicit_certificate()])
-def test_a_stored_certificate_says_the_same(certificate: Certificate) -> None:
-    """Storing and reading back changes nothing of what is written for people."""
-    assert to_json(decode(encode(certificate))) == to_json(certificate)
-
-
-def test_a_certificate_has_the_keys_of_its_method() -> None:
-    """What one method does not measure is not there; what nobody asked for neither."""
-    both = {"arch", "signals", "kick", "free_weight_n", "length_m", "friction_cone_margin", "inverted_particles"}
-    implicit, explicit = set(object_to_json(implicit_certificate())), set(object_to_json(explicit_certificate()))
-    assert implicit & explicit == both
-    assert explicit - both == {"method", "cell_m", "substeps", "inertia_scale", "interval_s"}
-    assert to_json(explicit_certificate().kick) == {"done": False}

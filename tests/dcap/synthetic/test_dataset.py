@@ -43,17 +43,6 @@ def test_every_sample_names_a_room_and_an_object_and_has_a_truth() -> None:
     assert {row["object"] for row in rows} <= set(object_recipes())
 
 
-def test_samples_exercise_what_is_promised() -> None:
-    """At least six infeasible samples with four different reasons; feasible ones name their support."""
-    truth = read_truth(load_yaml(EMBEDDED.with_name(TRUTH)), TRUTH)
-    reasons = [t.reason for t in truth.values() if not t.feasible]
-    assert len(reasons) >= 6
-    assert len(set(reasons)) >= 4
-    assert set(reasons) <= {r.value for r in Reason}
-    assert all(t.base for t in truth.values() if t.feasible)
-    assert all(not t.reason for t in truth.values() if t.feasible)
-
-
 def test_truth_lies_apart_from_what_stages_read(made: Path) -> None:
     """Nothing in rooms/ or objects/ tells instance or part of a face."""
     table = pq.read_table(made / "truth" / "hall_01.parquet")
@@ -156,15 +145,12 @@ def room_labels(name: str) -> dict[str, str]:
     return {key: label.lower() for key, label in zip(built.instance_ids, built.instance_labels, strict=True)}
 
 
-def test_many_scenes_are_the_rooms_in_turn_with_other_seeds(tmp_path: Path) -> None:
-    """Five scenes of two rooms are five rooms, no two alike; those of the first round are the rooms themselves."""
-
-    def surface(folder: Path, name: str) -> bytes:
-        return next((folder / "rooms" / name).glob("*.ply")).read_bytes()
-
-    make_dataset(tmp_path, 3, rooms=["hall_01", "bathroom_01"], objects=[], scenes=5)
-    names = ["bathroom_01", "bathroom_01_seed_4", "hall_01", "hall_01_seed_4", "hall_01_seed_5"]
-    assert sorted(path.name for path in (tmp_path / "rooms").iterdir()) == names
-    assert len({surface(tmp_path, name) for name in names}) == len(names)
-    make_dataset(tmp_path / "alone", 4, rooms=["hall_01"], objects=[])
-    assert surface(tmp_path / "alone", "hall_01") == surface(tmp_path, "hall_01_seed_4")
+def test_samples_exercise_what_is_promised() -> None:
+    """At least six infeasible samples with four different reasons; feasible ones name their support."""
+    truth = read_truth(load_yaml(EMBEDDED.with_name(TRUTH)), TRUTH)
+    reasons = [t.reason for t in truth.values() if not t.feasible]
+    assert len(reasons) >= 6
+    assert len(set(reasons)) >= 4
+    assert set(reasons) <= {r.value for r in Reason}
+    assert all(t.base for t in truth.values() if t.feasible)
+    assert all(not t.reason for t in truth.values() if t.feasible)

@@ -13,7 +13,7 @@ from dcap.scene.types.boxes import OrientedBox
 from dcap.scene.types.choices import Anchor, Intent, Rotation
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.segmentation import Instance, Part, Segmentation, SegmentedObject, SegmentedScene
-from tasks.anchor.request import anchor_request, base_from_above
+from tasks.anchor.request import anchor_request
 from tasks.anchor.stage import AnchorConfig, anchor
 from tasks.intent.stage import IntentConfig, intent
 from tasks.rotation.stage import RotationConfig, rotation
@@ -87,21 +87,3 @@ def test_model_is_told_the_sentence_and_chooses_as_the_offline_reader_does(api):
     (body,) = api.asked
     assert data_of(body)["prompt"] == SENTENCE
     assert [block["type"] for block in body["messages"][0]["content"]] == ["text", "image", "text"]
-
-
-def test_picture_shows_the_base_as_the_viewer_sees_it(monkeypatch):
-    """Nothing is drawn before a client looks; then red is right of green and nearer to the lower edge."""
-    drawn: list[int] = []
-    real = base_from_above
-    monkeypatch.setattr("tasks.anchor.request.base_from_above", lambda *args: drawn.append(1) or real(*args))
-    request = anchor_request(ROOM, ROOM.instances[0], asked(SENTENCE), SENTENCE, ITEM.mesh)
-    assert not drawn
-    (shown,) = request.pictures
-    rgb = shown.make().astype(int)
-    assert len(drawn) == 1
-    red = np.argwhere((rgb[..., 0] > 100) & (rgb[..., 1:].max(axis=-1) < 80)).mean(axis=0)
-    green = np.argwhere((rgb[..., 1] > 90) & (rgb[..., 0] < 80) & (rgb[..., 2] < 80)).mean(axis=0)
-    # 1.35 m apart along the table and 0.6 m across it; the picture is 2.5 m wide at the table's top and 512 pixels
-    scale = 512 / 2.5
-    assert red[1] - green[1] == pytest.approx(1.35 * scale, rel=0.1)
-    assert red[0] - green[0] == pytest.approx(0.6 * scale, rel=0.15)

@@ -1,7 +1,5 @@
 """Where things go in rooms made of boxes, whose answers can be computed by hand, and why they do not go at all."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from box_rooms import CUBE, HALL, ROOM, Things, ball, block, mug, segmentation, thing
@@ -9,14 +7,11 @@ from stage_chain import Stages, with_each
 
 from dcap.geometry.placement.poses import center_of_mass
 from dcap.geometry.raycast import Raycaster
-from dcap.language.offline.client import OfflineClient
 from dcap.language.protocol.replies import AnchorReply
-from dcap.scene.types.choices import Anchor
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.outcome import BesideThePart, Infeasible, InTheWay, NoRoom, Reason
-from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
+from dcap.scene.types.outcome import BesideThePart, Infeasible, NoRoom, Reason
+from dcap.scene.types.segmentation import Segmentation
 from tasks.anchor.choice import choice_of
-from tasks.anchor.stage import AnchorConfig, anchor
 
 OFFLINE = Stages()
 
@@ -34,14 +29,10 @@ def brute_gap(room: Segmentation, mesh: Mesh, step: float = 0.002) -> float:
 
 PROMPTS = [
     ("put the ball at the center of the bed", "mattress"),
-    ("put the ball on the left side of the bed", "mattress"),
     ("put the ball on the bed next to the pillow", "mattress"),
-    ("put the ball on the foot of the bed", "mattress"),
     ("put the ball on the left pillow of the bed", "pillow"),
-    ("put the ball on the edge of the table", "top"),
     ("put the ball on the table next to the lamp", "top"),
     ("put the ball on the lampshade", "shade"),
-    ("put the ball on the headboard", "headboard"),
     ("put the ball on the floor near the bed", "floor"),
 ]
 
@@ -56,15 +47,6 @@ def test_start_leaves_one_centimetre_under_the_whole_object(prompt, part):
     assert 0.01 - 1e-5 <= brute_gap(ROOM, mesh) <= 0.0115
     assert found.part == part
     assert np.allclose(center_of_mass(mesh)[:2], found.surface_point[:2], atol=1e-6)
-
-
-def test_handle_may_reach_over_the_pillow_but_not_into_it():
-    """Also for a shape with an overhang the gap is 1 cm everywhere."""
-    item = thing("mug", mug())
-    _, _, found = OFFLINE.placed("put the mug on the bed near the pillow", item)
-    mesh = item.mesh.transformed(found.world_from_object)
-    assert brute_gap(ROOM, mesh, 0.001) == pytest.approx(0.01, abs=3e-4)
-    assert mesh.bounds[0, 2] == pytest.approx(0.51, abs=3e-4)
 
 
 @pytest.mark.parametrize(
@@ -120,37 +102,6 @@ def test_too_large_says_so_with_numbers(stages):
     assert found.evidence.part_size_m == (0.8, 0.8)
 
 
-def test_part_under_a_lid_is_full():
-    """A mattress with a board right on it everywhere has no room, and the board is named."""
-    room = segmentation(
-        {
-            "bed": ("bed", None, [("mattress", block((-0.5, -0.5, 0.0), (0.5, 0.5, 0.3)))]),
-            "lid": ("box", None, [("body", block((-0.6, -0.6, 0.31), (0.6, 0.6, 0.33)))]),
-        }
-    )
-    item = thing("ball", ball(0.1))
-    found = OFFLINE.tried("put the ball on the mattress", item, room)
-    assert isinstance(found, Infeasible)
-    assert found.reason is Reason.TOO_LARGE_FOR_TARGET
-    assert isinstance(found.evidence, NoRoom)
-    assert found.evidence.in_the_way == (InTheWay("lid", "box", 1.0),)
-
-
-def test_no_ray_meets_the_hole_of_a_ring(stages):
-    """In the middle of a frame of four boards there is no surface: no_support_hit."""
-    rim = [
-        block((-0.5, -0.5, 0.0), (0.5, -0.4, 0.3)),
-        block((-0.5, 0.4, 0.0), (0.5, 0.5, 0.3)),
-        block((-0.5, -0.4, 0.0), (-0.4, 0.4, 0.3)),
-        block((0.4, -0.4, 0.0), (0.5, 0.4, 0.3)),
-    ]
-    room = segmentation({"bench": ("bench", None, [("seat", Mesh.concatenate(rim))])})
-    item = thing("ball", ball(0.1))
-    found = stages.tried("put the ball in the middle of the bench", item, room)
-    assert isinstance(found, Infeasible)
-    assert found.reason is Reason.NO_SUPPORT_HIT
-
-
 def test_shelf_boards_have_headroom():
     """The second board of three is hit although another is above it; a thing higher than the gap does not fit."""
     boards = [("board", block((-0.4, -0.15, 0.4 * k), (0.4, 0.15, 0.4 * k + 0.02))) for k in range(3)]
@@ -160,20 +111,6 @@ def test_shelf_boards_have_headroom():
     assert found.surface_point[2] == pytest.approx(0.42)
     tall = thing("vase", block((-0.05, -0.05, 0.0), (0.05, 0.05, 0.39)))
     assert isinstance(OFFLINE.tried("put the vase on the second shelf", tall, room), Infeasible)
-
-
-def test_middle_of_the_bed_is_the_beds_not_the_blankets():
-    """A blanket on the lower half carries, but "the middle" is that of the whole bed: 0, not -0.5."""
-    bed = [
-        ("mattress", block((-0.75, -0.95, 0.3), (0.75, 0.95, 0.5))),
-        ("blanket", block((-0.75, -0.95, 0.501), (0.75, 0.1, 0.55))),
-    ]
-    room = segmentation({"bed": ("bed", (0.0, -1.0, 0.0), bed)})
-    _, _, found = OFFLINE.placed("put the ball in the middle of the bed", thing("tennis ball", ball(0.033)), room)
-    _, _, named = OFFLINE.placed("put the ball in the middle of the blanket", thing("tennis ball", ball(0.033)), room)
-    assert found.part == named.part == "blanket"
-    assert found.surface_point[1] == pytest.approx(0.0, abs=0.01)
-    assert named.surface_point[1] == pytest.approx(-0.425, abs=0.01)
 
 
 def test_point_is_one_of_the_part_that_was_chosen():
@@ -191,16 +128,6 @@ def test_point_is_one_of_the_part_that_was_chosen():
     assert (pointed.index, plain.index) == (1, 0)
     assert np.allclose(pointed.areas[0].target, (0.375, -0.6875))
     assert np.allclose(plain.areas[0].target, (0.0, 0.0))
-
-
-def test_rug_carries_where_the_floor_is_covered():
-    """Under a table that stands on a rug no floor is bare: the ball goes on the rug; elsewhere on the floor."""
-    _, _, under = OFFLINE.placed("put the ball on the floor under the table", thing("ball", ball(0.1)), HALL)
-    _, _, bare = OFFLINE.placed("put the ball on the floor next to the bench", thing("ball", ball(0.1)), HALL)
-    assert (under.base_id, under.part) == ("rug", "body")
-    assert "the rug lies on the floor" in under.reason
-    assert np.abs(under.surface_point[:2]).max() < 0.6
-    assert bare.base_id == "floor"
 
 
 @pytest.mark.parametrize(
@@ -267,18 +194,6 @@ def test_full_target_names_what_is_in_the_way():
     assert {row.id for row in found.evidence.in_the_way} <= {*things}
 
 
-def test_one_of_two_edges_is_named():
-    """At "the left or right edge" the anchor says at which of the two the object went, and it is there."""
-    item = thing("tennis ball", ball(0.033))
-    meant, turned, _ = OFFLINE.placed("put the ball on the edge of the mattress", item)
-    both = replace(meant, region=replace(meant.region, names=("left", "right", "edge")))
-    found = anchor(SegmentedScene(ROOM), SegmentedObject(item), both, turned, "", AnchorConfig(), OfflineClient())
-    assert isinstance(found, Anchor)
-    side = {"left edge": -1.0, "right edge": 1.0}[found.region]
-    # the mattress ends at 0.75 m; the ball's radius and 2 cm remain
-    assert found.surface_point[0] == pytest.approx(side * (0.75 - 0.033 - 0.02), abs=0.01)
-
-
 @pytest.mark.slow
 @pytest.mark.long
 def test_a_steady_place_nearby_is_taken():
@@ -298,25 +213,3 @@ def test_a_steady_place_nearby_is_taken():
         room = segmentation({"bed": ("bed", (0.0, -1.0, 0.0), [("mattress", surface)])})
         _, _, found = OFFLINE.placed(f"put the ball {words} the bed", thing("ball", ball(0.1)), room)
         assert low <= abs(found.surface_point[1]) <= high
-
-
-@pytest.mark.slow
-@pytest.mark.long
-def test_on_the_arm_is_the_middle_of_one_of_them_and_held_there():
-    """Between two arms there is none; a slab as narrow as their rounded tops lies on the crest, not on its flank."""
-
-    def arm(x):
-        angle = np.linspace(0.0, np.pi, 17)
-        ring = np.c_[x + 0.1 * np.cos(angle), 0.45 + 0.1 * np.sin(angle)]
-        points = [(a, y, z) for y in (-0.45, 0.45) for a, z in ring]
-        return Mesh.of(points, [f for k in range(16) for f in ((k, k + 17, k + 1), (k + 1, k + 17, k + 18))])
-
-    seat = block((-0.6, -0.45, 0.25), (0.6, 0.45, 0.35))
-    arms = Mesh.concatenate([arm(-0.7), arm(0.7)])
-    room = segmentation({"sofa": ("sofa", (0.0, -1.0, 0.0), [("seat cushion", seat), ("arm", arms)])})
-    for size in ((0.05, 0.18, 0.02), (0.18, 0.05, 0.02)):
-        item = thing("remote", block(tuple(-0.5 * np.array(size)), tuple(0.5 * np.array(size))))
-        _, _, found = OFFLINE.placed("put the remote on the arm of the sofa", item, room)
-        x, y, _ = found.surface_point
-        assert (found.part, abs(abs(x) - 0.7) < 0.02) == ("arm", True)
-        assert abs(y) < 0.36

@@ -29,7 +29,6 @@ def gap(low: np.ndarray, high: np.ndarray, other: tuple[float, float, float, flo
     return float(np.linalg.norm(apart))
 
 
-LAMP = (1.8, 0.8, 2.2, 1.2)
 PILLOWS = ((-0.65, 0.5, -0.05, 0.9), (0.05, 0.5, 0.65, 0.9))
 
 
@@ -60,12 +59,6 @@ def test_edges_are_told_by_their_length(words: str, axis: int, half: float) -> N
     """The table is 1.2 m along x and 0.8 m along y: its short edges lie at x, its long ones at y, whatever is near."""
     _, low, high = plan(f"put the cube on the table, 12 cm from {words}", HALL)
     assert min(half - high[axis], low[axis] + half) == pytest.approx(0.12, abs=SLACK)
-
-
-def test_the_end_nearest_a_thing_is_at_that_end() -> None:
-    """The door is at -x."""
-    _, low, _ = plan("put the cube on the table, 12 cm from the end that is nearest the door", HALL)
-    assert low[0] + 0.6 == pytest.approx(0.12, abs=SLACK)
 
 
 def test_a_distance_from_the_middle_is_that_of_the_middles() -> None:
@@ -151,24 +144,12 @@ def test_a_distance_reaches_as_far_as_it_says() -> None:
     assert low[0] < 0.5
 
 
-def test_a_distance_from_a_thing_is_a_free_gap() -> None:
-    """10 cm from the lamp's box, wherever around it."""
-    _, low, high = plan("put the cube on the table, 10 cm from the lamp")
-    assert gap(low, high, LAMP) == pytest.approx(0.1, abs=SLACK)
-
-
 def test_bounds_of_a_distance() -> None:
     """At least is no less, within is no more."""
     _, low, high = plan("put the cube on the bed, at least 60 cm from the pillows")
     assert min(gap(low, high, one) for one in PILLOWS) >= 0.6 - SLACK
     _, low, high = plan("put the cube on the bed within 5 cm of the headboard")
     assert 1.0 - high[1] <= 0.05 + SLACK
-
-
-def test_away_from_edges_is_off_them() -> None:
-    """At least a hand's breadth, as far as the part is large enough."""
-    _, low, high = plan("put the cube on the table next to the lamp, away from the edge")
-    assert min(*(low - (1.6, 0.6)), *((2.4, 1.4) - high)) >= min(0.1, 0.5 * (0.4 - 0.03)) - SLACK
 
 
 def test_farthest_is_at_the_other_end() -> None:
@@ -186,12 +167,6 @@ def test_excluded_parts_are_kept_free(words: str) -> None:
     part, low, high = plan(f"put the cube {words}")
     assert part == "mattress"
     assert min(gap(low, high, one) for one in PILLOWS) > 0.0
-
-
-def test_excluded_regions_are_kept_free() -> None:
-    """Neither in the middle nor on the left: on the right."""
-    _, low, high = plan("put the cube on the bed, not in the middle, not on the left side")
-    assert 0.5 * (low + high)[0] > 0.0
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,6 @@ from solver.config import SolverConfig
 from tasks.case.contacts import load_aware
 from tasks.case.file import Case
 from tasks.case.run import run_case
-from tasks.materials.stage import MaterialsConfig
 
 INVISIBLE = SolverConfig().penetration_target
 BALL = {"name": "ball", "shape": {"sphere": {"radius": 0.05}}, "position": [0, 0, 0.1501], "mass": 1.0,
@@ -42,16 +41,6 @@ def test_a_block_is_rigid_where_hertz_says_that_its_dent_is_below_the_bound(shar
     assert all("block is treated as rigid" in note for note in notes)
 
 
-def test_the_load_is_all_that_may_lie_on_it():
-    """Two balls of half the mass count as one, and no gravity or nothing free is no load to predict from."""
-    stiff = block([0.2, 0.2, 0.1], 1.02 * LIMIT)
-    half = BALL | {"mass": 0.5}
-    assert models(stiff, half, half | {"name": "other", "position": [0.11, 0, 0.15]})[0][0] == "rigid"
-    assert models(stiff, BALL, BALL | {"name": "other", "position": [0.11, 0, 0.15]})[0][0] == "auto"
-    assert models(stiff)[0] == ["auto"]
-    assert models(stiff, BALL, gravity=[0, 0, 0], resolution=0.01)[0][0] == "auto"
-
-
 def test_what_is_asked_to_be_soft_stays_soft():
     """`model: mpm` wins."""
     assert models(block([0.2, 0.2, 0.1], 9e8, model="mpm"), BALL)[0][0] == "mpm"
@@ -74,8 +63,3 @@ def test_a_drop_says_what_it_treated_as_rigid(tmp_path):
     assert result["verdict"] == "at_rest"
     assert result["particles"] == 0
     assert any("block is treated as rigid" in str(one) for one in result["warnings"])
-
-
-def test_drop_and_place_mean_the_same_by_invisible():
-    """Both bounds are what contacts give anyway."""
-    assert MaterialsConfig().invisible == INVISIBLE

@@ -29,7 +29,6 @@ from dcap.scene.types.particles import (
 from dcap.scene.types.settled import LastState, PlacementChecks, Settled
 from solver.certificate import NotDone
 from solver.config import SolverConfig
-from solver.errors import ModelError
 from solver.mls.drop import ExplicitDrop
 from solver.model.bodies import Model
 from solver.runtime import start
@@ -159,22 +158,6 @@ def test_turning_away_counts_only_where_a_facing_was_asked(facing: str, reason: 
         assert "turned away: 60 degrees" in outcome.message
 
 
-def test_the_indentation_is_the_largest_way_down_of_the_base() -> None:
-    """A base whose surface went down by up to 12 mm and up by 30 mm elsewhere; what the object did does not count."""
-    item = body("object", Box(np.array([0.1, 0.1, 0.05])), [0, 0, 0.026], fixed=False)
-    found = run(item, table(), asked())
-    assert isinstance(found, Settled)
-    assert found.checks is not None
-    assert found.checks.indentation_m == 0.0
-    moved = np.zeros_like(found.bodies[1].displacement)
-    moved[:3, 2] = (-0.004, -0.012, 0.03)
-    dented = replace(found, bodies=(found.bodies[0], replace(found.bodies[1], displacement=moved)))
-    particles = Particles((item, table()), (), 0.01, ())
-    checks = with_checks(dented, particles, anchor(), asked(), DropConfig()).checks
-    assert checks is not None
-    assert checks.indentation_m == pytest.approx(0.012)
-
-
 def about_z(degrees: float) -> np.ndarray:
     """(w, x, y, z) of a turn about the vertical."""
     return np.asarray(Rotation.from_euler("z", degrees, degrees=True).as_quat(scalar_first=True))
@@ -246,18 +229,6 @@ def test_a_leaning_board_stays_and_says_how_it_leans() -> None:
     assert 0.4 * most <= check.held_share.value <= most
 
 
-@pytest.mark.slow
-@pytest.mark.long
-def test_a_board_that_leans_too_far_slides_down() -> None:
-    """Friction 0.6 holds up to the angle whose tangent is 2 mu / (1 - mu^2) = 1.9; tan 65 = 2.1."""
-    particles, start = leaning_board(65.0)
-    intent = replace(asked("leaning"), orientation=OrientationRequest("leaning", "", "", 0.0, "wall_0"))
-    found = drop(particles, start, intent, 0, DropConfig(threads=2))
-    assert isinstance(found, Infeasible)
-    assert found.reason is Reason.TOPPLED
-    assert "slid down" in found.message or "fell over" in found.message
-
-
 @pytest.mark.parametrize(
     ("soft", "bonds", "method", "told"),
     [((), (), "tl", "everything is rigid"), (("bed",), ("j",), "mls", "")],
@@ -270,20 +241,6 @@ def test_mls_leaves_to_tl_what_it_cannot_do(soft, bonds, method, told):
     assert told in " ".join(notes)
     assert bool(notes) == bool(told)
     assert able(model, SolverConfig()) == (SolverConfig(), ())
-
-
-def test_bodies_that_the_solver_cannot_take_are_told_in_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Not as a mistake of ours: a part may be thinner than the cells that were asked for."""
-    monkeypatch.setattr("tasks.drop.stage.solver_model", lambda *_: None)
-    monkeypatch.setattr("tasks.drop.stage.able", lambda model, config: (config, ()))
-    monkeypatch.setattr("solver.settle.settle", broken_model)
-    nothing: Any = SimpleNamespace()
-    with pytest.raises(GeometryError, match="without particles"):
-        drop(nothing, nothing, nothing, 0, DropConfig())
-
-
-def broken_model(*_: object) -> None:
-    raise ModelError("body 'bed': soft but without particles")
 
 
 HERE = np.array([[[-0.1, -0.1], [0.1, 0.1]]])
@@ -320,13 +277,6 @@ def test_a_layer_with_too_few_particles_is_refused() -> None:
         refuse_coarse_layers(on(bed(0.05), BLANKET, MATTRESS))
     refuse_coarse_layers(on(bed(0.02), BLANKET, MATTRESS))
     refuse_coarse_layers(on(bed(0.05), MATTRESS))
-
-
-def test_a_soft_object_needs_as_many_particles() -> None:
-    """Through all of it, wherever it touches."""
-    refuse_coarse_layers(on(bed(0.1, "object"), BLANKET))
-    with pytest.raises(GeometryError, match=r"2\.0 particles through the object \(200 mm thick\).*object_cells"):
-        refuse_coarse_layers(on(bed(0.2, "object"), foreseen=None))
 
 
 CELL = 0.0125

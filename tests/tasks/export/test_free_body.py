@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 from dented_bed import RADIUS, anchor, settled
-from dented_export import BALL, MASS, particles
+from dented_export import BALL, particles
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
@@ -60,14 +60,6 @@ def test_the_frame_is_the_objects_own() -> None:
     )
     local = frame.inside(settled().bodies[0].surface).vertices
     np.testing.assert_allclose(local, trimesh.creation.icosphere(3, RADIUS).vertices, atol=1e-9)
-
-
-def test_a_rigid_body_takes_its_inertia_along() -> None:
-    """In its own frame nothing has changed."""
-    found = settled_inertial(settled().bodies[0], particles().bodies[0], settled_pose(anchor(), settled().bodies[0]))
-    assert found.mass == MASS
-    np.testing.assert_allclose(found.center_of_mass, 0.0, atol=1e-12)
-    np.testing.assert_allclose(found.inertia, 0.4 * MASS * RADIUS**2 * np.eye(3), atol=1e-12)
 
 
 def test_a_soft_body_that_only_moved_has_the_inertia_of_a_rigid_one() -> None:

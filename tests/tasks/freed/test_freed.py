@@ -45,13 +45,6 @@ def test_a_near_thing_is_lifted_out_of_its_dent(dented: tuple[Scan, SegmentedSce
     np.testing.assert_array_equal(found.anchor.world_from_object, beside(0.25, 0.0).world_from_object)
 
 
-def test_a_far_thing_stays_with_its_dent(dented: tuple[Scan, SegmentedScene]) -> None:
-    """Out of reach, nothing of the scene changes."""
-    found = freed(*dented, SegmentedObject(ball()), beside(0.65, -0.85))
-    assert found.things == ()
-    np.testing.assert_array_equal(found.scene.mesh.vertices, dented[1].mesh.vertices)
-
-
 def test_the_object_starts_above_what_is_lifted(dented: tuple[Scan, SegmentedScene]) -> None:
     """On a ball that goes up by its dent the object starts as far above it as before: 1 cm."""
     resting = float(dented[1].instance_mesh(4).bounds[1, 2])
@@ -82,12 +75,3 @@ def test_reach_goes_on_through_contacts_and_dents() -> None:
     assert closed({"a"}, earlier, boxes) == {"a", "b"}
     for way, near in ((0.104, True), (0.106, False)):
         assert meet(box, box + np.array([way, 0.0, 0.0]), 5e-3) is near
-
-
-def test_the_ground_is_what_carries_in_the_end() -> None:
-    """Of a cup on a book on the bed, the bed; things that carry each other end the search."""
-    things = (PlacedThing("book", 1.0, ("bed",)), PlacedThing("cup", 1.0, ("book", "bed")))
-    earlier = EarlierPlacements((), (), things, (), ())
-    assert [earlier.ground_of(one) for one in ("cup", "book", "bed")] == ["bed"] * 3
-    turning = (PlacedThing("a", 1.0, ("b",)), PlacedThing("b", 1.0, ("a",)))
-    assert EarlierPlacements((), (), turning, (), ()).ground_of("a") in ("a", "b")

@@ -45,13 +45,6 @@ def test_a_spread_towel_weighs_what_it_weighs_folded(thickness, unit):
     assert spread.mass == pytest.approx(folded.mass, rel=1e-9)
 
 
-def test_an_unknown_thing_in_centimetres_becomes_one_of_a_home():
-    """A zorb of 24 m is one of 24 cm, and the notes say what was assumed."""
-    found = asked(block("zorb", 24.0, 20.0, 18.0))
-    assert found.scale == 0.01
-    assert any("not in the lexicon" in note and "assuming centimetres" in note for note in found.notes)
-
-
 def answered(**changes: object) -> tuple[IntentReply, IntentRequest]:
     """A good answer with something changed, and its question."""
     item = block("towel", 0.3, 0.24, 0.05)

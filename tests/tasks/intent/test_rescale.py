@@ -5,7 +5,6 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from dcap.knowledge.kinds import UNKNOWN_LENGTH, prior_of
 from dcap.knowledge.lexicon import Thing, is_a, things
 from dcap.synthetic.dataset import build_object
 from dcap.synthetic.recipes import object_recipes
@@ -84,27 +83,6 @@ def test_a_mug_gets_the_factor_that_the_note_explains(extents, scale, words):
     found, note = decided(things()["mug"], np.array(extents))
     assert found == pytest.approx(scale, rel=0.02)
     assert words in note
-
-
-def test_two_units_that_fit_are_both_named():
-    """A ball of 15 is one of 15 cm or 38 cm: the nearer counts, the other is said."""
-    found, note = decided(things()["ball"], np.full(3, 15.0))
-    assert found == 0.01
-    assert "inches would fit as well" in note
-
-
-@given(st.floats(-4.0, 7.0))
-def test_an_unknown_thing_is_never_larger_than_a_home_holds(exponent):
-    """Within the limits it stays as it is; outside, a unit or a usual length is assumed and said."""
-    longest = 10.0**exponent
-    size = (longest, 0.6 * longest, 0.3 * longest)
-    prior = prior_of("", "zorb", size)
-    low, high = UNKNOWN_LENGTH
-    assert low <= prior.sizes[0][0] <= high
-    assert prior.mass > 0
-    scale = rescale(np.array(prior.sizes), np.array(size), prior.spread, (1e-9, 1e9)).scale
-    assert scale * longest == pytest.approx(prior.sizes[0][0], rel=1e-9)
-    assert ("keeps its size" in prior.notes[0]) == (low <= longest <= high)
 
 
 @pytest.mark.parametrize("name", ["mug", "apple", "toy_car", "book", "tennis_ball", "pillow"])

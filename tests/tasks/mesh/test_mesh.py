@@ -44,12 +44,6 @@ def test_equal_vertices_are_welded_where_colours_agree(tmp_path: Path) -> None:
     assert (len(same.vertices), len(other.vertices)) == (4, 6)
 
 
-def test_vertices_without_faces_go(tmp_path: Path) -> None:
-    """Only vertices that a face uses are kept, so that bounds are those of the surface."""
-    result, _ = read(tmp_path, SQUARE + "v 9 9 9 0 0 0\nf 1 2 3 4\n")
-    np.testing.assert_array_equal(result.bounds[1], [1, 1, 0])
-
-
 @pytest.mark.parametrize(
     ("given", "file", "label"),
     [
@@ -70,19 +64,6 @@ def test_a_folder_names_a_mesh_whose_file_says_nothing(tmp_path: Path, given: st
     source = store.load(store.add_source(tmp_path / given))
     assert isinstance(source, Source)
     assert mesh_scene(source, SourceOptions(up="z", unit="m"), MeshConfig()).label == label
-
-
-def test_a_folder_name_that_decides_nothing_is_not_part_of_the_source(tmp_path: Path) -> None:
-    """The same chair in two folders is one source; the same `model` in two folders is two."""
-    refs = {}
-    for folder in ("a", "b"):
-        for stem in ("chair", "model"):
-            path = tmp_path / folder / f"{stem}.obj"
-            path.parent.mkdir(exist_ok=True)
-            path.write_text(SQUARE + "f 1 2 3\n")
-            refs[folder, stem] = Store(tmp_path / "store").add_source(path)
-    assert refs["a", "chair"] == refs["b", "chair"]
-    assert refs["a", "model"] != refs["b", "model"]
 
 
 def test_a_mesh_of_slivers_is_refused(tmp_path: Path) -> None:

@@ -92,7 +92,7 @@ def test_a_wall_is_a_block_behind_its_face() -> None:
 TOP = 0.45
 
 
-@pytest.mark.parametrize("thickness", [5e-5, 2e-3])
+@pytest.mark.parametrize("thickness", [5e-5, pytest.param(2e-3, marks=pytest.mark.long)])
 def test_a_board_thinner_than_samples_carries_at_its_upper_side(thickness: float) -> None:
     """A plane is reproduced exactly by interpolation, so the distance is the height over the upper side, also where
     samples are 50 times as far apart as the two sides."""

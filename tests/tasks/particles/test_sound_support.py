@@ -30,7 +30,7 @@ def highest(found: BaseBodies) -> float:
     return float(z[np.argmax(inside)])
 
 
-@pytest.mark.parametrize("wooden", [True, False])
+@pytest.mark.parametrize("wooden", [pytest.param(True, marks=pytest.mark.long), False])
 def test_a_hole_under_the_object_is_closed_and_said(wooden):
     """The surface goes on at its height, to 1 mm, and the words have its size."""
     torn = with_hole(where(SEAT, normals(SEAT)[:, 2] > -0.5), (0.0, 0.0), (0.12, 0.1))

@@ -95,14 +95,6 @@ def test_a_place_that_carries_nothing_is_one_line(place: GivenPlace, words: str)
     assert "\n" not in said
 
 
-def test_in_the_air_with_nothing_below() -> None:
-    """Beside the floor of a scene there is nothing to go down to."""
-    alone = segmentation({"a": ("table", None, [("top", block((0, 0, 1), (1, 1, 1.1)))]),
-                          "b": ("table", None, [("top", block((3, 0, 1), (4, 1, 1.1)))])})  # fmt: skip
-    with pytest.raises(InputError, match="in the air with nothing below"):
-        pointed_at(GivenPlace(at=(2.0, 0.5, 1.12)), scene=alone)
-
-
 def test_the_object_goes_to_the_point() -> None:
     """Over it, on the part there; words for another place are told, and no support need be named."""
     _, meant, spot = placed(GivenPlace(at=(1.75, 0.8, 0.5)), "put the block at the right edge of the table")
@@ -112,13 +104,6 @@ def test_the_object_goes_to_the_point() -> None:
     assert any("right edge" in note and "--at determines" in note for note in meant.notes)
     _, meant, spot = placed(GivenPlace(at=(-2.0, -2.0, 0.0)), "put it there")
     assert (meant.base_id, spot.part) == ("floor", "floor")
-
-
-def test_a_mismatch_is_told_and_the_point_decides() -> None:
-    """The sentence says bed, the point is on the table."""
-    _, meant, _ = placed(GivenPlace(at=(1.75, 0.8, 0.5)), "put the block on the bed")
-    assert meant.base_id == "table"
-    assert any("the sentence says" in note and "table" in note for note in meant.notes)
 
 
 def test_a_thing_that_was_only_guessed_is_called_as_the_sentence_does() -> None:

@@ -1,7 +1,5 @@
 """Frames of a drop: the first is before it, the last is the rest state, and dents only deepen between."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from dented_bed import DEPTH, anchor, ball, scene_of, settled
@@ -51,17 +49,6 @@ def test_points_of_a_body_that_deforms_follow_its_surface() -> None:
         assert points.bends == motion.deforms(body)
         for frame in range(FRAMES):
             assert points.at(frame) == pytest.approx(surface_at(motion.settled, body, frame), abs=SINGLE)
-
-
-def test_long_drops_are_thinned_to_both_ends() -> None:
-    """Evenly, and never to less than two."""
-    path = moving().frames
-    assert path is not None
-    long = DropMotion(replace(moving(), frames=replace(path, time=np.arange(90.0))))
-    chosen = long.chosen(60)
-    assert len(chosen) == 60
-    assert chosen[[0, -1]].tolist() == [0, 89]
-    assert long.chosen(1).tolist() == [0, 89]
 
 
 PLAIN = SourceSurface.untextured()

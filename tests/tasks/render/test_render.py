@@ -6,17 +6,15 @@ from functools import cache
 
 import numpy as np
 import pytest
-import trimesh
 from dented_bed import DEPTH, RADIUS, TOP, anchor, ball, box_mesh, scene_of, settled
 
 from dcap.geometry.camera import looking_at
 from dcap.scene.types.mesh import Mesh, SourceSurface
 from dcap.scene.types.outcome import HiddenObject, Infeasible, Reason
 from dcap.scene.types.pictures import Renders
-from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
-from dcap.scene.types.settled import SettledBody
+from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
 from tasks.render.config import RenderConfig
-from tasks.render.contact_picture import LEAST_GREY, lightened, profile_picture
+from tasks.render.contact_picture import LEAST_GREY, lightened
 from tasks.render.settled_meshes import settled_item, settled_scene, shown, shown_faces, structure_faces
 from tasks.render.stage import render
 
@@ -86,16 +84,6 @@ def test_what_hangs_on_a_wall_that_is_cut_goes_with_it() -> None:
     assert scene.index_of("picture") in scene.face_instance[shown_faces(scene, at_it)]
 
 
-def test_the_profile_shows_all_of_a_tall_object() -> None:
-    """The axis reaches above a pole's top: its line ends inside of the picture."""
-    pole = box_mesh((-0.02, -0.02, TOP), (0.02, 0.02, TOP + 0.9))
-    found = profile_picture(scene_of().mesh, scene_of().mesh, pole, np.array([0.0, 0.0, TOP]), np.array([1.0, 0, 0]))
-    orange = np.abs(found.astype(int) - (230, 85, 13)).max(axis=2) < 30
-    orange[: int(0.1 * len(found))] = False  # the legend
-    rows = np.flatnonzero(orange.max(axis=1))
-    assert rows.min() > 0.115 * len(found)
-
-
 def test_a_ball_in_a_box_is_buried() -> None:
     """A closed box around it hides it from everywhere: the reason is `buried`, with the share that is visible."""
     found = render(
@@ -142,23 +130,6 @@ def test_the_dent_is_in_the_scene_and_the_ball_in_the_dent() -> None:
     assert abs(lowest - thing.bounds[0, 2]) < 2 * 0.015**2 / (8 * RADIUS)
     assert np.allclose(thing.vertices, settled().bodies[0].surface.vertices, atol=1e-9)
     assert len(after.face_instance) == len(after.mesh.faces) == len(after.face_part)
-
-
-def test_a_deformed_object_follows_its_simulated_surface() -> None:
-    """Squeezing the simulated surface squeezes the picture's mesh, also when that has other vertices."""
-    body = settled().bodies[0]
-    start = body.surface.vertices - body.displacement
-    squeeze = (start - start.mean(axis=0)) * [0.1, 0.1, -0.2]
-    coarse = SettledBody("object", Mesh(start + squeeze, body.surface.faces, body.surface.colors), np.zeros(3),
-                         np.array([1.0, 0, 0, 0]), squeeze)  # fmt: skip
-    fine = trimesh.creation.icosphere(4, RADIUS)
-    other = Segmentation(Mesh.of(fine.vertices, fine.faces), ball().instances, np.zeros(len(fine.faces), np.int32),
-                         np.zeros(len(fine.faces), np.int32))  # fmt: skip
-    found = settled_item(other, anchor(), coarse)
-    size = np.ptp(found.vertices, axis=0)
-    # extreme vertices of both spheres coincide with the axes up to the sagitta of the coarser one
-    sagitta = (1.26 * RADIUS / 8) ** 2 / (6 * RADIUS)
-    assert np.allclose(size, 2 * RADIUS * np.array([1.1, 1.1, 0.8]), atol=2 * sagitta)
 
 
 def test_same_input_same_bytes() -> None:

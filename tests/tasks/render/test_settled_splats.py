@@ -117,22 +117,6 @@ def test_the_object_lies_where_it_rests() -> None:
     assert (found.color == [200, 60, 40]).all()
 
 
-def test_what_floats_where_the_object_is_goes() -> None:
-    """Small ones deep in the ball; not one that reaches out of it, one beside it, or one on the bed."""
-    middle = np.array([0.0, 0.0, TOP + 0.08])
-    scene = before()
-    air = replace(
-        scene.subset(np.arange(4)),
-        position=np.array([middle, middle, [0.3, 0.0, middle[2]], [0.0, 0.0, TOP]], dtype=np.float32),
-        log_scale=np.log(np.array([[0.004], [0.06], [0.004], [0.004]]) * np.ones(3)).astype(np.float32),
-    )
-    made = placed(in_file(joined_splats([scene, air])))
-    assert np.flatnonzero(made.floating).tolist() == [len(scene)]
-    assert len(list(made.parts())) == 3
-    assert sum(len(part) for part in made.parts()) == len(made)
-    assert "1 dropped" in made.comments[1]
-
-
 def test_gaussians_of_another_frame_are_refused() -> None:
     """A folder's mesh and its splats need not agree; nothing is guessed."""
     with pytest.raises(InputError, match="not in its frame"):

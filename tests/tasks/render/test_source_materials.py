@@ -10,8 +10,7 @@ import pytest
 from all_maps import CUTOFF, FACTORS, IMAGES, LIGHT, SCALE, STRENGTH, encoded, image, write_quad
 from textured import plate
 
-from dcap.geometry.rendering.painted import own_paint, painted
-from dcap.geometry.solid.repair import subdivide_near
+from dcap.geometry.rendering.painted import own_paint
 from dcap.scene.readers.frame import Role
 from dcap.scene.readers.source import read_scan, read_surface
 from dcap.scene.readers.source_files import companions
@@ -69,15 +68,6 @@ def test_all_that_a_gltf_material_says_is_written_and_read_back(tmp_path):
     assert again.mesh.triangles == pytest.approx(first.mesh.triangles, abs=1e-6)
 
 
-def test_alpha_counts_only_where_the_material_says_so(tmp_path):
-    """An opaque material of a picture with transparency: three channels, as before, and no mode."""
-    surface = read_surface(write_quad(tmp_path / "given.glb", alphaMode=None), Y_UP)
-    assert np.array_equal(surface.paint.textures[int(surface.paint.face_texture[0])], image("base")[..., :3])
-    (material,) = document_of(written(tmp_path / "written.glb", surface))["materials"]
-    assert not {"alphaMode", "alphaCutoff"} & material.keys()
-    assert material["pbrMetallicRoughness"]["baseColorFactor"][3] == 1.0
-
-
 @pytest.mark.parametrize(
     ("said", "expected"),
     [({}, (0.0, 0.9)), ({"roughnessFactor": 0.5}, (1.0, 0.5)), ({"metallicFactor": 0.0}, (0.0, 1.0)),
@@ -89,14 +79,6 @@ def test_the_standard_fills_in_what_a_material_leaves_out_of_what_it_says(tmp_pa
     (material,) = document_of(written(tmp_path / "written.glb", surface))["materials"]
     look = material["pbrMetallicRoughness"]
     assert (look["metallicFactor"], look["roughnessFactor"]) == expected
-
-
-def test_an_image_of_several_uses_is_written_once(tmp_path):
-    """Occlusion, roughness and metalness often share their picture."""
-    changes = {"occlusionTexture": {"index": 1}, "normalTexture": {"index": 1}}
-    surface = read_surface(write_quad(tmp_path / "given.glb", **changes), Y_UP)
-    document = document_of(written(tmp_path / "written.glb", surface))
-    assert (len(document["images"]), len(document["textures"])) == (3, 3)
 
 
 @pytest.mark.parametrize("broken", [{"index": 99}, {"index": "x"}, {"index": 2, "texCoord": 7}, {}, 5, None])
@@ -122,17 +104,6 @@ def test_faces_without_texture_keep_colour_name_and_transparency(tmp_path):
     assert not {"textures", "images", "samplers"} & document.keys()
     mesh = read_scan(path, SourceOptions(up="y"), Role.OBJECT).mesh  # the plain face has vertex colours, as ever
     assert {tuple(row) for row in mesh.colors.tolist()} == {(255, 0, 0), (0, 0, 255)}
-
-
-def test_a_cut_mesh_has_the_coordinates_of_every_map(tmp_path):
-    surface = read_surface(write_quad(tmp_path / "given.glb"), Y_UP)
-    fine = subdivide_near(surface.mesh, np.array([[-9.0] * 3, [9.0] * 3]), 0.11)
-    paint = painted(fine, surface).paint
-    assert paint is not None
-    assert len(fine.faces) > 50
-    assert (paint.material == surface.paint.material_index[0]).all()
-    assert paint.more_uv[0] == pytest.approx(1.0 - paint.corner_uv, abs=1e-5)
-    assert paint.of(np.array([3])).more_uv[0].shape == (1, 3, 2)
 
 
 def obj_quad(folder: Path, library: str) -> Path:
@@ -172,25 +143,3 @@ def test_an_obj_says_how_much_shines_through(tmp_path, library, alpha):
     assert (said.alpha_mode, said.alpha) == (AlphaMode.BLEND, alpha)
     (material,) = document_of(written(tmp_path / "written.glb", surface))["materials"]
     assert material["pbrMetallicRoughness"]["baseColorFactor"] == [1.0, 0.0, 0.0, alpha]
-
-
-def test_an_image_of_another_size_and_a_colour_for_a_texture(tmp_path):
-    """`map_d` alone: a white picture that the colour multiplies; of another size than `map_Kd`: that size is kept."""
-    alone = read_surface(obj_quad(tmp_path, "Kd 1 0 0\nmap_d soft.png"), np.eye(4)).paint
-    assert alone.textures[0].shape == (4, 4, 4)
-    assert (alone.textures[0] == [255, 255, 255, 128]).all()
-    assert alone.face_color[0].tolist() == [255, 0, 0]
-    both = read_surface(obj_quad(tmp_path, "map_Kd base.png\nmap_d soft.png"), np.eye(4)).paint
-    assert np.array_equal(both.textures[0][..., :3], image("base")[..., :3])
-    assert (both.textures[0][..., 3] == 128).all()
-    assert said_by(both).alpha_mode is AlphaMode.BLEND
-
-
-def test_further_maps_of_an_obj(tmp_path):
-    surface = read_surface(obj_quad(tmp_path, "map_Kd base.png\nnorm soft.png\nmap_Ke light.png\nPm 1"), np.eye(4))
-    said = said_by(surface.paint)
-    assert (said.metallic, said.emission, said.alpha_mode) == (1.0, (1.0, 1.0, 1.0), AlphaMode.OPAQUE)
-    assert said.normal_map is not None
-    assert said.emissive_map is not None
-    assert np.array_equal(surface.paint.textures[said.emissive_map.texture], image("light"))
-    assert surface.paint.textures[said.normal_map.texture].shape == (4, 4, 3)

@@ -13,7 +13,7 @@ from textured import plate, quarters
 from dcap.geometry.rendering.painted import own_paint
 from dcap.scene.readers.source import read_surface
 from dcap.scene.types.mesh import Mesh, Paint, SourceSurface
-from dcap.scene.writers.glb import Node, glb_bytes, labelled_nodes
+from dcap.scene.writers.glb import Node, glb_bytes
 from solver.certificate import ContactRow
 from tasks.render.settled_meshes import contact_nodes, object_at_rest, scene_at_rest
 
@@ -105,28 +105,6 @@ def test_how_a_texture_goes_on_is_kept(tmp_path, wrap):
     again = read_surface(path, np.eye(4)).paint
     assert again.wraps == (("repeat", "repeat"), wrap)
     assert [len(np.flatnonzero(again.face_texture == slot)) for slot in (0, 1)] == [2, 2]
-
-
-def test_equal_surfaces_give_equal_bytes_and_a_texture_is_written_once():
-    around, look = scene_at_rest(scene_of(), textured_scene(), settled(), "bed")
-    data = glb_bytes(labelled_nodes(around.scene, look.paint))
-    assert data == glb_bytes(labelled_nodes(around.scene, look.paint))
-    document = document_of(data)
-    assert len(document["images"]) == len(document["materials"]) == 1
-    assert [node["name"] for node in document["nodes"] if "children" in node] == [
-        one.id for one in scene_of().instances
-    ]
-
-
-def test_many_tints_become_vertex_colours():
-    source = plate()
-    mesh = Mesh(
-        source.mesh.vertices, source.mesh.faces, np.array([[255, 0, 0], [0, 255, 0], [0, 0, 255], [9, 9, 9]], np.uint8)
-    )
-    found = own_paint(SourceSurface(mesh, source.paint))
-    document = document_of(glb_bytes([Node("plate", mesh, paint=found)]))
-    assert "COLOR_0" in document["meshes"][0]["primitives"][0]["attributes"]
-    assert document["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] == [1.0, 1.0, 1.0, 1.0]
 
 
 def document_of(data):

@@ -74,11 +74,6 @@ def test_a_figure_on_legs_does_not_sit(name, doubted):
     assert "no seat" not in pose_of("stand the teddy upright on the bed", "teddy", on_legs).doubt
 
 
-def test_a_front_that_the_shape_does_not_tell_is_a_doubt():
-    """A mug laid on its back: which side is that?"""
-    assert "front" in pose_of("put the vase on the bed facing the door", "vase", mug()).facing_doubt
-
-
 def test_a_wrong_choice_does_not_change_what_was_asked():
     """It shall look along +x: chosen so or facing away from it, what is asked is the same; a turn goes on from there,
     and one that the reply leaves out is missed."""

@@ -111,13 +111,6 @@ def shape(length: float, width: float, top: float, level: float, color: Color | 
     )  # fmt: skip
 
 
-def test_a_whole_sofa_is_worth_more_than_its_seat_and_back() -> None:
-    """Three unions of two pieces: the whole explains more than a bench with something behind it."""
-    seat, back, whole = frozenset([0]), frozenset([1]), frozenset([0, 1])
-    shapes = [shape(1.9, 0.6, 0.42, 0.42), shape(1.9, 0.25, 0.85, 0.85), shape(1.9, 0.88, 0.85, 0.42)]
-    assert likely_things([seat, back, whole], shapes) == [whole]
-
-
 def labels_of(found: Sequence[RoughShape]) -> tuple[str, ...]:
     """What may stand in a room of these things."""
     return room_labels([rough_measures(one) for one in found], [one.held_by for one in found])
@@ -132,12 +125,6 @@ def test_a_tub_makes_a_bathroom_if_it_is_white() -> None:
     """The same rim in the brown of a wooden bed does not, nor is anything wet then."""
     assert "toilet" in labels_of([rim((0.93, 0.93, 0.92)), shape(0.36, 0.36, 0.45, 0.45)])
     assert "toilet" not in labels_of([rim((0.4, 0.28, 0.2)), shape(0.36, 0.36, 0.45, 0.45)])
-
-
-def test_of_what_is_higher_than_a_camera_no_top_is_known() -> None:
-    """The main level of a shelf of 1.9 m is that of some board: how far it rises above it says nothing."""
-    assert not {"level", "rise", "share"} & set(rough_measures(shape(0.8, 0.3, 1.9, 0.5)))
-    assert rough_measures(shape(0.8, 0.3, 1.2, 1.15))["rise"] == pytest.approx(0.05)
 
 
 def test_a_living_room_has_no_toilet() -> None:

@@ -64,13 +64,6 @@ def test_what_is_written_is_read_as_it_was(tmp_path: Path, faces: bool) -> None:
         assert "made for another mesh" in scene.notes[0]
 
 
-def test_another_name(tmp_path: Path) -> None:
-    """Is sure, and its parts are those of such a thing."""
-    scene = divided(tmp_path, lambda tree: named(tree, "table").update(label="stool"))
-    stool = scene.instances[scene.index_of("table")]
-    assert (stool.label, stool.confidence) == ("stool", 1.0)
-
-
 def test_a_deleted_thing_is_nothing(tmp_path: Path) -> None:
     """Its faces belong to nobody."""
     scene = divided(tmp_path, lambda tree: tree["things"].remove(named(tree, "lamp")))
@@ -99,14 +92,6 @@ def test_a_box_for_what_was_missed(tmp_path: Path) -> None:
     assert mine[ROOM.face_instance == ROOM.index_of("table")].all()
     assert not mine[ROOM.face_instance == ROOM.index_of("floor")].any()
     assert "lamp" in [one.id for one in scene.instances]
-
-
-def test_a_box_with_nothing_in_it_is_told(tmp_path: Path) -> None:
-    """It is left out; the others stay."""
-    far = {"label": "piano", "box": [90, 90, 90, 91, 91, 91]}
-    scene = divided(tmp_path, lambda tree: tree["things"].append(far))
-    assert "no face is in the box of piano" in scene.notes[0]
-    assert "piano" not in [one.label for one in scene.instances]
 
 
 @pytest.mark.parametrize(
@@ -154,15 +139,3 @@ def test_a_phones_boxes_name_what_they_hold(tmp_path: Path) -> None:
     assert isinstance(labels, GivenLabels)
     with pytest.raises(InputError, match="none of its 1 boxes holds anything"):
         segment(replace(SCAN), SegmentConfig(), OfflineClient(), labels)
-
-
-def test_a_plan_that_names_everything(tmp_path: Path) -> None:
-    """Nothing is left to be found by its shape but the room."""
-    path = tmp_path / "room.json"
-    boxes = (("bed", (0, 0.5, 0), (1.7, 1.1, 2.2)), ("table", (2, 0.48, -1), (1.0, 1.0, 1.0)))
-    path.write_text(json.dumps(plan(*boxes)))
-    labels = read_given_labels(path)
-    assert isinstance(labels, GivenLabels)
-    scene = segment(SCAN, SegmentConfig(), OfflineClient(), labels)
-    assert sorted(one.label for one in scene.instances if not one.structure) == ["bed", "table"]
-    assert any(one.label == "floor" for one in scene.instances)

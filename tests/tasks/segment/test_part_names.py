@@ -1,23 +1,18 @@
 """Geometry proposes part names, a client decides: names and confidences change, faces and boxes stay."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from dcap.geometry.primitives import Box
-from dcap.language.connect import connect
 from dcap.language.offline.client import OfflineClient
-from dcap.language.protocol.client import ClientName, LanguageConfig
 from dcap.language.protocol.questions import PARTS, Question
 from dcap.language.protocol.replies import PartName, PartsReply
 from dcap.language.protocol.requests import PartsRequest
-from dcap.language.protocol.session import Session
-from dcap.scene.errors import LanguageError
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.scan import Scan
-from dcap.scene.types.segmentation import Part, Segmentation
+from dcap.scene.types.segmentation import Segmentation
 from dcap.synthetic.shapes import joined, moved
 from tasks.requests.pictures import SIZE, TINT
 from tasks.segment.part_names import paint, with_part_names
@@ -103,32 +98,6 @@ def test_the_offline_reader_changes_nothing_and_draws_nothing(monkeypatch: pytes
     again = with_part_names(found, OfflineClient())
     assert [p for p, _ in parts_of(found)] == ["top", "leg"]
     assert parts_of(again) == parts_of(found)
-
-
-def test_what_needs_no_name_is_not_asked() -> None:
-    """Structure, things of one part, and what an annotation names are no questions."""
-    found = segment(table(), SegmentConfig(), OfflineClient())
-    (one,) = found.instances
-    sure = replace(one, parts=tuple(Part(p.name, p.box, 1.0) for p in one.parts))
-    single = segment_object(table("book"), SegmentConfig(), OfflineClient())
-    asked = [replace(found, instances=(replace(one, structure=True),)), replace(found, instances=(sure,)), single]
-    nobody = Namer("")
-    for scene in asked:
-        assert with_part_names(scene, nobody) is scene
-    assert not nobody.asked
-
-
-def test_a_model_that_cannot_be_asked_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without a key the stage fails in one line; what has one part needs no model."""
-    for name in ("ANTHROPIC_API_KEY", "ANTHROPIC_AUTH_TOKEN", "ANTHROPIC_PROFILE"):
-        monkeypatch.delenv(name, raising=False)
-    monkeypatch.setenv("ANTHROPIC_BASE_URL", "http://127.0.0.1:9")
-    model = connect(LanguageConfig(client=ClientName.ANTHROPIC, endpoint="127.0.0.1-9"), Session())
-    assert parts_of(segment_object(table("book"), SegmentConfig(), model)) == parts_of(
-        segment_object(table("book"), SegmentConfig(), OfflineClient())
-    )
-    with pytest.raises(LanguageError):
-        segment_object(dumbbell(), SegmentConfig(), model)
 
 
 def test_the_picture_shows_each_part_in_its_paint() -> None:

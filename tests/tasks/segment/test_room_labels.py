@@ -20,7 +20,7 @@ from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.scan import LabelBox, Scan
 from dcap.scene.types.segmentation import Segmentation
 from dcap.synthetic.rooms import build_room
-from dcap.synthetic.shapes import joined, moved, turned
+from dcap.synthetic.shapes import joined, moved
 from perf.segment_scores import GroundTruth, Score, label_accuracy, means_the_same, scores
 from tasks.requests.pictures import LOUD, SIZE
 from tasks.segment.stage import SegmentConfig, segment
@@ -67,23 +67,6 @@ def check_room(name: str, *, labels: float) -> None:
     assert all(sure[one.id] == 1.0 for one in found.instances if one.structure)
 
 
-@pytest.mark.parametrize(
-    ("found", "true", "right"),
-    [
-        ("sofa", "multi person sofa", True),
-        ("cabinet", "shoe cabinet", True),
-        ("coffee table", "teatable", True),
-        ("desk", "table", True),
-        ("bed", "sofa", False),
-        ("thing", "vase", False),
-        ("", "vase", False),
-    ],
-)
-def test_which_labels_are_right(found: str, true: str, right: bool) -> None:
-    """Synonyms and kinds of a thing are right, other things and no label are wrong."""
-    assert means_the_same(found, true) is right
-
-
 @pytest.mark.slow
 def test_a_bathroom_without_annotations() -> None:
     """Every thing of a bathroom is found under its name, the tank in the toilet, the basin in its cabinet."""
@@ -101,14 +84,6 @@ def labels_of(found: Segmentation) -> set[str]:
     return {one.label for one in found.instances}
 
 
-def test_a_small_room_is_a_room() -> None:
-    """2.2 x 2.6 m with walls around are a room; the wardrobe in it, of the same height, is not."""
-    found = segment(bare(joined(small_room())), SegmentConfig(), OfflineClient())
-    assert {"floor", "wall", "wardrobe", "box"} <= labels_of(found)
-    alone = segment(replace(bare(small_room()[1]), label="rack"), SegmentConfig(), OfflineClient())
-    assert [one.label for one in alone.instances] == ["rack"]
-
-
 def test_what_is_unnamed_in_a_named_scene_is_found() -> None:
     """Nodes with names keep them; what no node names is taken apart and named by shape."""
     shell, wardrobe, box = small_room()
@@ -119,13 +94,6 @@ def test_what_is_unnamed_in_a_named_scene_is_found() -> None:
     assert {"rocket", "parcel", "box", "floor", "wall"} <= labels_of(found)
     assert next(one.confidence for one in found.instances if one.label == "rocket") == 1.0
     assert next(one.confidence for one in found.instances if one.label == "box") < 1.0
-
-
-def test_the_heading_of_a_room_does_not_matter() -> None:
-    """A room turned by 30 degrees has the same things."""
-    room = joined(small_room())
-    straight, tilted = (segment(bare(one), SegmentConfig(), OfflineClient()) for one in (room, turned(room, "z", 30.0)))
-    assert sorted(one.id for one in straight.instances) == sorted(one.id for one in tilted.instances)
 
 
 @pytest.mark.slow
@@ -166,3 +134,20 @@ def test_the_client_decides_and_sees_each_thing() -> None:
     loud = np.abs(room.astype(float) / 255.0 - LOUD / 255.0).sum(axis=2) < 1.0
     assert 20 < loud.sum() < 0.2 * SIZE * SIZE
     assert not (np.abs(near.astype(float) / 255.0 - LOUD / 255.0).sum(axis=2) < 1.0).any()
+
+
+@pytest.mark.parametrize(
+    ("found", "true", "right"),
+    [
+        ("sofa", "multi person sofa", True),
+        ("cabinet", "shoe cabinet", True),
+        ("coffee table", "teatable", True),
+        ("desk", "table", True),
+        ("bed", "sofa", False),
+        ("thing", "vase", False),
+        ("", "vase", False),
+    ],
+)
+def test_which_labels_are_right(found: str, true: str, right: bool) -> None:
+    """Synonyms and kinds of a thing are right, other things and no label are wrong."""
+    assert means_the_same(found, true) is right

@@ -40,6 +40,12 @@ MODEL = LanguageConfig(client=ClientName.ANTHROPIC, model=NAME)
 REPLAY = LanguageConfig(client=ClientName.REPLAY, model=NAME)
 
 
+@pytest.fixture
+def flat_examples(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Examples of one colour, where nobody looks at them: rendering them takes seconds."""
+    monkeypatch.setattr("dcap.evaluation.judging.questions.drawn", lambda *_: np.zeros((8, 10, 3), dtype=np.uint8))
+
+
 def pictures_of(body) -> int:
     return sum(block["type"] == "image" for block in body["messages"][0]["content"])
 
@@ -133,6 +139,7 @@ def test_a_pair_is_asked_in_both_orders_each_picture_by_its_name(api: FakeApi):
         ("8 and 9", "not one JSON object"),
     ],
 )
+@pytest.mark.usefixtures("flat_examples")
 def test_a_wrong_score_is_asked_again_and_then_refused(api: FakeApi, answer, said: str):
     """The model is told what is wrong, twice; then it is one line with the answer."""
     api.answers = [says(answer)]
@@ -180,6 +187,7 @@ def test_a_wrong_comparison_is_refused(api: FakeApi, answer, said: str):
         comparisons(connect(MODEL, Session()), three_methods(1)[:2], NAME)
 
 
+@pytest.mark.usefixtures("flat_examples")
 def test_a_mended_answer_counts(api: FakeApi):
     """A score of 11 is asked again with the reason; the second answer is taken."""
     api.answers = [says(SCORES | {"right_place": 11}), says(SCORES)]
@@ -187,6 +195,7 @@ def test_a_mended_answer_counts(api: FakeApi):
     assert (found.right_place, found.physics_naturalness) == (8.0, 6.5)
 
 
+@pytest.mark.usefixtures("flat_examples")
 def test_recorded_replies_give_the_same_tables_to_the_last_byte(api: FakeApi, tmp_path: Path):
     """Scores and comparisons from a recording are those of the model, with nobody to ask."""
     api.answers = [judging]

@@ -95,6 +95,7 @@ def test_a_side_is_right_half_of_the_time(answers):
     assert found.in_words.startswith("left: 20 of 40 known answers right (50%")
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_the_rubric_misses_only_a_mattress_that_does_not_give_way(answers):
     """How deep a dent ought to be only our own contact model could say, and that is in no score."""

@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 
 from dcap.geometry.placement.named_regions import (
     SIDES,
-    both,
     distance_beside,
     regions,
     viewer_frame,
@@ -24,17 +23,6 @@ def box(x: float, y: float, wide: float, deep: float, yaw: float = 0.0) -> Orien
 FRONT = np.array([0.0, -1.0, 0.0])
 """The viewer stands at -y and looks along +y, so that his right is +x."""
 MIDDLE = np.zeros(3)
-
-
-def test_beside_both_is_where_the_areas_meet():
-    """Two areas that overlap have one in common, which lies in both; two apart have none."""
-    frame = viewer_frame(box(0, 0, 2.0, 1.0), FRONT, MIDDLE)
-    areas = [regions(frame, ("near",), [box(x, 0.0, 0.2, 0.2)], np.full(2, 0.05))[0] for x in (-0.3, 0.3)]
-    (common,) = both(areas)
-    assert all(inside(area.polygon, np.array([common.target, *common.polygon])).all() for area in areas)
-    assert common.target == pytest.approx((0.0, 0.0), abs=1e-6)
-    far = [regions(frame, ("next_to",), [box(x, 0.0, 0.2, 0.2)], np.full(2, 0.05))[0] for x in (-0.8, 0.8)]
-    assert both(far) == both([]) == []
 
 
 @settings(max_examples=60, deadline=None)

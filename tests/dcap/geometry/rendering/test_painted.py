@@ -6,15 +6,13 @@ from textured import QUARTERS, plate, quarters
 
 from dcap.geometry.camera import Camera, looking_at
 from dcap.geometry.rendering.painted import (
-    nearest_faces,
     own_paint,
-    paint_from,
     painted,
 )
 from dcap.geometry.rendering.picture import picture
 from dcap.geometry.solid.repair import subdivide_near
 from dcap.scene.srgb import linear_from_srgb, sampled
-from dcap.scene.types.mesh import Mesh, PaintedMesh
+from dcap.scene.types.mesh import PaintedMesh
 
 EVERYWHERE = np.array([[-9.0] * 3, [9.0] * 3])
 
@@ -41,13 +39,6 @@ def test_each_quarter_of_a_plate_has_its_colour():
         assert hue(at(rgb, camera, x, y)) == number
 
 
-def test_a_texture_repeats():
-    surface, camera = plate(repeat=2.0), from_above()
-    rgb = picture([PaintedMesh(surface.mesh, own_paint(surface))], camera).rgb
-    assert hue(at(rgb, camera, -0.75, -0.75)) == hue(at(rgb, camera, 0.25, 0.25)) == 0
-    assert hue(at(rgb, camera, 0.75, 0.75)) == hue(at(rgb, camera, -0.25, -0.25)) == 3
-
-
 @pytest.mark.parametrize(("wrap", "expected"), [("repeat", 0), ("mirror", 1), ("clamp", 1)])
 def test_beyond_its_image_a_texture_repeats_is_mirrored_or_ends(wrap, expected):
     """A quarter of an image to the right of it: the left quarter again, the right one turned round, or its rim."""
@@ -68,17 +59,6 @@ def test_a_mesh_cut_from_the_surface_has_its_texture_coordinates():
     assert (paint.texture == 0).all()
     expected = fine.vertices[fine.faces][..., :2] / 2 + 0.5
     assert np.abs(paint.corner_uv - expected).max() < 1e-6
-
-
-def test_what_does_not_lie_on_the_surface_keeps_its_own_colours():
-    surface = plate()
-    above = Mesh.of(surface.mesh.vertices + np.array([0.0, 0.0, 0.3]), surface.mesh.faces, (1, 2, 3))
-    assert (nearest_faces(surface.mesh, above) == -1).all()
-    paint = painted(above, surface).paint
-    assert paint is not None
-    assert (paint.texture == -1).all()
-    larger = Mesh.of(surface.mesh.vertices * 1.5, surface.mesh.faces)  # its corners lie beside the faces they belong to
-    assert (paint_from(surface, larger, np.array([0, 1])).texture == -1).all()
 
 
 def test_a_fine_pattern_from_afar_is_its_mean_and_does_not_flicker():

@@ -7,7 +7,7 @@ import pytest
 from textured import plate, quarters
 
 from dcap.geometry.camera import Camera, looking_at
-from dcap.geometry.rendering.painted import SeeThroughCaster, caster_of, own_paint
+from dcap.geometry.rendering.painted import caster_of, own_paint
 from dcap.geometry.rendering.picture import exposed
 from dcap.scene.types.mesh import AlphaMode, Mesh, PaintedMesh, SourceSurface, SurfaceMaterial
 
@@ -72,13 +72,3 @@ def test_what_counts_as_clear(said, alpha, clear):
     caster = caster_of([look(half_clear(said, alpha))])
     found = caster.cast(np.array([[-0.5, 0.2, 2.0]]), np.array([[0.0, 0.0, -1.0]]))
     assert bool(found.face[0] < 0) == clear
-
-
-def test_what_is_glass_all_over_is_drawn():
-    """Hardly anything would be left of it."""
-    surface = half_clear(SurfaceMaterial("", AlphaMode.BLEND), 60)
-    image = surface.paint.textures[0].copy()
-    image[..., 3] = 60
-    glass = replace(surface, paint=replace(surface.paint, textures=(image,)))
-    assert not own_paint(glass).cut_out.any()
-    assert not isinstance(caster_of([look(glass)]), SeeThroughCaster)

@@ -59,19 +59,6 @@ def test_faces_that_no_ray_can_meet_are_left_out(monkeypatch, low_light):
     assert min(kept) < 0.4
 
 
-@pytest.mark.parametrize("low_light", [False, True])
-def test_adding_faces_is_having_them_at_once(low_light):
-    """A picture with a ball, made from that without it, has the bytes of one that was taken with it."""
-    prepared = PreparedMeshes(cluttered())
-    ball = prepared.mesh_of_face == len(prepared.things) - 1
-    for camera in cameras():
-        alone = exposed(prepared.showing(~ball), camera, low_light=low_light)
-        whole = exposed(prepared, camera, low_light=low_light)
-        assert not same(alone, whole)
-        assert same(alone.adding(ball), whole)
-        assert same(alone.adding(np.zeros_like(ball)), alone)
-
-
 def sheet(origin: tuple[float, ...], u: tuple[float, ...], v: tuple[float, ...], noise: float = 0.0) -> Mesh:
     """A parallelogram of 12 x 12 quads with noise."""
     s, t = np.meshgrid(*[np.linspace(0, 1, 13)] * 2, indexing="ij")

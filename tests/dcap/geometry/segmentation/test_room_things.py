@@ -77,24 +77,6 @@ def test_bedding_and_headboard_belong_to_the_bed() -> None:
     assert members(labels, BED, PILLOW, HEADBOARD, lamp) == [("bed", (0, 1, 2)), ("table lamp", (3,))]
 
 
-def test_a_pillow_on_a_pillow_lies_on_the_bed() -> None:
-    """The second pillow of a stack belongs to the bed that carries the first."""
-    upper = moved(PILLOW, z=0.12)
-    assert members(["bed", "pillow", "pillow"], BED, PILLOW, upper) == [("bed", (0, 1, 2))]
-
-
-def test_a_book_on_a_bed_stays_a_book() -> None:
-    """Only names tell: the same box under another label is a thing of its own."""
-    assert members(["bed", "book"], BED, PILLOW) == [("bed", (0,)), ("book", (1,))]
-
-
-def test_books_that_touch_are_one_row() -> None:
-    """Books side by side are one, across all of the row; one that stands apart is another."""
-    row = [block((0.03 * k, 0.0, 0.0), (0.03 * k + 0.028, 0.2, 0.25)) for k in range(4)]
-    apart = block((0.5, 0.0, 0.0), (0.53, 0.2, 0.25))
-    assert [whole.members for whole in found(["book"] * 5, *row, apart)] == [(0, 1, 2, 3), (4,)]
-
-
 def test_the_whole_may_be_called_otherwise_with_its_part() -> None:
     """A cabinet with a basin on it is a basin cabinet."""
     cabinet, basin = block((0, 0, 0), (1.0, 0.5, 0.8)), block((0.3, 0.05, 0.8), (0.7, 0.45, 0.93))
@@ -115,10 +97,3 @@ def test_what_is_in_a_box_belongs_to_it() -> None:
     walls += [block((0.0, y, 0.0), (0.5, y + 0.02, 0.3)) for y in (-0.02, 0.4)]
     inside, beside = block((0.2, 0.1, 0.01), (0.3, 0.2, 0.11)), block((0.8, 0.1, 0.0), (0.9, 0.2, 0.1))
     assert members(["box", "leg", "toy"], joined(walls), inside, beside) == [("box", (0, 1)), ("toy", (2,))]
-
-
-def test_a_new_name_is_for_what_the_part_is_joined_to() -> None:
-    """A cabinet in a box becomes a basin cabinet by its basin; the box that holds both stays a box."""
-    box, cabinet = block((0.0, 0.0, 0.0), (1.5, 1.0, 1.5)), block((0.2, 0.2, 0.0), (1.0, 0.7, 0.8))
-    basin = block((0.3, 0.3, 0.8), (0.9, 0.6, 0.95))
-    assert members(["box", "cabinet", "basin"], box, cabinet, basin) == [("box", (0, 1, 2))]

@@ -89,7 +89,7 @@ def test_where_nothing_is_seen_there_is_no_solid() -> None:
     assert column_solid(away, np.zeros(len(away.faces)), REGION, item(), 5e-3, RepairLog()) is None
 
 
-@pytest.mark.parametrize("apart", [0.6, 0.11])
+@pytest.mark.parametrize("apart", [0.6, pytest.param(0.11, marks=pytest.mark.long)])
 def test_ribs_narrower_than_a_column_are_told(apart: float) -> None:
     """3 mm wide and 30 mm high under a plate of 1.2 m, whose columns are 10 mm wide: between two looks, or met by some.
     Nothing of that is less than its height off where no column has it."""

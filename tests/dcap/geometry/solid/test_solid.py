@@ -343,7 +343,7 @@ def test_a_support_that_keeps_what_the_object_can_reach_is_kept() -> None:
         assert (report.repairs == ("faces kept as given, inside and outside decided by the winding number",)) == kept
 
 
-@pytest.mark.parametrize("inwards", [False, True])
+@pytest.mark.parametrize("inwards", [pytest.param(False, marks=pytest.mark.long), True])
 def test_an_open_tub_is_not_filled_to_the_brim(inwards: bool) -> None:
     """However its walls of one layer are wound: the middle is outside, and the report says what is wrong."""
     open_tub = tub()

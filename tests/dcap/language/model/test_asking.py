@@ -1,24 +1,17 @@
 """What asking leaves behind: kept replies, recordings, the ledger and its budget; and the key nowhere."""
 
-import json
-import os
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import pytest
 from fake_api import KEY, FakeApi, fails, offline_model, says
-from questions_at_hand import materials_request, rotation_request
 
 from dcap.language.connect import connect
 from dcap.language.model.anthropic_api import endpoint, size_of
 from dcap.language.model.ledger import (
     Ledger,
-    ReleaseLine,
     ReplyLine,
-    ReservationLine,
-    Usage,
     check_budget,
     in_words,
     most,
@@ -29,7 +22,7 @@ from dcap.language.model.ledger import (
 from dcap.language.model.payload import payload_of
 from dcap.language.model.reply_folder import ReplyFolder
 from dcap.language.protocol.client import ClientName, LanguageConfig
-from dcap.language.protocol.questions import INTENT, MATERIALS, ROTATION, Question
+from dcap.language.protocol.questions import INTENT
 from dcap.language.protocol.session import MAX_TOKENS, Session
 from dcap.scene.errors import BudgetError, InputError, LanguageError
 
@@ -52,13 +45,6 @@ def test_a_question_is_asked_once(api: FakeApi, ask, tmp_path):
     assert [line.how for line in read_lines(ledger) if isinstance(line, ReplyLine)] == ["asked", "kept"]
     connect(MODEL, Session(fresh=True)).ask(INTENT, ask("put the mug on the desk"))
     assert len(api.asked) == 2
-
-
-def test_another_model_is_asked_anew(api: FakeApi, ask):
-    """Replies of one model are none of another."""
-    for name in (NAME, "claude-opus-5-5"):
-        connect(MODEL.model_copy(update={"model": name}), Session()).ask(INTENT, ask("put the mug on the desk"))
-    assert [body["model"] for body in api.asked] == [NAME, "claude-opus-5-5"]
 
 
 def test_another_address_than_the_run_s_is_not_asked(api: FakeApi, ask, monkeypatch):
@@ -115,15 +101,6 @@ def test_a_damaged_recording_is_named(api: FakeApi, ask, tmp_path):
         connect(REPLAY, Session(replay=str(tmp_path / "r"))).ask(INTENT, ask("put the mug on the desk"))
 
 
-def test_the_digest_is_of_what_a_model_sees(ask):
-    """Equal questions have equal digests, whatever the model; another sentence or picture has another."""
-    request = rotation_request()
-    assert payload_of(ROTATION, request).digest == payload_of(ROTATION, rotation_request()).digest
-    digests = {payload_of(INTENT, ask(text)).digest for text in ("put it on the desk", "put it on the bed")}
-    assert len(digests) == 2
-    assert payload_of(ROTATION, request).followed_by({"role": "user", "content": []}).digest not in digests
-
-
 def test_the_key_is_nowhere(api: FakeApi, ask, tmp_path, capfd):
     """Neither kept replies nor recording nor ledger nor output hold the key; the server got it."""
     connect(MODEL, Session(record=str(tmp_path / "r"), ledger=str(tmp_path / "usage.jsonl"))).ask(
@@ -173,39 +150,6 @@ def test_an_unknown_price_is_said(tmp_path):
     for wrong in (0.0, -1.0, float("nan"), float("inf")):
         with pytest.raises(InputError, match="--max-cost"):
             check_budget(NAME, wrong)
-
-
-def test_every_line_of_the_ledger_is_read_as_written(tmp_path):
-    """What is set aside, what was given up and what a reply took come back as they were, and have flat JSON."""
-    path = tmp_path / "usage.jsonl"
-    ledger = Ledger(path, 1.0, "a")
-    price = price_of(NAME)
-    assert price is not None
-    names = [ledger.reserve(NAME, "intent", 10, 20) for _ in range(2)]
-    ledger.release(names[0])
-    ledger.settle(names[1], NAME, "intent", {"usage": {"input_tokens": 5, "output_tokens": 1}}, how="asked")
-    assert read_lines(path) == [
-        *(ReservationLine(name, os.getpid(), most(10, price, 20)) for name in names),
-        ReleaseLine(names[0], 0.0),
-        ReplyLine(names[1], "a", "intent", NAME, "asked", 5, 1, 0, 0, Usage(5, 1).cost(price)),
-    ]
-    assert [list(json.loads(text)) for text in path.read_text().splitlines()[1:]] == [
-        ["reserved", "process", "usd"],
-        ["settles", "usd"],
-        ["settles", "sample", "question", "model", "how", "input_tokens", "output_tokens", "cache_write_tokens",
-         "cache_read_tokens", "usd", "digest"],
-    ]  # fmt: skip
-
-
-@pytest.mark.parametrize("make", [rotation_request, materials_request])
-def test_a_call_is_counted_at_its_bytes_and_pictures(make: Callable[[], Any]):
-    """No token is shorter than a byte: the bound exceeds the text that is sent, and each picture's w h / 750."""
-    question: Question[Any, Any] = ROTATION if make is rotation_request else MATERIALS
-    payload = payload_of(question, make())
-    texts = [block["text"] for block in payload.messages[0]["content"] if block["type"] == "text"]
-    pictures = 3 if make is rotation_request else 0
-    assert payload.pictures == pictures
-    assert size_of(payload) > len("".join(texts).encode()) + pictures * 960 * 720 / 750
 
 
 def test_a_budget_is_never_exceeded_and_stops_in_one_line(api: FakeApi, ask, tmp_path):

@@ -109,14 +109,6 @@ def test_a_batch_that_cannot_be_sent_is_told_to_all(api: FakeApi, quick, ask, tm
     assert read_lines(ledger)[-1].usd == 0.0
 
 
-def test_a_batch_that_the_api_forgot_fails(api: FakeApi, quick, ask, tmp_path, monkeypatch):
-    """A batch of another key, or one too old, is given up at once and not asked for again for ever."""
-    monkeypatch.setattr(api, "get", lambda path: fails(404, "not_found_error")({}))
-    found = in_batches(Session(batch=str(tmp_path / "queue")), [ask("put the mug on the desk")])
-    assert "404" in str(found[0])
-    assert not list((Session().kept_folder / "batches").glob("*.json"))
-
-
 def test_a_batch_keeps_to_the_budget(api: FakeApi, quick, ask, tmp_path):
     """What does not fit is not sent and says so; the rest is answered."""
     requests = [ask(f"put the mug on the desk {'please ' * n}") for n in range(4)]

@@ -9,11 +9,8 @@ from pathlib import Path
 import pytest
 from fake_api import KEY, fails, offline_model, reason_of, says
 from fake_openai import FakeOpenAi
-from judged import REPLY, SCORES, three_methods
 from questions_at_hand import AT_HAND, rotation_request
 
-from dcap.evaluation.judging.judge import pair_request, score_request
-from dcap.evaluation.judging.questions import JUDGE_PAIR, JUDGE_SCORE
 from dcap.language.connect import connect
 from dcap.language.model.ledger import ReplyLine, read_lines
 from dcap.language.offline.client import OfflineClient
@@ -51,16 +48,6 @@ def test_every_question_is_answered(server: FakeOpenAi, question, request_of):
     assert connect(config(), Session()).ask(question, request) == OfflineClient().ask(question, request)
     images = [block for block in server.asked[0]["messages"][0]["content"] if block["type"] == "image"]
     assert len(images) == len(getattr(request, "pictures", ()))
-
-
-@HERE
-def test_a_judge_is_asked_like_everybody_else(server: FakeOpenAi):
-    """Scores and comparisons come back through forms that strict mode takes."""
-    server.answers = [says(REPLY), says(SCORES)]
-    client, (one, other) = connect(config(), Session()), three_methods(1)[:2]
-    assert client.ask(JUDGE_PAIR, pair_request(one, other)).overall == "A"
-    assert client.ask(JUDGE_SCORE, score_request(one)).physics_naturalness == 6.5
-    assert server.raw[0]["response_format"]["json_schema"]["name"] == "judge_pair"
 
 
 @HERE
@@ -114,13 +101,6 @@ def test_failures_are_one_line_without_the_key(server: FakeOpenAi, answer, said:
 
 
 @HERE
-def test_overload_is_tried_again(server: FakeOpenAi):
-    """A rate limit and an overload pass."""
-    server.answers = [fails(429, "slow down"), fails(503, "overloaded"), offline_model]
-    assert connect(config(), Session()).ask(ROTATION, rotation_request()).pose_id == "flip_y"
-
-
-@HERE
 def test_a_server_of_one_s_own_needs_no_key(server: FakeOpenAi, monkeypatch: pytest.MonkeyPatch):
     """Without a key the usual address is refused in a line, another one is asked."""
     monkeypatch.delenv("OPENAI_API_KEY")
@@ -155,10 +135,3 @@ def test_options_that_cannot_be_meant_are_named(options: LanguageOptions, said: 
     """One line that names the option."""
     with pytest.raises(InputError, match=said):
         options.config()
-
-
-@HERE
-def test_a_budget_needs_a_price():
-    """No price of such a model is known."""
-    with pytest.raises(InputError, match=f"the price of {NAME} is not known"):
-        LanguageOptions("openai", NAME, max_cost=1.0).config()

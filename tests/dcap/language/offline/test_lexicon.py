@@ -4,7 +4,6 @@ import csv
 from collections import Counter
 from itertools import combinations
 from pathlib import Path
-from urllib.parse import urldefrag
 
 import numpy as np
 import pytest
@@ -114,41 +113,9 @@ def test_a_bad_row_is_refused_by_name(tmp_path, monkeypatch, row, words):
     assert "mug2" in str(error.value)
 
 
-SOFT = {
-    "Bed": "bed", "functional bed": "bed", "Multi person sofa": "sofa", "armchair": "soft seat",
-    "leather chair": "soft seat", "upholstered stool": "soft seat", "Mattress": "mattress",
-    "body pillow": "pillow or cushion", "quilt": "blanket or towel", "teddy bear": "soft toy", "carpet": "rug",
-    **dict.fromkeys(("chair", "dining table", "bedside table", "pillow cabinet", "curtain", "wall", "apple", "book",
-                     "headboard", "floor lamp", "plant", "", "!!", "teatable", "stool"), ""),
-}  # fmt: skip
-"""Labels, and which kind of soft support each is: a bedside table is no bed, fruit and curtains carry nothing."""
-
-
-def test_soft_supports_are_counted():
-    """Any case, synonyms, and seats that a word makes soft; one for each label."""
-    assert {label: deformable_kind(label) for label in SOFT} == SOFT
-    assert deformable_supports(["bed", "Bed", "sofa", "desk"]) == {"bed": 2, "sofa": 1}
-
-
 with (Path(__file__).parents[1] / "published_sizes.csv").open(newline="", encoding="utf-8") as table:
     PUBLISHED = list(csv.DictReader(table))
 """Things with what a page states of them: extents in any order [m] and mass [kg], either of which may be missing."""
-
-
-def pages(source: str) -> set[str]:
-    """Pages of a cell: one for both, or one for the size and one for the mass; a place in a page is the page."""
-    return {urldefrag(address).url for address in source.split()}
-
-
-def test_the_two_collections_share_no_page():
-    """What the lexicon was made from can't judge it."""
-    cited = {
-        page for thing in things().values() for cell in (thing.size_source, thing.mass_source) for page in pages(cell)
-    }
-    judging = [pages(row["source"]) for row in PUBLISHED]
-    assert all(judging)
-    assert any(len(both) == 2 for both in judging)
-    assert cited & set().union(*judging) == set()
 
 
 def size_factor(name: str, extents: list[float]) -> float:
@@ -177,3 +144,19 @@ def test_priors_are_right_for_nine_in_ten():
         assert len(found) >= least
         wrong = {name: one for name, one in found.items() if one > factor}
         assert len(wrong) <= 0.1 * len(found), wrong
+
+
+SOFT = {
+    "Bed": "bed", "functional bed": "bed", "Multi person sofa": "sofa", "armchair": "soft seat",
+    "leather chair": "soft seat", "upholstered stool": "soft seat", "Mattress": "mattress",
+    "body pillow": "pillow or cushion", "quilt": "blanket or towel", "teddy bear": "soft toy", "carpet": "rug",
+    **dict.fromkeys(("chair", "dining table", "bedside table", "pillow cabinet", "curtain", "wall", "apple", "book",
+                     "headboard", "floor lamp", "plant", "", "!!", "teatable", "stool"), ""),
+}  # fmt: skip
+"""Labels, and which kind of soft support each is: a bedside table is no bed, fruit and curtains carry nothing."""
+
+
+def test_soft_supports_are_counted():
+    """Any case, synonyms, and seats that a word makes soft; one for each label."""
+    assert {label: deformable_kind(label) for label in SOFT} == SOFT
+    assert deformable_supports(["bed", "Bed", "sofa", "desk"]) == {"bed": 2, "sofa": 1}

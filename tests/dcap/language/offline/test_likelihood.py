@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 from furnished_views import part, thing
 
-from dcap.language.offline.ground import named, nameless, near_miss, unlikely
-from dcap.language.offline.likelihood import PLAUSIBLE, likelihood
+from dcap.language.offline.ground import named, nameless, near_miss
+from dcap.language.offline.likelihood import likelihood
 from dcap.language.offline.sentence import read
 from dcap.language.offline.words import SceneWords
 from dcap.language.protocol.requests import InstanceView
@@ -87,22 +87,6 @@ def test_what_a_thing_may_be_by_its_shape_counts(text: str, meant: str) -> None:
     assert named(said, instances)[0].id == meant
 
 
-def test_what_is_unlikely_is_told_with_its_likelihood() -> None:
-    """Nothing here is as large as a piano; of a bathtub a chest of 3 per cent comes nearest."""
-    tub = replace(CASE, guesses=(("box", 0.6), ("bathtub", 0.03)))
-    assert unlikely(noun("bathtub", [tub, LOW]), [tub, LOW]).instances == (tub,)
-    assert unlikely(noun("piano", [tub]), [tub]).instances == ()
-
-
-def test_a_part_seen_by_itself_is_not_the_thing() -> None:
-    """The back of another sofa does not make a sofa doubtful, and is found by its own name."""
-    sofa = replace(LOW, id="sofa", label="sofa", guesses=(("sofa", 0.78), ("bed", 0.2)))
-    back = replace(LOW, id="back", label="thing", guesses=(("sofa back", 0.55), ("sofa arm", 0.35)))
-    said = noun("sofa", [sofa, back])
-    assert likelihood(said, back) < PLAUSIBLE * likelihood(said, sofa)
-    assert likelihood(noun("sofa back", [sofa, back]), back) > likelihood(noun("sofa back", [sofa, back]), sofa)
-
-
 def scanned_room() -> list[InstanceView]:
     """What a scanner that knows few categories calls a bookcase, a low cupboard, a couch and a seat with arms."""
     return [
@@ -154,10 +138,3 @@ def test_size_counts_where_the_label_names_the_wider_kind() -> None:
     sizes = {"large": (0.94, 0.8, 0.72), "small": (0.5, 0.4, 0.55)}
     tables = [thing(name, "table", (0, 0, 0.3), size) for name, size in sizes.items()]
     assert [one.id for one in named(noun("nightstand", tables), tables)] == ["small"]
-
-
-def test_any_one_of_several_settles_the_choice() -> None:
-    """Said in so many words; an article alone does not."""
-    chairs = labelled("chair", "chair")
-    for text, settled in (("one of the chairs", True), ("any chair", True), ("either chair", True), ("chair", False)):
-        assert noun(text, chairs).whichever is settled

@@ -2,9 +2,9 @@
 
 import pytest
 
+from dcap.knowledge.lexicon import FAMILIES as GENERIC
 from dcap.knowledge.lexicon import part_words, rows, things
 from dcap.knowledge.material_table import FAMILIES, families, load_materials
-from dcap.knowledge.usual_materials import FAMILY_FILE as GENERIC
 from dcap.knowledge.usual_materials import MADE_OF, USUAL, materials_in, named_phrases
 from dcap.language.offline.client import OfflineClient
 from dcap.language.offline.material_choice import OBJECT, chosen_materials
@@ -25,48 +25,24 @@ def chosen(body: str, label: str, part: str, prompt: str = "") -> tuple[str, str
 SUPPORTS = [
     # adjectives of the label decide the parts that they speak of
     ("leather sofa", "seat cushion", "", "leather_upholstery"),
-    ("leather sofa", "back", "", "leather_upholstery"),
     ("leather sofa", "base", "", "wood_pine"),
     ("Multi person sofa", "seat cushion", "", "foam_seat"),
-    ("velvet armchair", "seat cushion", "", "velvet_upholstery"),
-    ("fabric sofa", "arm", "", "foam_back"),
-    ("upholstered stool", "seat", "", "foam_seat"),
-    ("upholstered chair", "back", "", "foam_back"),
     ("wooden chair", "seat", "", "wood_beech"),
-    ("wooden chair", "back", "", "wood_oak"),
     ("metal chair", "seat", "", "steel"),
-    ("plastic chair", "leg", "", "abs"),
-    ("wicker chair", "seat", "", "wicker"),
     ("glass table", "top", "", "glass"),
     ("glass table", "leg", "", "wood_oak"),
-    ("marble coffee table", "top", "", "marble"),
-    ("marble coffee table", "leg", "", "wood_oak"),
-    ("walnut desk", "top", "", "wood_walnut"),
-    ("wooden table", "top", "", "wood_oak"),
-    ("steel table", "leg", "", "steel"),
     ("metal bed", "frame", "", "steel"),
     ("metal bed", "mattress", "", "foam_mattress"),
-    ("leather bed", "headboard", "", "leather_upholstery"),
-    ("memory foam mattress", "mattress", "", "foam_memory"),
     ("memory foam mattress", "body", "", "foam_memory"),
-    ("spring mattress", "body", "", "mattress_spring"),
-    ("pine bookshelf", "board", "", "wood_pine"),
     ("glass lamp", "shade", "", "glass"),
     ("glass lamp", "pole", "", "steel"),
-    ("brass floor lamp", "pole", "", "brass"),
-    ("marble floor", "floor", "", "marble"),
     ("wooden floor", "floor", "", "laminate"),
-    ("brick wall", "body", "", "brick"),
-    ("granite countertop", "top", "", "granite"),
     # no adjective: category, then part name
     ("bed", "pillow", "", "pillow_polyester"),
     ("bed", "body", "", "foam_mattress"),
-    ("mattress", "body", "", "foam_mattress"),
     ("bathtub", "rim", "", "acrylic"),
-    ("refrigerator", "top", "", "enamel_steel"),
     ("window", "body", "", "glass"),
     ("bookshelf", "board", "", "wood_oak"),
-    ("carpet", "body", "", "carpet_wool"),
     ("orange sofa", "seat cushion", "", "foam_seat"),
     # the prompt's words about the base count, those about others do not
     ("sofa", "seat cushion", "put the mug on the leather sofa", "leather_upholstery"),
@@ -74,8 +50,6 @@ SUPPORTS = [
     ("table", "leg", "place the wooden bowl on the glass table", "wood_oak"),
     ("table", "top", "put it on the table next to the glass vase", "wood_oak"),
     ("table", "top", "put the ball on the glass top of the table", "glass"),
-    ("chair", "seat", "put the steel mug on the wooden chair", "wood_beech"),
-    ("Multi person sofa", "back", "drop the ball on the velvet couch", "velvet_upholstery"),
     ("bed", "mattress", "put it on the memory foam mattress of the bed", "foam_memory"),
 ]
 THINGS = [
@@ -84,23 +58,13 @@ THINGS = [
     ("mug", "body", "put the steel mug on the wooden chair", "steel"),
     ("mug", "body", "put the mug on the steel table", "stoneware"),
     ("mug", "body", "put the mug made of glass on the desk", "glass"),
-    ("ceramic vase", "body", "", "glazed_ceramic"),
-    ("crystal vase", "body", "", "crystal_glass"),
-    ("plastic bottle", "body", "", "pet"),
     ("glass bottle", "body", "", "glass"),
     ("rubber duck", "body", "", "pvc_soft"),
     ("silver laptop", "body", "", "aluminium"),
     ("wooden spoon", "body", "", "wood_beech"),
-    ("leather shoe", "upper", "", "leather"),
     ("leather shoe", "sole", "", "rubber_sole"),
-    ("denim jacket", "body", "", "denim_stack"),
-    ("plush rabbit", "body", "", "plush_filling"),
-    ("down pillow", "body", "", "pillow_down"),
     ("latex pillow", "body", "", "pillow_latex"),
-    ("wool blanket", "body", "", "blanket_stack"),
     ("mug", "body", "put the mug upside down on the table", "stoneware"),
-    ("marble bust", "body", "", "marble"),
-    ("iron skillet", "body", "", "cast_iron"),
     ("bread knife", "body", "", "steel"),
 ]
 

@@ -189,31 +189,6 @@ def test_the_more_specific_name_gives_the_prior(prompt, label, name, ask):
     assert OfflineClient().ask(INTENT, ask(prompt, label)).object_name == name
 
 
-def test_a_later_clause_does_not_choose(ask):
-    """Of two beds, one near the desk: what a second clause says of the desk is no word about the bed."""
-    one = OfflineClient().ask(INTENT, ask("put the ball on the bed, then move it to the desk"))
-    assert one.base_id == OfflineClient().ask(INTENT, ask("put the ball on the bed")).base_id
-    assert one.not_understood == ("to the desk",)
-
-
-@pytest.mark.parametrize(("label", "size"), [("x" * 200, (0.2, 0.1, 0.1)), ("", (0.2, 0.1, 0.1)), ("q", (0.2, 0.1, 0))])
-def test_a_strange_file_gets_a_prior(label, size, ask):
-    """A file of a long name, of none, or without thickness is still an object."""
-    request = ask("put it on the bed", label)
-    reply = OfflineClient().ask(INTENT, replace(request, item=replace(request.item, size=size)))
-    assert 0 < len(reply.object_name) <= 80
-    assert min(reply.size) > 0
-
-
-def test_every_known_phrase_survives_tokenising():
-    """Each phrase of the vocabulary is one token when it stands alone."""
-    from dcap.knowledge.lexicon import vocabulary
-    from dcap.language.offline.words import tokens_of
-
-    broken = [" ".join(words) for words in vocabulary() if len(tokens_of(" ".join(words))) != 1]
-    assert broken == []
-
-
 def test_a_wider_label_is_taken_and_said(ask):
     """An office chair may be labelled as a chair: it is taken, and a note says so."""
     reply = OfflineClient().ask(INTENT, ask("put the book on the office chair"))

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from dcap.knowledge.lexicon import vocabulary
 from dcap.language.offline.client import OfflineClient
 from dcap.language.offline.sentence import read
-from dcap.language.offline.words import SceneWords, meant_by, tokens_of, words_of
+from dcap.language.offline.words import SceneWords, meant_by, tokens_of
 from dcap.language.protocol.questions import INTENT
 from dcap.scene.errors import LanguageError
 
@@ -77,13 +77,6 @@ def test_what_a_thing_has_beside_it_says_which_is_meant(words: str, excluded: bo
     assert (place.relation, place.restrict, place.excluded) == ("near", True, excluded)
 
 
-def test_only_it_is_what_was_named_before() -> None:
-    """ "Near this chair" is near a chair, not near the desk."""
-    on, lamp, chair = read("put the cup on the desk that has a lamp near this chair").places
-    assert (on.relation, lamp.relation, chair.relation) == ("on", "carrying", "near")
-    assert chair.nouns[0].thing == "chair"
-
-
 @pytest.mark.parametrize("words", ["nearest the sofa", "facing the sofa", "closest to the sofa", "nearer the sofa"])
 def test_an_edge_is_the_one_at_a_thing(words: str) -> None:
     """A distance from it keeps the thing that tells which edge is meant."""
@@ -92,13 +85,6 @@ def test_an_edge_is_the_one_at_a_thing(words: str) -> None:
     assert edge.measure.metres == pytest.approx(0.1)
     assert edge.nouns[0].toward is not None
     assert edge.nouns[0].toward.thing == "sofa"
-
-
-def test_shelving_is_placing() -> None:
-    """The verb takes its object along."""
-    found = read("shelve the book in the bookcase, but not on top of it")
-    assert found.theme is not None
-    assert (found.theme.thing, found.not_understood) == ("book", ())
 
 
 @pytest.mark.parametrize("words", ["should stand", "must stand", "has to stand"])
@@ -120,13 +106,6 @@ TYPED = frozenset({"table", "chair", "chairs", "sofa", "sofas", "near", "the", "
 def test_a_slip_is_mended_and_another_word_is_not(word: str, meant: str) -> None:
     """The first letter stands, short words are mended by a swap or a vowel only, doubtful ones not at all."""
     assert meant_by(word, TYPED) == meant
-
-
-def test_words_of_labels_are_known() -> None:
-    """What a scene calls its things is no slip, and slips of it are mended to it first."""
-    scene = SceneWords.of([("1", "zarbleton"), ("2", "tabla")])
-    assert words_of("on the zarbleton", scene).mended == {}
-    assert words_of("on the zarblton", scene).mended == {"zarblton": "zarbleton"}
 
 
 def test_the_reading_of_a_slip_is_told(ask) -> None:

@@ -36,12 +36,6 @@ def usual_thing(shape: ShapePrior) -> LabelRequest:
     )  # fmt: skip
 
 
-def test_the_table_knows_a_household() -> None:
-    """At least 35 labels, among them what carries most things."""
-    assert len(labels()) >= 35
-    assert {"bed", "sofa", "desk", "bookshelf", "rug", "curtain", "toilet", "pillow", "book"} <= set(labels())
-
-
 def test_what_is_usual_for_a_label_gets_it(subtests: pytest.Subtests) -> None:
     """A thing in the middle of all ranges of a row, held by what usually holds it, gets the label of the row."""
     for shape in shapes():
@@ -67,12 +61,6 @@ def test_only_listed_labels_are_given() -> None:
     )
     with pytest.raises(ValueError, match="throne"):
         LabelReply(label="throne", confidence=1.0).check(bed)
-
-
-def test_the_unheard_of_stays_a_thing() -> None:
-    """A block of 4 m in the air is nothing that a home has."""
-    bed = next(usual_thing(shape) for shape in shapes() if shape.label == "bed")
-    assert label_of(replace(bed, size=(4.0, 4.0, 4.0), bottom=0.9, holder="nothing", rise=4.0)).label == OTHER
 
 
 @pytest.mark.parametrize("entry", ["height=1 2 3", "height=3 2 1 4", "girth=1 2 3 4"])

@@ -7,12 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from json_trees import Tree, trees
+from json_trees import Tree
 
 from dcap.geometry.splatting.discs import splats_on_mesh
-from dcap.scene.checks.findings import Finding, Findings, json_lines, json_places, repeated_keys
+from dcap.scene.checks.findings import Finding, Findings
 from dcap.scene.checks.scene_folder import check_scene, layout_of
 from dcap.scene.errors import Severity
 from dcap.scene.writers.interiorgs import write_interiorgs, write_interiorgs_splats
@@ -57,15 +55,6 @@ def test_a_generated_room_is_sound(built: BuiltRoom, tmp_path: Path) -> None:
     assert [one for one in findings.all() if one.severity is not Severity.NOTE] == []
     assert facts.faces == len(built.record.mesh.faces)
     assert sorted(facts.labels) == sorted(one.name.lower() for one in built.record.labels if one.box is not None)
-
-
-def test_the_room_as_splats_is_sound(sound: dict[str, bytes], tmp_path: Path) -> None:
-    """And so is its folder of splats."""
-    findings = Findings()
-    facts = check_scene(written(tmp_path, sound), findings)
-    assert findings.all() == ()
-    assert facts.faces == 0
-    assert facts.splats > 256
 
 
 BUILDING = ("floor", "ceiling", "window", "door")
@@ -334,31 +323,3 @@ def test_what_is_a_scene(tmp_path: Path) -> None:
     assert [(one.path.name, one.severity) for one in findings.all()] == [("notes", N)]
     check_scene(layout.scenes[0], findings)
     assert any("no mesh" in one.what and one.severity is E for one in findings.all())
-
-
-@given(trees, st.sampled_from([0, 1, 3]))
-@settings(max_examples=30)
-def test_places_have_their_lines(tree: Tree, indent: int) -> None:
-    """Every value of any tree is found, once, on the line where a printer that counts lines puts it."""
-    text = json.dumps(tree, indent=indent)
-    expected: dict[tuple[str | int, ...], int] = {}
-
-    def walk(value: Tree, place: tuple[str | int, ...], line: int) -> int:
-        expected[place] = line
-        children = (
-            list(value.items())
-            if isinstance(value, dict)
-            else list(enumerate(value))
-            if isinstance(value, list)
-            else []
-        )
-        for key, child in children:
-            line = walk(child, (*place, key), line + 1)
-        return line + bool(children)
-
-    walk(tree, (), 1)
-    assert {place: line for place, line, _ in json_places(text)} == expected
-    assert not list(repeated_keys(text))
-    lines = json_lines(text)
-    assert all(lines(place) == line for place, line in expected.items())
-    assert lines(("no", "such", 1)) == 1

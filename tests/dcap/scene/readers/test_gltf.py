@@ -102,22 +102,6 @@ def test_sparse_accessors_replace_some_values(tmp_path: Path, based: bool) -> No
     same(mesh_of(path), 1e-6)
 
 
-def test_interleaved_vertices_are_read_by_their_stride(tmp_path: Path) -> None:
-    """Positions and colours in one buffer view."""
-    row = np.dtype([("position", "<f4", 3), ("color", "u1", 4)])
-    rows = np.zeros(4, dtype=row)
-    rows["position"], rows["color"] = POINTS, (255, 128, 0, 255)
-    path = write(
-        tmp_path / "i.glb",
-        [rows.tobytes(), INDICES[0]],
-        [accessor(0, "f4", 4, "VEC3"), INDICES[1], accessor(0, "u1", 4, "VEC4", byteOffset=12, normalized=True)],
-        bufferViews=lambda views: [views[0] | {"byteStride": 16}, views[1]],
-        meshes=[{"primitives": [{"attributes": {"POSITION": 0, "COLOR_0": 2}, "indices": 1}]}],
-    )
-    same(mesh_of(path), 1e-6)
-    assert np.abs(mesh_of(path).colors.astype(int) - [255, 128, 0]).max() <= 1
-
-
 @pytest.mark.parametrize("name", ["KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression"])
 @pytest.mark.parametrize("declared", [True, False])
 def test_compression_is_named_with_its_remedy(tmp_path: Path, name: str, declared: bool) -> None:

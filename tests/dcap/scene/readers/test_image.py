@@ -12,9 +12,6 @@ from PIL import Image
 
 from dcap.scene.errors import FormatError, InputError
 from dcap.scene.readers.files import MAX_TOGETHER, PixelBudget, read_image
-from dcap.scene.readers.frame import Role
-from dcap.scene.readers.source import read_scan
-from dcap.scene.types.sample import SourceOptions
 from flows.extra_output import read_photo
 
 
@@ -42,16 +39,6 @@ def test_an_image_of_a_format_that_runs_a_program_is_none() -> None:
         read_image(file.getvalue(), "here")
 
 
-def test_an_animation_is_its_first_picture() -> None:
-    """Its other pictures are not decoded."""
-    frames = [Image.new("RGB", (4, 4), color) for color in ("red", "blue", "lime")]
-    for kind in ("GIF", "WEBP"):
-        file = io.BytesIO()
-        options = {"lossless": True} if kind == "WEBP" else {}
-        frames[0].save(file, kind, save_all=True, append_images=frames[1:], **options)
-        assert read_image(file.getvalue(), "here").reshape(-1, 3).tolist() == [[255, 0, 0]] * 16
-
-
 def test_images_of_one_file_are_counted_together() -> None:
     """As many as four of the largest; views of the same memory stand for them."""
     budget = PixelBudget(Path("a.glb"))
@@ -60,18 +47,6 @@ def test_images_of_one_file_are_counted_together() -> None:
         assert budget.spend(largest) is largest
     with pytest.raises(FormatError, match=r"a\.glb: its images have more than"):
         budget.spend(largest[:1, :1])
-
-
-def test_an_image_that_many_materials_name_is_read_once(tmp_path: Path) -> None:
-    """An atlas of 2048 x 2048 pixels in a hundred materials is four million pixels, not four hundred."""
-    Image.new("RGB", (2048, 2048), (10, 20, 30)).save(tmp_path / "atlas.png")
-    names = [f"m{number}" for number in range(100)]
-    (tmp_path / "a.mtl").write_text("".join(f"newmtl {one}\nmap_Kd atlas.png\n" for one in names))
-    faces = "".join(f"usemtl {one}\nf 1/1 2/2 3/3\n" for one in names)
-    corners = "v 0 0 0\nv 1 0 0\nv 0 1 0.2\nvt 0 0\nvt 1 0\nvt 0 1\n"
-    (tmp_path / "a.obj").write_text(f"mtllib a.mtl\n{corners}{faces}")
-    scan = read_scan(tmp_path / "a.obj", SourceOptions(up="z", unit="m"), Role.SCENE)
-    assert (scan.mesh.colors == [10, 20, 30]).all()
 
 
 def test_a_photograph_is_a_plain_file_of_measure(tmp_path: Path) -> None:

@@ -15,7 +15,6 @@ from dcap.scene.readers.frame import Role
 from dcap.scene.readers.scenes.interiorgs import read_labels, read_structure
 from dcap.scene.readers.scenes.sugar import find_mesh
 from dcap.scene.readers.source import read_scan, read_splat_scene
-from dcap.scene.types.boxes import min_area_box
 from dcap.scene.types.sample import SourceOptions
 
 SQUARE = "v 0 0 0\nv 3 0 0\nv 3 3 0\nv 0 3 0\nf 1 2 3 4\n"
@@ -53,23 +52,6 @@ def test_corner_order_does_not_matter(
     # The axis-aligned rectangle is taken where it is at most 1 % larger; no more than that is lost.
     assert 8.0 * np.prod(box.half_extents) == pytest.approx(8 * 1.3 * half * 0.5, rel=0.0101)
     assert box.contains(points, margin=1e-9).all()
-
-
-@given(st.integers(0, 2**32 - 1))
-@settings(max_examples=40, deadline=None)
-def test_the_smallest_rectangle_holds_all_points(seed: int) -> None:
-    """The box holds every point and its footprint is no larger than the axis-aligned one."""
-    points = np.random.default_rng(seed).normal(size=(12, 3)) * [2.0, 0.5, 1.0]
-    box = min_area_box(points)
-    assert box.contains(points, margin=1e-9).all()
-    assert np.prod(2 * box.half_extents[:2]) <= np.prod(np.ptp(points[:, :2], axis=0)) * (1 + 1e-9)
-    np.testing.assert_allclose(box.axes @ box.axes.T, np.eye(3), atol=1e-12)
-
-
-@pytest.mark.parametrize("points", [np.zeros((1, 3)), np.zeros((8, 3)), np.arange(5.0)[:, None] * [1.0, 1.0, 0.0]])
-def test_boxes_of_degenerate_point_sets(points: NDArray[np.float64]) -> None:
-    """One spot or a line has a box too."""
-    assert min_area_box(points).contains(points, margin=1e-9).all()
 
 
 def test_labels_as_they_occur(tmp_path: Path) -> None:

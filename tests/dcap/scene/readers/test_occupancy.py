@@ -72,15 +72,6 @@ def test_what_the_writer_wrote(built: BuiltRoom, folder: Path) -> None:
     assert (found.value(grid[~blocked]) == FREE).all()
 
 
-def test_cells_and_places_map_both_ways(folder: Path) -> None:
-    """The middle of a cell has that cell's value."""
-    found, _ = read_occupancy(folder, ())
-    assert found is not None
-    rows, columns = np.nonzero(found.cells != UNKNOWN)
-    assert np.array_equal(found.value(found.world(rows, columns)), found.cells[rows, columns])
-    assert found.world(np.array([0]), np.array([0])) == pytest.approx(found.first[None])
-
-
 @pytest.mark.parametrize(
     ("low", "high", "x", "words"),
     [
@@ -102,31 +93,10 @@ def test_the_mapping_with_more_free_cells_in_rooms_is_taken(tmp_path: Path, low,
     )
 
 
-def test_a_tie_is_read_as_documented(tmp_path: Path) -> None:
-    """A room that holds every free cell either way decides nothing."""
-    found, notes = read_occupancy(scene(tmp_path, some_map()), (room((-9, -9), (9, 9)),))
-    assert found is not None
-    assert found.step.tolist() == [-0.1, 0.1]
-    assert notes == ()
-
-
 def test_a_map_beside_its_rooms_is_reported(tmp_path: Path) -> None:
     """No free cell in any room: the files do not belong together."""
     _, notes = read_occupancy(scene(tmp_path, some_map()), (room((50, 50), (51, 51)),))
     assert "no free cell inside a room" in notes[0]
-
-
-def test_a_room_with_a_notch(tmp_path: Path) -> None:
-    """Cells in the notch of an L are outside."""
-    found, _ = read_occupancy(scene(tmp_path, some_map()), ())
-    assert found is not None
-    corner = np.array([[-0.95, -1.95], [0.45, -1.95], [0.45, -0.45], [-0.25, -0.45], [-0.25, 0.55], [-0.95, 0.55]])
-    inside = found.within([corner])
-    rows, columns = np.nonzero(inside)
-    x, y = found.world(rows, columns).T
-    assert not ((x > -0.25) & (y > -0.45)).any()
-    # cells of 0.1 m with their middles on multiples of it: 14 x 15 in the foot and 7 x 10 above
-    assert inside.sum() == 14 * 15 + 7 * 10
 
 
 def test_scaled_maps_and_missing_files(tmp_path: Path) -> None:

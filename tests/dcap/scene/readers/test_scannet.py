@@ -127,22 +127,6 @@ def test_scenes_without_annotation_are_meshes(tmp_path: Path) -> None:
     assert any("segs.json" in note for note in scan.notes)
 
 
-def test_the_fine_mesh_has_files_of_its_own(tmp_path: Path) -> None:
-    """Without the coarse mesh the fine one is read, with its own segments and groups."""
-    folder, _, _ = write_scene(tmp_path / SCENE)
-    for old, new in (
-        (f"{SCENE}_vh_clean_2.ply", f"{SCENE}_vh_clean.ply"),
-        (f"{SCENE}_vh_clean_2.0.010000.segs.json", f"{SCENE}_vh_clean.segs.json"),
-        (f"{SCENE}.aggregation.json", f"{SCENE}_vh_clean.aggregation.json"),
-    ):
-        (folder / old).rename(folder / new)
-    with pytest.raises(InputError, match="segmentsFile"):
-        scan_of(folder)
-    path = folder / f"{SCENE}_vh_clean.aggregation.json"
-    path.write_text(path.read_text().replace("_vh_clean_2.0.010000.segs.json", "_vh_clean.segs.json"))
-    assert len(scan_of(folder).node_names) == 4
-
-
 def test_only_what_is_read_is_kept(tmp_path: Path) -> None:
     """Recordings, gigabytes each, are no part of the source, and the folder's name is no label."""
     folder, _, _ = write_scene(tmp_path / SCENE)
@@ -224,16 +208,3 @@ def test_an_alignment_is_a_rotation_and_a_shift(tmp_path: Path, value: str, word
     folder, _, _ = write_scene(tmp_path / SCENE, about=f"a = 1\naxisAlignment = {value}\n")
     with pytest.raises(InputError, match=f"line 2: axisAlignment.*{words}"):
         scan_of(folder)
-
-
-def test_groups_without_words_are_left_out_and_numbers_may_repeat(tmp_path: Path) -> None:
-    """A group without a label is skipped and counted; equal numbers do not make two chairs one."""
-
-    def change(segments: dict[str, Any], groups: dict[str, Any]) -> None:
-        groups["segGroups"][0]["label"] = None
-        groups["segGroups"][1]["objectId"] = groups["segGroups"][2]["objectId"] = 5
-
-    folder, _, _ = write_scene(tmp_path / SCENE, change)
-    scan = scan_of(folder)
-    assert len(set(scan.node_names)) == 3
-    assert any("1 segGroups" in note for note in scan.notes)

@@ -12,7 +12,7 @@ from dcap.scene.readers.frame import Role
 from dcap.scene.readers.scenes.sugar import has_only_splats
 from dcap.scene.readers.source import read_scan
 from dcap.scene.readers.splats.splats import CHUNK, read_splats
-from dcap.scene.types.gaussians import COEFFICIENTS, DC, Gaussians, harmonics
+from dcap.scene.types.gaussians import COEFFICIENTS, Gaussians, harmonics
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.point_cloud import PointCloud
 from dcap.scene.types.sample import SourceOptions
@@ -45,16 +45,6 @@ def test_the_plain_schema_loses_nothing(tmp_path: Path, degree: int) -> None:
     splats = some(300, degree)
     write_splats(tmp_path / "a.ply", splats)
     assert same(read_splats(tmp_path / "a.ply"), splats)
-
-
-def test_harmonics_are_padded_for_sugar(tmp_path: Path) -> None:
-    """45 of them, whatever there was."""
-    splats = some(10, 1)
-    write_splats(tmp_path / "a.ply", splats, degree=3)
-    read = read_splats(tmp_path / "a.ply")
-    assert read.degree == 3
-    assert np.array_equal(read.rest[:, :, :3], splats.rest)
-    assert not read.rest[:, :, 3:].any()
 
 
 def test_properties_come_in_any_order_with_or_without_normals(tmp_path: Path) -> None:
@@ -113,17 +103,6 @@ def test_turning_splats_turns_what_is_seen() -> None:
     assert moved.scale == pytest.approx(2.5 * splats.scale, rel=1e-5)
     with pytest.raises(GeometryError, match="uniform scaling"):
         splats.transformed(np.diag([1.0, 2.0, 1.0, 1.0]))
-
-
-def test_harmonics_are_orthonormal() -> None:
-    """Their products average to 1 / (4 pi) or 0 over the sphere, by a spiral of equal areas."""
-    n = 20000
-    z = 1 - (2 * np.arange(n) + 1) / n
-    angle = np.pi * (1 + np.sqrt(5)) * np.arange(n)
-    d = np.stack([np.sqrt(1 - z * z) * np.cos(angle), np.sqrt(1 - z * z) * np.sin(angle), z], axis=1)
-    Y = harmonics(d, 3)
-    assert 4 * np.pi * Y.T @ Y / n == pytest.approx(np.eye(15), abs=2e-3)
-    assert pytest.approx(np.sqrt(1 / (4 * np.pi))) == DC
 
 
 @pytest.mark.parametrize(

@@ -8,9 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from dcap.geometry.splatting.discs import splats_on_mesh
-from dcap.scene.errors import InputError
-from dcap.scene.readers.frame import WORLD_FROM_FILE, Role, up_of_scene
-from dcap.scene.readers.mesh.raw import RawMesh
+from dcap.scene.readers.frame import WORLD_FROM_FILE, Role
 from dcap.scene.readers.source import read_scan
 from dcap.scene.types.gaussians import Gaussians
 from dcap.scene.types.mesh import Mesh
@@ -19,7 +17,6 @@ from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.scan import Scan
 from dcap.scene.writers.gaussians import write_splats
 from dcap.scene.writers.meshes import mesh_to_ply
-from dcap.synthetic.recipes import room_names
 from dcap.synthetic.rooms import build_room
 
 SAMPLE_DATA = Path(os.environ.get("DCAP_SAMPLE_DATA") or "absent")
@@ -65,18 +62,6 @@ def check_room(folder: Path, name: str, up: str) -> None:
 def test_a_room_stands_as_it_is_furnished(tmp_path: Path) -> None:
     """Away from the origin and without a word of the format."""
     check_room(tmp_path, "hall_01", "-y")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", room_names()[::4])
-def test_every_fourth_room_stands_in_every_rotation(name: str) -> None:
-    """All four, as a mesh."""
-    mesh = build_room(name, 0).record.mesh
-    node = np.full(len(mesh.faces), -1, dtype=np.int32)
-    for up in UPS:
-        points = mesh.transformed(turned(up, 1.0)).vertices
-        raw = RawMesh(Path("a.obj"), points, mesh.faces.astype(np.int64), None, None, node, (), "", 0.0, ())
-        assert up_of_scene(raw, 1.0) == (up, "how the room is furnished")
 
 
 def block(low: tuple[float, float, float], high: tuple[float, float, float]) -> Mesh:
@@ -147,12 +132,6 @@ def test_splats_without_any_sign_follow_custom(tmp_path: Path) -> None:
     scan = read_scan(tmp_path / "a.ply", SourceOptions(), Role.SCENE, mesher=lambda _: (table(), ()))
     assert scan.up == "-y"
     assert any("convention alone" in note for note in scan.notes)
-
-
-def test_an_unknown_axis_names_the_known_ones(tmp_path: Path) -> None:
-    """x is no choice."""
-    with pytest.raises(InputError, match="--up 'x' is not one of auto, z, y, -y, -z"):
-        mesh_scan(tmp_path, table(), "z", option="x")
 
 
 @pytest.mark.third_party

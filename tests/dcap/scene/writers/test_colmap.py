@@ -3,11 +3,9 @@
 from pathlib import Path
 
 import numpy as np
-import pytest
 from colmap_files import read_colmap
 from scipy.spatial.transform import Rotation
 
-from dcap.scene.errors import GeometryError
 from dcap.scene.types.pictures import ColmapModel, Pinhole, posed
 from dcap.scene.writers.sugar import write_colmap
 
@@ -40,20 +38,3 @@ def test_models_are_written_to_the_last_bit(tmp_path: Path) -> None:
     assert np.array_equal(read.colors, true.colors)
     write_colmap(tmp_path, model(0, 0))
     assert (read_colmap(tmp_path).images, len(read_colmap(tmp_path).points)) == ((), 0)
-
-
-def test_a_pose_is_world_to_camera() -> None:
-    """A place p appears at R p + t, the camera itself at zero."""
-    axes = Rotation.from_euler("zyx", [0.3, -0.4, 1.1]).as_matrix()
-    place = np.array([1.0, -2.0, 3.0])
-    image = posed(1, "a.png", 1, axes, place)
-    assert image.camera_from_world @ place + image.translation == pytest.approx(np.zeros(3), abs=1e-12)
-    assert image.camera_from_world @ (place + 2 * axes[:, 2]) + image.translation == pytest.approx([0, 0, 2])
-    assert image.position == pytest.approx(place)
-    assert image.quaternion[0] >= 0.0
-
-
-def test_what_is_no_model_is_refused() -> None:
-    """Two cameras of one number."""
-    with pytest.raises(GeometryError, match="same id"):
-        ColmapModel((Pinhole(1, 1, 1, (1, 1), (0, 0)),) * 2, (), np.zeros((0, 3)), np.zeros((0, 3), np.uint8))
