@@ -24,8 +24,8 @@ from flows.place import STAGES, PlaceConfig, place
 from flows.repeats import COARSER
 from tasks.artifact import Ref, Store
 from tasks.cache import Stage, plain_input
-from tasks.particles.config import ParticlesConfig
 from tasks.drop.stage import drop_task
+from tasks.particles.config import ParticlesConfig
 from tasks.posed.stage import posed
 
 FLOWS = PROJECT_ROOT / "flows"

@@ -249,7 +249,7 @@ def test_a_body_carries_what_goes_through_it(lab):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("gap", np.arange(8e-3, 11.1e-3, 5e-4))
+@pytest.mark.parametrize("gap", [0.008, 0.0095, 0.011])
 def test_a_rod_stands_on_a_floor_of_which_only_the_top_is_known(lab, gap):
     """Scans show tops only, and their vertices may lie beside the object: the distance samples alone carry it."""
     floor = lab.rigid(

@@ -17,6 +17,7 @@ from dcap.scene.types.scan import Scan
 from dcap.scene.writers.glb import Node, glb_bytes, labelled_nodes
 from dcap.scene.writers.meshes import mesh_to_ply
 from flows.next_scene import next_scene_files
+from flows.placement_json import FinalState
 from tasks.render.settled_meshes import settled_item, settled_scene
 
 MASS = 0.4
@@ -36,13 +37,15 @@ def values(**more: Mesh) -> Any:
         SimpleNamespace(name="bed", instance="bed", fixed=True),
     )
     rest = settled()
-    return SimpleNamespace(
+    told = SimpleNamespace(
         scan=None, scene=scene_of(**more), item=ball(), anchor=anchor(), materials=SimpleNamespace(rows=rows),
         intent=SimpleNamespace(object_name="ball"), particles=SimpleNamespace(bodies=bodies),
         settled=SimpleNamespace(
             bodies=rest.bodies, contacts=(CONTACT,), contact_points=rest.contact_points, verdict=rest.verdict
         ),
     )  # fmt: skip
+    told.final = FinalState(told.scene, told.item, told.anchor, told.settled)
+    return told
 
 
 def placed_folder(folder: Path, **more: Mesh) -> Path:

@@ -24,18 +24,17 @@ import zlib
 from collections.abc import Iterator
 from mmap import mmap
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
-from pydantic import BaseModel, ValidationError
 from ruamel.yaml import YAML
 from ruamel.yaml.constructor import ConstructorError, SafeConstructor
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode
 
-from dcap.scene.errors import FormatError, InputError, short
+from dcap.scene.errors import FormatError, InputError
 
 MAX_FILE_BYTES = 4 * 1024**3
 """Largest file that is opened [bytes]."""
@@ -103,20 +102,6 @@ def parse_json(path: Path, text: bytes, what: str) -> object:
     except (ValueError, RecursionError) as error:
         raise FormatError(f"{path}: broken {what}: {error}") from None
     return tree
-
-
-Schema = TypeVar("Schema", bound=BaseModel)
-
-
-def validated(path: Path, schema: type[Schema], tree: object) -> Schema:
-    """A tree of JSON that follows a schema; raises FormatError with the place, the rule and the value of a fault."""
-    try:
-        return schema.model_validate(tree)
-    except ValidationError as broken:
-        first = broken.errors(include_url=False)[0]
-        place = "".join(f"[{one}]" if isinstance(one, int) else f".{one}" for one in first["loc"]).lstrip(".")
-        value = "" if first["type"] == "missing" else f" (it is {short(first['input'])})"
-        raise FormatError(f"{path}: {place}: {first['msg'].removeprefix('Value error, ')}{value}") from None
 
 
 class BoundedMerges(SafeConstructor):

@@ -11,11 +11,11 @@ from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, BeforeValidator, Field, FiniteFloat, NonNegativeInt, PositiveFloat
+from pydantic import BaseModel, BeforeValidator, Field, FiniteFloat, NonNegativeInt, PositiveFloat, ValidationError
 from scipy.spatial import cKDTree
 
 from dcap.scene.errors import FormatError, GeometryError, InputError
-from dcap.scene.readers.files import read_json, validated
+from dcap.scene.readers.files import read_json
 from dcap.scene.readers.mesh.ply import read_header, read_ply, read_tables, scalar
 from dcap.scene.types.boxes import OrientedBox
 from dcap.scene.types.earlier import Deformation, EarlierPlacements, PlacedThing
@@ -165,7 +165,14 @@ def read_facts(folder: Path) -> SceneFile:
     version = tree.get("version") if isinstance(tree, dict) else None
     if version != VERSION:
         raise FormatError(f"{path}: version {version!r} of the format, this program reads {VERSION}; place again")
-    facts = validated(path, SceneFile, tree)
+    try:
+        facts = SceneFile.model_validate(tree)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        place = "".join(f"[{one}]" if isinstance(one, int) else f".{one}" for one in first["loc"]).lstrip(".")
+        value = first["input"]
+        shown = f" {value!r}" if isinstance(value, str | int | float) else ""
+        raise FormatError(f"{path}: {place}{shown}: {first['msg']}") from None
     check_names(path, facts)
     return facts
 
