@@ -1,8 +1,12 @@
-"""SuGaR for scenes of splats: its input (posed pictures, cameras, Gaussians, a script), and its meshes in a run.
+"""Writes the input of SuGaR for a scene of splats, and lets SuGaR make its mesh.
 
-The input is written to a draft next to the folder and then moved there; foreign files in an earlier result are kept. If
-SuGaR's folder is named, its script is run for each scene that has only splats; it copies its mesh to where it is found.
-A scene that has a mesh already is skipped, so an interrupted run resumes with the next scene.
+Everything is written to a draft next to the folder and moved there in one step; foreign files in an earlier result are
+kept.
+
+Meshes by SuGaR for scenes that only have Gaussian splats, if SuGaR's folder is named.
+
+In: scenes. Out: the same scenes, each with a mesh; SuGaR's are where the script of `dcap dataset prepare-sugar` copies
+them. A scene that has a mesh already is skipped, so an interrupted run resumes with the next scene.
 """
 
 import os
@@ -132,8 +136,6 @@ def write_all(
     model = colmap_model(source.splats, path.cameras, config.seed)
     write_sugar_model(draft, model, source.splats)
     target = scene if scene.is_dir() else folder / "mesh"
-    # the mesh is in metres and z up; its own format does not say so, InteriorGS' annotations do
-    frame = "" if source.annotated else " --up z --unit m"
     script = draft / "run_sugar.sh"
     script.write_text(run_script(folder, target), encoding="utf-8")
     script.chmod(0o755)
@@ -145,20 +147,53 @@ def write_all(
         config=config,
         world_from_file=source.world_from_file,
         command=train_command(folder),
-        then=f'dcap place {shlex.quote(str(target))} OBJECT "PROMPT"{frame}',
+        then=place_command(target, source),
         notes=(*source.notes, *path.notes),
     )
     (draft / RECORD).write_bytes(readable_json(object_to_json(record)))
     return record
 
 
+def place_command(target: Path, source: SplatScene) -> str:
+    """Command that places something in the scene once SuGaR's mesh exists."""
+    # the mesh is in metres and z up; its own format does not say so, InteriorGS' annotations do
+    frame = "" if source.annotated else " --up z --unit m"
+    return f'dcap place {shlex.quote(str(target))} OBJECT "PROMPT"{frame}'
+
+
 def publish(draft: Path, folder: Path) -> None:
-    """Move a finished draft into the folder, the record last; other files there, such as SuGaR's meshes, stay."""
-    folder.mkdir(exist_ok=True)
-    for name in OWNED:
-        if (folder / name).is_dir():
-            shutil.rmtree(folder / name)
-        os.replace(draft / name, folder / name)
+    """Replace the folder by a finished draft, keeping foreign files; on failure everything stays as it was."""
+    if not (folder / RECORD).is_file():
+        os.replace(draft, folder)  # nothing or an empty folder is there
+        return
+    # next to the folder, where nothing is cleaned up: it holds files of others
+    aside = Path(tempfile.mkdtemp(dir=folder.parent, prefix=f".{folder.name}.old."))
+    try:
+        os.replace(folder, aside)
+        os.replace(draft, folder)
+        move_others(aside, folder)
+    except BaseException:  # an interruption too
+        restore(aside, folder)
+        raise
+    shutil.rmtree(aside)
+
+
+def move_others(source: Path, target: Path) -> None:
+    """Move files that are not ours."""
+    for entry in list(source.iterdir()):
+        if entry.name not in OWNED:
+            os.replace(entry, target / entry.name)
+
+
+def restore(aside: Path, folder: Path) -> None:
+    """Restore the earlier result with its foreign files, wherever they are by now."""
+    if not (aside / RECORD).is_file():
+        aside.rmdir()  # it never left its place
+        return
+    if folder.is_dir():
+        move_others(folder, aside)
+        shutil.rmtree(folder)
+    os.replace(aside, folder)
 
 
 def summary(folder: Path, record: PreparedScene) -> str:

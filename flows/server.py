@@ -21,7 +21,7 @@ import tomllib
 import urllib.request
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import chdir, contextmanager
+from contextlib import chdir, contextmanager, suppress
 from functools import cache
 from http.client import HTTPException
 from importlib.util import find_spec
@@ -29,7 +29,7 @@ from pathlib import Path
 
 from dcap.packages import module_command
 from dcap.scene.errors import DcapError, InputError
-from dcap.scene.secrets import redacted_url
+from dcap.scene.secrets import has_log_in, redacted_url
 from dcap.scene.settings import resource, server_folder
 from dcap.scene.written_files import write_whole
 from dcap.shared_context import SharedContext
@@ -39,7 +39,7 @@ from tasks.process import die_with_parent
 
 HOST, SERVER_LOGIN = "PREFECT_SERVER_API_HOST", "PREFECT_SERVER_API_AUTH_STRING"
 """Prefect's settings of a server: the address that it listens on, and the `NAME:PASSWORD` that it requires."""
-DATABASE = "PREFECT_SERVER_DATABASE_CONNECTION_URL"
+DATABASE, OLD_DATABASE = "PREFECT_SERVER_DATABASE_CONNECTION_URL", "PREFECT_API_DATABASE_CONNECTION_URL"
 RETRIES = "PREFECT_CLIENT_MAX_RETRIES"
 CLONE_FS = 0x200
 """CLONE_FS: the flag of `unshare` for the working directory of a thread (sched.h)."""
@@ -67,10 +67,7 @@ def prefect_server(port: int = PORT, *, only_there: bool = False) -> Iterator[st
     reach_this_machine()
     given = os.environ.get(API_URL, "")
     if given and not is_healthy(given, PATIENT_SECONDS):
-        raise DcapError(
-            f"{API_URL}={redacted_url(given)}: no server of Prefect answers there; start it, or unset the variable "
-            f"(an address ends in /api; a login belongs into {LOGIN}=NAME:PASSWORD)"
-        )
+        raise DcapError(f"{API_URL}={redacted_url(given)}: {unanswered(given)}")
     with _as_own_server(given or _joined_server(port, only_there)) as url:
         yield url
 
@@ -124,6 +121,17 @@ def is_healthy(url: str, seconds: float = 2.0) -> bool:
             return bytes(answer.read(100)) == b"true"
     except (OSError, ValueError, HTTPException):
         return False
+
+
+def unanswered(url: str) -> str:
+    """Return why a named server cannot be used, and what to do."""
+    if has_log_in(url):
+        return f"an address must not contain a login; set {LOGIN}=NAME:PASSWORD"
+    if not url.startswith(("http://", "https://")):
+        return "an address of a server begins with http:// or https://"
+    if is_healthy(f"{url.rstrip('/')}/api"):
+        return f"the address of Prefect's server ends in /api: {redacted_url(url.rstrip('/'))}/api"
+    return "no server of Prefect answers there; start it or unset the variable"
 
 
 def wait_for_end(url: str) -> None:
@@ -253,9 +261,17 @@ def _wait_for_running(folder: Path) -> str:
         if is_healthy(url):
             return url
         if time.monotonic() > deadline:
-            raise DcapError(f"the Prefect server at {pages_of(url)} does not answer (log: {folder / LOG})")
+            raise DcapError(f"the Prefect server at {pages_of(url)} does not answer; {_how_to_stop(folder)}")
         time.sleep(POLL_SECONDS)
     return ""
+
+
+def _how_to_stop(folder: Path) -> str:
+    """Return how to stop the server of a data folder: its keeper's process if known, and its log."""
+    with suppress(OSError):
+        if (keeper := (folder / SERVING).read_text().strip()).isdigit():
+            return f"stop process {keeper} (log: {folder / LOG})"
+    return f"stop it (log: {folder / LOG})"
 
 
 @cache
@@ -327,15 +343,18 @@ def main() -> None:
     """Keep a server until nobody uses it: FOLDER HOST PORT."""
     folder, host, port = Path(sys.argv[1]), sys.argv[2], sys.argv[3]
     _set_environment()
-    serving = (folder / SERVING).open("w")
+    serving = (folder / SERVING).open("a")
     fcntl.flock(serving, fcntl.LOCK_EX)  # until this process ends
+    serving.truncate(0)
+    print(os.getpid(), file=serving, flush=True)
     environment = os.environ | {
         "PREFECT_SERVER_API_PORT": port,
         "PREFECT_HOME": str(folder),
         "PREFECT_UI_API_URL": "/api",  # whichever address the pages came from
         "PREFECT_SERVER_CORS_ALLOWED_ORIGINS": f"http://{url_host(host)}:{port}",  # but no page of another site
     }
-    environment.setdefault(DATABASE, f"sqlite+aiosqlite:///{folder / 'prefect.db'}")
+    if OLD_DATABASE not in environment:
+        environment.setdefault(DATABASE, f"sqlite+aiosqlite:///{folder / 'prefect.db'}")
     environment.pop(API_URL, None)
     command = [sys.executable, "-P", "-m", "prefect", "server", "start", "--host", host, "--port", port]
     server = subprocess.Popen(command, env=environment, cwd=folder, preexec_fn=die_with_parent)

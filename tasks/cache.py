@@ -249,10 +249,7 @@ class Stage(Generic[P, ValueT_co]):
         with ExitStack() as held:
             held.enter_context(self._limit(config))
             held.enter_context(context.slots or nullcontext())
-            apart = self.process
-            if not isinstance(apart, bool):
-                apart = apart(**{name: self._loaded(name, tree) for name, tree in given.items()})
-            if apart:
+            if self._needs_process(given):
                 where = (self.function.__module__, self.function.__name__)
                 settings = None if config is None else config.model_dump(mode="json")
                 done = run_in_process(
@@ -305,6 +302,11 @@ class Stage(Generic[P, ValueT_co]):
         if not isinstance(value, kinds_of(declared)):
             raise StoreError(f"stage {self.name}: {name} is a {type(value).__name__}, expected {declared}")
         return value
+
+    def _needs_process(self, given: Mapping[str, Any]) -> bool:
+        if isinstance(self.process, bool):
+            return self.process
+        return self.process(**{name: self._loaded(name, tree) for name, tree in given.items()})
 
     @contextmanager
     def _limit(self, config: Any) -> Iterator[None]:

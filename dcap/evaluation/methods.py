@@ -21,7 +21,7 @@ ABLATIONS = {
     "pose_strip": "DCAP, picture of all poses",
     "blended_materials": "DCAP, blended materials",
     "uniform_fill": "DCAP, uniform cells",
-    "paper": "DCAP with the paper's solver settings (MLS-MPM)",
+    "paper": "DCAP with the paper's solver",
 }
 """Ablations: DCAP without one of its ideas each."""
 METHODS = {DCAP: "DCAP", **BASELINES, **ABLATIONS}

@@ -159,7 +159,7 @@ def row_of(
     found = tree or {}
     method, name = split_id(sample.id)
     base = found.get("base")
-    base = base if isinstance(base, Mapping) else {}
+    base = base if isinstance(base, Mapping) else {"label": "", "id": ""}
     timings = found.get("timings")
     row = SampleOutcome(
         sample=name,
@@ -170,8 +170,8 @@ def row_of(
         verdict=str(found.get("verdict", "failed")),
         reason=str(found.get("reason") or ""),
         message=str(found.get("message") or ""),
-        base=str(base.get("label", "")),
-        base_id=str(base.get("id", "")),
+        base=str(base["label"]),
+        base_id=str(base["id"]),
         part=str(found.get("part") or ""),
         region=str(found.get("region") or ""),
         region_missed=bool(found.get("region_missed")),

@@ -66,7 +66,7 @@ def test_a_placement_that_failed_leaves_the_scene(tmp_path: Path) -> None:
     """Without a rest state nothing is placed, and what was there before stays."""
     scan = read_placed(placed_folder(tmp_path))
     told = values()
-    told.settled, told.scan = None, scan
+    told.final, told.scan = None, scan
     facts = json.loads(next_scene_files(told, "put the piano on the bed")["scene.json"])
     assert facts["object"] is None
     assert [one["id"] for one in facts["instances"] if one["placed"]] == ["placed_1"]

@@ -19,6 +19,7 @@ from dcap.scene.writers.gaussians import write_compressed_splats
 from dcap.scene.writers.interiorgs import MESH_NAME, write_interiorgs
 from dcap.synthetic.rooms import build_room
 from flows.cli.app import main
+from flows.prepare_sugar import publish
 
 
 @pytest.fixture(scope="module")
@@ -158,6 +159,37 @@ def test_another_scene_does_not_replace_a_result(
     said = capsys.readouterr().err
     assert all(words in said for words in (str(scenes[0]), str(scenes[1]), str(result.parent), "--out"))
     assert files(tmp_path / "data") == before
+
+
+@pytest.mark.parametrize("failing", [1, 2, 3, 4])
+@pytest.mark.parametrize("kind", [OSError, KeyboardInterrupt])
+def test_what_ends_a_replacement_leaves_the_old_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, failing: int, kind: type[BaseException]
+) -> None:
+    """At any of its steps (aside, in place, two entries of others): nothing is lost, nothing is left over."""
+    out, draft = tmp_path / "out", tmp_path / "draft"
+    for folder, text in ((out, "old"), (draft, "new")):
+        folder.mkdir()
+        (folder / "prepared.json").write_text(text)
+    for name in ("mesh", "notes"):
+        (out / name).mkdir()
+        (out / name / "a.txt").write_text("mine")
+    before, steps, replace = files(out), iter(range(1, 100)), os.replace
+
+    def failing_replace(source: Path, target: Path) -> None:
+        if next(steps) == failing:
+            raise kind(5, "broken")
+        replace(source, target)
+
+    monkeypatch.setattr(os, "replace", failing_replace)
+    with pytest.raises(kind):
+        publish(draft, out)
+    assert files(out) == before
+    assert {p.name for p in tmp_path.iterdir()} <= {"out", "draft"}
+    monkeypatch.undo()
+    if draft.is_dir():
+        publish(draft, out)
+        assert files(out) == before | {"prepared.json": b"new"}
 
 
 def refused(capsys: pytest.CaptureFixture[str], scene: Path, out: Path) -> str:

@@ -8,6 +8,7 @@ import sys
 import threading
 from contextlib import suppress
 from functools import partial
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from urllib.error import HTTPError
 from urllib.request import Request, urlopen
@@ -125,6 +126,21 @@ def test_a_server_for_others_asks_who_they_are(tmp_path: Path, monkeypatch: pyte
         assert "\n" not in str(told.value)
 
 
+class SomePages(BaseHTTPRequestHandler):
+    """Answers whatever is asked, as pages of an application do; like Prefect's server below /api, if that is wanted."""
+
+    prefect = False
+
+    def do_GET(self) -> None:
+        """Any page."""
+        self.send_response(200)
+        self.end_headers()
+        self.wfile.write(b"true" if self.prefect and self.path == "/api/health" else b"<html></html>")
+
+    def log_message(self, *words: object) -> None:
+        """Say nothing."""
+
+
 def refusal(url: str, monkeypatch: pytest.MonkeyPatch) -> str:
     """The line that says why a server that is named cannot be used."""
     monkeypatch.setenv("PREFECT_API_URL", url)
@@ -136,7 +152,15 @@ def refusal(url: str, monkeypatch: pytest.MonkeyPatch) -> str:
 
 
 def test_an_address_that_is_no_servers(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It is refused in a line, also where something else answers; no line says a password."""
+    """It is refused in a line before anything is sent there, also where something else answers; no line says a
+    password."""
+    with ThreadingHTTPServer(("127.0.0.1", 0), SomePages) as pages:
+        threading.Thread(target=pages.serve_forever, daemon=True).start()
+        url = f"http://127.0.0.1:{pages.server_port}"
+        for prefect in (False, True):
+            monkeypatch.setattr(SomePages, "prefect", prefect)
+            assert (f"{url}/api" in refusal(url, monkeypatch)) is prefect
+        pages.shutdown()
     with socket.create_server(("127.0.0.1", 0)) as other:
 
         def greet() -> None:
@@ -147,8 +171,13 @@ def test_an_address_that_is_no_servers(monkeypatch: pytest.MonkeyPatch) -> None:
 
         threading.Thread(target=greet, daemon=True).start()
         port = other.getsockname()[1]
-        for url in (f"http://127.0.0.1:{port}/api", f"127.0.0.1:{port}", "?", "http://team:of-ours@127.0.0.1/api"):
+        for url in (f"http://127.0.0.1:{port}/api", f"127.0.0.1:{port}", "?", "http://[::1/api"):
             assert "PREFECT_API_URL=" in refusal(url, monkeypatch)
+    for url in (
+        "http://team:of-ours@127.0.0.1/api", "http://team:a/of-ours@127.0.0.1/api", "team:of-ours@127.0.0.1/api",
+        "http:/team:of-ours@127.0.0.1/api", "http://team:of-ours?x@127.0.0.1/api",
+    ):  # fmt: skip
+        assert "PREFECT_API_AUTH_STRING" in refusal(url, monkeypatch)
     assert pages_of("http://team:of-ours@127.0.0.1:1/api") == "http://***@127.0.0.1:1"
 
 
