@@ -17,11 +17,11 @@ AT_REST, AS_POSED = "at_rest", "as_posed"
 SAME_REGION = {"middle": "center"}
 """Region words that mean the same place."""
 QUADRANT_DEG = 45.0
-"""Largest angle off a direction word, which means the nearest of up, down and the four sides: half of a right angle."""
+"""Largest angle from a named direction (up, down or one of four sides): half a right angle, so the nearest counts."""
 
 
 def direction(value: tuple[float, float]) -> tuple[float, float]:
-    """A finite direction of some length; ValueError otherwise."""
+    """Return a finite, nonzero direction; ValueError otherwise."""
     if not np.isfinite(value).all() or not np.any(value):
         raise ValueError("expected a direction [x, y]")
     return value

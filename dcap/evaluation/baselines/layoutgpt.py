@@ -1,19 +1,18 @@
-"""LayoutGPT (Feng et al., 2023): a model writes the layout of a room as CSS lines, after those of similar rooms.
+"""LayoutGPT (Feng et al., 2023): a model writes a room's layout as CSS lines, following examples of similar rooms.
 
-The source is its paper and its published program for rooms in three dimensions (run_layoutgpt_3d.py,
-parse_llm_output.py). Theirs: the form of a line and what its numbers mean (the middle of the box from the plan's least
-corner, pixels of a 256th of the room's shorter side, cut to integers), the choice of K = 8 exemplars by the mean
-squared difference of 64 x 64 pictures of the floor, the nearest first, their limit of length, the parser that drops
-invalid lines, and that nothing is repaired or simulated. Ours, because it places one asset in a given room: the
-room's own things are lines already, with lines for their parts too, so that a seat can be told from a backrest; a
-sentence says what is wanted and exactly one new line is asked for; its size gives way to the asset's own; orientation 0
-looks along -y; `top` grows along +y; heights are counted from the floor.
+The sources are the paper and its published program for rooms in three dimensions (run_layoutgpt_3d.py,
+parse_llm_output.py). We take from them: the form of a line; its numbers (the middle of the box from the plan's least
+corner, in pixels of a 256th of the room's shorter side, truncated to integers); the K = 8 exemplars with the smallest
+mean squared difference between 64 x 64 pictures of the floor, the nearest first; the limit of their length; and the
+parser, which drops invalid lines. Nothing is repaired or simulated. Our changes place one asset in a given room: the
+prompt lists the room's own things and their parts, so that a seat can be told from a backrest; a sentence states the
+request, and the model adds exactly one line; the asset's own size replaces the line's; orientation 0 looks along -y;
+`top` grows along +y; heights are counted from the floor.
 
-Floors are compared as in the source: by the mean of the squared differences, and the first room that would exceed the
-limit ends the list. Pictures have one scale, so that floors are compared by shape and size, each about its own middle.
-Ours: the square is as wide as the longest room that is compared (the source's is 6.2 m for bedrooms, whose pictures end
-there); tokens are counted by the rule by which GPT-2 divides text before it merges letters (Radford et al., 2019), a
-piece of more than `LONG_PIECE` letters as several, because the table of merges itself is not at hand.
+As in the source, the first room that would exceed the limit ends the list. All pictures have one scale and are centred
+on their floors, so that shape and size are compared. Our square is as wide as the longest compared room (the source's
+is 6.2 m for bedrooms and crops larger ones). GPT-2's table of merges is not at hand, so we count tokens by its rule for
+dividing text (Radford et al., 2019); a piece of more than `LONG_PIECE` letters counts as several.
 """
 
 import re
@@ -55,7 +54,7 @@ class PixelGrid:
     per_metre: float
 
     def pixels(self, metres: float) -> int:
-        """A length [m] in pixels, cut as the source does."""
+        """A length [m] in pixels, truncated as in the source."""
         return int(metres * self.per_metre)
 
     def box(self, one: PlanBox) -> CssBox:
@@ -81,8 +80,8 @@ def category_of(label: str) -> str:
 
 
 def floor_mask(plan: FloorPlan, side: float) -> NDArray[np.uint8]:
-    """The floor in the middle of a square of that side [m] as a picture, 255 inside and 0 outside, rows along y, shape
-    (64, 64)."""
+    """Picture of the floor, centred in a square with this side [m]: 255 inside, 0 outside, rows along y, shape (64,
+    64)."""
     middle = plan.outline.min(axis=0) + 0.5 * plan.extents
     steps = ((np.arange(MASK) + 0.5) / MASK - 0.5) * side
     x, y = np.meshgrid(middle[0] + steps, middle[1] + steps)
@@ -150,8 +149,8 @@ def layout_request(
     most: int,
     limit: int,
 ) -> LayoutRequest:
-    """The question with as many of the `most` similar rooms as `limit` tokens allow; `asked` is the
-    request of our own method's intent stage."""
+    """The question with at most `most` similar rooms, as far as `limit` tokens allow; `asked` is the request of our own
+    method's intent stage."""
     grid, others = grid_of(plan), others_of(plan, exemplars)
     lines = tuple(LayoutLine(box.thing, box.part, grid.box(box).text) for box in plan.boxes)
     categories, condition = frequencies([plan, *others]), condition_of(plan)
@@ -205,5 +204,5 @@ def new_line(answer: str, lines: Sequence[LayoutLine]) -> CssBox | Infeasible:
 
 
 def proposed_pose(box: CssBox, plan: FloorPlan, asset: CanonicalAsset) -> Array:
-    """World from object by the line, shape (4, 4)."""
+    """World-from-object pose of a line's box, shape (4, 4)."""
     return asset.pose(grid_of(plan).center(box), float(np.radians(box.orientation)))

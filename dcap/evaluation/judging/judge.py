@@ -1,17 +1,17 @@
-"""Has a judge score placements and compare all pairs, from their pictures, into the folder `judging/`.
+"""Lets a judge score placements and compare all pairs by their pictures, and writes the folder `judging/`.
 
 In: placements with their pictures and metrics, and a client. Out: rows of scores and comparisons, in an order that
-depends on the placements alone, so that recorded replies give the same tables to the last byte. Pairs are formed
-within a sample only; every question stands for itself, and a batch may hold them all.
+depends on the placements alone, so that recorded replies give the same tables to the last byte. Pairs are formed within
+a sample only. Questions are independent of each other, so a batch may hold them all.
 
-In the folder `scores.parquet` has a row for each placement, `comparisons.parquet` one for each axis of each comparison,
-`judge.json` the judge and how far it can be trusted. The same judgement gives the same bytes, except for its cost.
+`scores.parquet` has a row for each placement, `comparisons.parquet` one for each axis of each comparison; `judge.json`
+describes the judge and its reliability. The same judgement gives the same bytes, except for its cost.
 
-One rule for every method and judge decides what is judged, and how the rest counts. A sample that should be infeasible
-is left out: there is nothing to place well. Of the others a placement is judged if it has a final state, by whichever
-method; a method that finds no place, or fails, gets the lowest score on both axes without a question, so that refusing
-hard samples does not pay. If no intended outcome is stated, a method that finds no place may be right: the sample is
-left out for it. Comparisons need a final state of both.
+The same rule applies to every method and judge. Samples that should be infeasible are left out, because they have no
+good placement. Any other placement is judged if it has a final state. A method that finds no place, or fails, gets the
+lowest score on both axes without a question, so that refusing hard samples does not pay. If no intended outcome is
+stated, a method that finds no place may be right, so its sample is left out. Comparisons need a final state of both
+methods.
 """
 
 import json
@@ -119,9 +119,8 @@ def judge_name(config: LanguageConfig) -> str:
 
 
 def model_family(model: str) -> str:
-    """Maker of a model, from the first known word of its name, whatever gateway precedes it; else the word with which
-    the last part of its path begins, as gateways, regions and owners precede it, and sizes and versions follow. A name
-    that begins with no word is a family of its own."""
+    """Maker of a model, from the first known word of its name; else the first word of the last part of its path, which
+    gateways, regions and owners precede and sizes and versions follow. A name without such a word is its own family."""
     name = model.lower()
     for word in re.findall(r"[a-z]+\d?", name):
         if family := FAMILIES.get(word) or FAMILIES.get(word.rstrip("0123456789")):
@@ -131,7 +130,7 @@ def model_family(model: str) -> str:
 
 
 def same_family(judge: LanguageConfig, chooser: LanguageConfig) -> bool:
-    """Whether a model judges choices by a model of the same maker, which it may favour."""
+    """Whether judge and chooser are models of the same maker; a judge may favour its own."""
     if ClientName.OFFLINE in (judge.client, chooser.client):
         return False
     return model_family(judge.model) == model_family(chooser.model)
@@ -148,7 +147,7 @@ def scores(client: Client, placements: Sequence[JudgedPlacement], judge: str) ->
 
 
 def comparisons(client: Client, placements: Sequence[JudgedPlacement], judge: str) -> list[Comparison]:
-    """All pairs of methods of each sample, once with either on the left, on the axes that are known for both."""
+    """All pairs of methods of each sample, in both orders, on the axes that are known for both."""
     asked = [pair for one in pairs(placements) for pair in (one, one[::-1])]
     replies = client.ask_all(JUDGE_PAIR, [pair_request(left, right) for left, right in asked])
     return [

@@ -1,8 +1,8 @@
 """Surfaces as convex prisms, which collide at the surface itself: dents, rims and hollows keep their shape.
 
-MuJoCo collides a mesh as its convex hull. A prism is a triangle sunk into the solid against its normal; all of them
-together have the surface of the solid, and are as deep as it allows. Near the contact, surfaces are kept to 0.05 mm if
-the number of faces allows it; farther away, where things only fall, they are coarse.
+MuJoCo collides a mesh as its convex hull. A prism reaches from a triangle into the solid, against the triangle's normal
+and as deep as the solid allows; together the prisms have the solid's surface. Near the contact, surfaces are kept to
+0.05 mm if the number of faces allows it; farther away, objects only fall, and surfaces are coarse.
 """
 
 from dataclasses import dataclass
@@ -21,15 +21,16 @@ from dcap.scene.types.mesh import Mesh
 NEAR = 0.02
 """Distance between surfaces within which they keep their detail [m]."""
 ASIDE, ABOVE = 2.0, 0.1
-"""Distance to the sides and above the object within which the scene is used [m]; below it, all is: a slide of one
-second down 40 degrees with friction 0.5 is 1.3 m."""
+"""Distance to the sides and above the object within which the scene is used [m]; below, all of it is. In one second an
+object slides 1.3 m down 40 degrees with friction 0.5."""
 DEEPEST, SHEET = 0.1, 2e-3
-"""Largest depth of a prism [m], so that a body in it is pushed out on the right side; and that of an object's sheet."""
+"""Largest depth of a prism [m], so that a body in it is pushed out on the right side; depth for an object's sheet
+[m]."""
 THROUGH, LEAST = 0.45, 2e-4
-"""Largest depth of a prism over the solid's thickness [-], so that those of opposite sides do not meet; least depth
+"""Largest depth of a prism as a share of the solid's thickness [-], so that opposite prisms do not meet; least depth
 [m]."""
 THIN = 2e-3
-"""Thickness of a scene below which the side facing the object represents both, with the full depth [m]."""
+"""Thickness of a scene below which only the side that faces the object has prisms, of full depth [m]."""
 NARROW = 1e-5
 """Height of a face below which it has no prism [m]; the gap that it leaves is as narrow."""
 START = 2e-5
@@ -37,11 +38,11 @@ START = 2e-5
 
 
 FINE, FINE_BUDGETS = 5e-5, (4000, 2000, 1000, 500, 250)
-"""Largest distance of near surfaces from their collision shapes [m], and numbers of faces: the least number that keeps
-it is taken, else the first. Surfaces with fewer faces are not changed."""
+"""Largest distance of near surfaces from their collision shapes [m], and numbers of faces: the smallest that keeps this
+distance, else the first. Surfaces with fewer faces are not changed."""
 FAR_VERTICES, FAR_CELL, CLEAR = (100, 400, 1600), 0.5 * NEAR, 0.25 * NEAR
-"""Numbers of vertices of surfaces that are not near, and the first allowed displacement [m]: the least number is taken
-that leaves the other body this clear [m], else all. A body that falls on them has left its place."""
+"""Numbers of vertices of far surfaces, the cell of their first simplification [m], and their least distance from the
+other body [m]: the smallest number that keeps it, else all. A body that falls on them is no longer at rest."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -51,7 +52,7 @@ class Prisms:
     corners: Array
     """[m], shape (n, 6, 3)."""
     owner: NDArray[np.int64]
-    """Index of the thing of each, shape (n,)."""
+    """Index of each prism's thing, shape (n,)."""
     deviation: float
     """Largest distance from the surface near the contact [m]."""
 
@@ -79,7 +80,7 @@ def scene_prisms(scene: Mesh, owner: NDArray[np.int64], thing: Mesh) -> Prisms:
 
 
 def object_prisms(thing: Mesh, scene: Mesh) -> Prisms:
-    """Prisms of an object; its sides may be as thin as sheets, because the scene they touch is not."""
+    """Prisms of an object; they may be as thin as sheets, because those of the scene are thick."""
     whole = wound(thing)
     surroundings = around(scene, thing.bounds, NEAR)
     near, sheet = close_to(whole, surroundings), doubled(whole)
@@ -102,8 +103,8 @@ def kept(mesh: Mesh, mask: Mask) -> ThinnedSurface:
 
 
 def coarse(mesh: Mesh, mask: Mask, other: Mesh) -> ThinnedSurface:
-    """Some faces (m,) of a mesh that are not NEAR another one, reduced as far as it stays clear; their deviation does
-    not count."""
+    """Some faces (m,) of a mesh, not NEAR the other one, simplified as far as they stay clear of it; their deviation
+    does not count."""
     import open3d
 
     some = mesh.submesh(np.flatnonzero(mask))
@@ -128,8 +129,8 @@ def sunk(corner: Array, unit: Array, depth: Array) -> Array:
 
 
 def under(few: Mesh, solid: Mesh) -> tuple[Array, Mask, Array]:
-    """Outward unit normals of faces, whether each has a breadth, and the thickness of the solid under each [m], inf for
-    a sheet."""
+    """Outward unit normals of faces, whether each is broad enough, and the thickness of the solid under each [m], inf
+    for a sheet."""
     corner, normal = few.triangles, few.face_normals
     length = np.linalg.norm(normal, axis=1)
     longest = np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=2).max(axis=1, initial=0.0)
@@ -165,8 +166,8 @@ def close_to(mesh: Mesh, other: Mesh) -> Mask:
 
 
 def wound(mesh: Mesh) -> Mesh:
-    """A thing wound outwards: a closed one by its pieces' volumes, an open one (a scan) by its look from above, as in
-    the drop."""
+    """A thing with faces wound outwards: by its pieces' volumes if it is closed, else (a scan) by the view from above,
+    as in the drop."""
     if is_closed(mesh):
         return outward(mesh)
     caster = Raycaster(mesh)
@@ -176,7 +177,7 @@ def wound(mesh: Mesh) -> Mesh:
 
 
 def doubled(mesh: Mesh) -> Mask:
-    """Whether faces have another one at the same place, as sheets with two sides, shape (m,)."""
+    """Whether another face has the same corners, as in two-sided sheets, shape (m,)."""
     corners = np.sort(welded(mesh.vertices)[mesh.faces], axis=1)
     _, same, count = np.unique(corners, axis=0, return_inverse=True, return_counts=True)
     return np.asarray(count[same.reshape(-1)] > 1)

@@ -1,9 +1,9 @@
 """Bootstrap over scene-prompt pairs: intervals and p values of means, differences and anything computed from counts.
 
-A resample draws as many samples as there are, with replacement; a statistic sees it as a weight for each sample (how
-often it was drawn), so that all columns and all methods of a resample share the same draw: that is what "paired" means
-[E93, chapters 13 and 16]. Percentile intervals; two-sided p by inverting them: twice the smaller share of resamples
-on one side of zero, both counts plus one, so that p is never 0; and never less than so few samples can show.
+A resample draws as many samples as there are, with replacement. Statistics weight each sample by how often it was
+drawn. All columns and all methods of a resample share the same draw, which makes comparisons paired [E93, chapters 13
+and 16]. Intervals are percentile intervals; the two-sided p inverts them: twice the smaller share of resamples on one
+side of zero. Both counts get plus one, so that p is never 0, and `two_sided_p` bounds p for few samples.
 
 Sources: [E93] Efron and Tibshirani, An Introduction to the Bootstrap, 1993; [D97] Davison and Hinkley, Bootstrap
 Methods and their Application, 1997, section 4.2 (the plus one).
@@ -35,7 +35,7 @@ class ConfidenceInterval:
 
 @dataclass(frozen=True, slots=True)
 class PairedDifference:
-    """Difference of one method over another on the samples that both have."""
+    """Difference between two methods on the samples that both have."""
 
     difference: float
     """Difference of the means, or of their composites."""
@@ -70,11 +70,11 @@ def interval_of(resampled: NDArray[np.float64], level: float = LEVEL) -> Confide
 
 
 def two_sided_p(resampled: NDArray[np.float64], samples: int) -> float:
-    """p of "the difference is 0" from its values over resamples of so many samples, shape (b,): at most 1, at least
-    2 / (b + 1) and 2^(1 - samples).
+    """p of the hypothesis that a difference is 0, from its values over resamples (b,): at most 1, at least 2 / (b + 1)
+    and 2^(1 - samples).
 
-    The latter is the p of the exact sign-flip test if all samples agree: resampling two samples does not make them more
-    than two. So p < 0.01 takes eight samples.
+    The latter is the p of the exact sign-flip test if all samples agree, because resampling adds no information. So p <
+    0.01 needs eight samples.
     """
     below, above = int((resampled <= 0.0).sum()), int((resampled >= 0.0).sum())
     return min(1.0, max(2.0 * (min(below, above) + 1) / (len(resampled) + 1), 2.0 ** (1 - samples)))
@@ -89,7 +89,7 @@ def mean_interval(values: NDArray[np.float64], resamples: int = RESAMPLES, seed:
 def paired_difference(
     ours: NDArray[np.float64], theirs: NDArray[np.float64], resamples: int = RESAMPLES, seed: int = SEED
 ) -> PairedDifference:
-    """Ours over theirs, sample by sample.
+    """Ours minus theirs, sample by sample.
 
     Shapes (n,): difference of means. Shapes (n, c): difference of composites, each the geometric mean of its c means.
     Samples on which a value of either is missing (nan) are left out.
@@ -111,7 +111,7 @@ def paired_difference(
 
 
 def gap_of(means: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Composite of the first half of the columns over that of the second, shape (b, 2 c) to (b,)."""
+    """Composite of the first half of the columns minus that of the second, shape (b, 2 c) to (b,)."""
     half = means.shape[1] // 2
     if half == 1:
         return np.asarray(means[:, 0] - means[:, 1])

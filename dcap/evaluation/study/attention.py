@@ -1,12 +1,9 @@
 """Attention checks: a placement next to a copy of it in which the object is lifted and floats.
 
-A folder per check, `attention/01/settled` and `attention/01/lifted`, hold pictures and a model of either; both are
-made from the same scene.glb, so that they only differ in the object's height. The pictures have the names and sizes of
-the placement's own, so that they do not reveal a check.
-
-The surface of a placement from its scene.glb: can be cut out around the object, and the object lifted.
-
-In: scene.glb. Out: smaller GLB files for a page. World frame: metres, z up.
+In: the placement's scene.glb (world frame: metres, z up). Out: for each check the folders `attention/01/settled` and
+`attention/01/lifted` with pictures and a smaller GLB file, cut out around the object. Both come from the same scene.glb
+and differ only in the object's height. Names and sizes of the pictures equal those of the placement, so they do not
+reveal a check.
 """
 
 from collections.abc import Callable, Mapping
@@ -33,7 +30,7 @@ from dcap.scene.written_files import whole_file, write_whole
 THING = "object"
 """The node of the object at rest."""
 AROUND, LEAST_AROUND = 2.0, 0.9
-"""Extent of the surroundings kept around the object: over its size [-], and at least [m]."""
+"""Extent of the surroundings kept around the object: in sizes of the object [-], and at least [m]."""
 MOST_FACES = 300_000
 """Most faces of a cut-out [-]: a browser draws two of them side by side, and both files are sent at once."""
 SHRINK = 0.8
@@ -43,7 +40,7 @@ AZIMUTHS, ELEVATION_DEG = 12, 28.0
 RAYS = 300
 """Number of rays to points of the object from each direction [-]."""
 BACK = 2.6
-"""Viewing distance over its diagonal [-]."""
+"""Viewing distance, in diagonals of the object [-]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -72,7 +69,7 @@ class PlacedSurface:
         )
 
     def around_thing(self, most_faces: int = MOST_FACES) -> Self:
-        """The object and its surroundings, smaller for more faces."""
+        """The object and its surroundings, reduced to `most_faces`."""
         low, high = self.thing_bounds
         reach = max(AROUND * float(np.linalg.norm(high - low)), LEAST_AROUND)
         triangles = self.mesh.triangles
@@ -102,7 +99,7 @@ class PlacedSurface:
         return glb_bytes(nodes)
 
     def best_direction(self) -> NDArray[np.float64]:
-        """The unit direction from the object from which most of it is visible, shape (3,)."""
+        """Unit direction from the object to the camera that sees most of it, shape (3,)."""
         low, high = self.thing_bounds
         size, middle = float(np.linalg.norm(high - low)), (low + high) / 2
         thing = np.flatnonzero(self.is_thing)
@@ -147,7 +144,7 @@ ATTENTION, SETTLED, LIFTED, MODEL = "attention", "settled", "lifted", "model.glb
 MOST_CHECKS = 3
 """Number of different checks of a study [-]; raters may see one more than once."""
 LIFT, LEAST_LIFT = 0.7, 0.12
-"""Height at which the copy floats: over its own height [-], and at least [m]."""
+"""Height at which the copy floats: in heights of the object [-], and at least [m]."""
 
 CheckPictures = Callable[[ShownPlacement, PlacedSurface, PlacedSurface], Mapping[str, NDArray[np.uint8]]]
 """Takes the pictures of one side of a check, by name, from a placement, its surface at rest, and the side's surface."""

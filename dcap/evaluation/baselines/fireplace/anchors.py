@@ -1,13 +1,13 @@
 """The surfaces of the anchors, as a short list to choose from, and those of the object.
 
-Planar surfaces of an anchor are grown on the mesh; sides and wholes of things are also given by their boxes, and a top
-that is mostly uneven by a coarser growth or, last, by the top of the box. Covered surfaces (a mattress under its
-blanket) are left out.
+Planar surfaces of an anchor are grown on the mesh. Boxes of things give their sides and outlines, too. A mostly uneven
+top gets a coarser growth or, failing that, the top of its box. Covered surfaces (a mattress under its blanket) are left
+out.
 
 The object's surface that faces a direction consists of its outermost planar faces in that direction (the four feet of a
-chair together); for a shape without any, such as a ball or a plush toy, the outermost part of its shape stands in,
-flattened on its box's side. The directions offered for resting are the same for every method: the six sides in the
-file's pose, those of the standing pose if that differs, and the resting faces of the convex hull.
+chair together). If a shape has none, like a ball or a plush toy, its outermost part is flattened onto its box's side.
+The directions offered for resting are the same for every method: the six sides in the file's pose, those of the
+standing pose if that differs, and the resting faces of the convex hull.
 """
 
 from collections.abc import Mapping, Sequence
@@ -43,19 +43,19 @@ LOOKS = 0.7
 SLOPED = 0.4
 """The same for tops: pillows and shades slope [-]."""
 OPEN = 0.03
-"""Free way over a point of a surface on which something can stand [m]."""
+"""Free height over a point of a surface on which something can stand [m]."""
 ABOVE = 0.001
-"""Rays begin so far over a surface [m]: a blanket may lie as close to its mattress."""
+"""Start of rays over a surface [m]: a blanket may lie this close to its mattress."""
 THICK = 0.25
-"""Largest thickness of a thing on a surface whose own lower side is missing or inside the surface [m]."""
+"""Largest thickness of a covering thing whose underside is missing or inside the surface [m]."""
 LEAST_OPEN = 0.1
 """Share of a surface that must be free [-]."""
 ENOUGH = 0.5
-"""Least share of a top's open area in its planar surface; below it a coarser surface is offered too [-]."""
+"""Least share of a top's upward area in one planar surface; below it a coarser surface is offered too [-]."""
 SMALLEST = 4e-4
-"""[m^2]."""
+"""Least area of a planar surface [m^2]."""
 LOWEST = 0.08
-"""Depth of a side without planar faces, from its outermost point, over the extent [-]."""
+"""Depth of a side without planar faces, as a share of the object's extent [-]."""
 POINTS = 4000
 """Number of points that represent a shape without planar faces [-]."""
 DOWN = np.array([0.0, 0.0, -1.0])
@@ -77,7 +77,7 @@ class AnchorSurface:
 
 
 def side_ways(frame: ViewerFrame) -> dict[str, Array]:
-    """Unit vectors out of the sides, as the viewer of a frame sees them, shape (3,) each."""
+    """Outward unit vectors of the sides, as the viewer of a frame sees them, shape (3,) each."""
     right, front = np.append(frame.right, 0.0), np.append(frame.front, 0.0)
     up = np.array([0.0, 0.0, 1.0])
     return {"left": -right, "right": right, "front": front, "back": -front, "top": up, "bottom": -up}
@@ -86,7 +86,7 @@ def side_ways(frame: ViewerFrame) -> dict[str, Array]:
 def surfaces_of_part(
     mesh: Mesh, faces: IntArray, part: int, way: Array, side: str, caster: Raycaster
 ) -> list[AnchorSurface]:
-    """Planar surfaces of a part, given by its faces (k,), that face a direction, and a coarse one if they are few."""
+    """Planar surfaces of a part with faces (k,) that face a direction; for an uneven top also coarse ones."""
     own = mesh.submesh(faces), faces
     limit = SLOPED if side in ("top", "bottom") else LOOKS
     found = measured(own, FINE, "planar", way, limit, part, caster)
@@ -118,7 +118,7 @@ def open_share(surface: InteractionSurface, caster: Raycaster) -> float:
     start = surface.points + ABOVE * surface.normal
     way = np.tile(surface.normal, (len(start), 1))
     distance = caster.cast(start, way).distance
-    # where a ray leaves a solid, it started inside: the mattress on a frame
+    # a ray that leaves a solid started inside it: a frame under its mattress
     within = caster.left_at(start, way) < THICK
     return float(1.0 - ((distance < OPEN) | within).mean())
 
@@ -143,7 +143,7 @@ def box_side(box: OrientedBox, frame: ViewerFrame, side: str) -> InteractionSurf
 
 
 def extent_across(frame: ViewerFrame, side: str) -> float:
-    """How far a thing reaches across one of its sides [m]."""
+    """Extent of a thing perpendicular to one of its sides [m]."""
     return 2.0 * float(frame.half[0] if side in ("left", "right") else frame.half[1])
 
 
