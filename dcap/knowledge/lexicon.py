@@ -1,8 +1,8 @@
 """The vocabulary of the offline reader: things with sizes and masses, parts, and phrases, from CSV files next to it.
 
-In: `lexicon/*.csv`. Out: frozen rows, and a vocabulary that maps word sequences to their possible meanings. Every word
-with a meaning in the grammar is in those files; its code only knows kinds of words. If a single word needs its own rule
-(a container's opening, the sRGB value of a colour), the table is next to that rule.
+In: `lexicon/*.csv`. Out: frozen rows, and a vocabulary that maps word sequences to their possible meanings. The files
+hold every word with a meaning in the grammar; the grammar's code only knows kinds of words. Words that need their own
+rule (a container's opening, a colour's sRGB value) are in a table next to that rule.
 """
 
 import csv
@@ -175,7 +175,7 @@ def first_part(thing_id: str) -> str:
 
 @cache
 def inside_parts() -> Mapping[str, str]:
-    """The part meant by `in`."""
+    """The part that `in` means."""
     return MappingProxyType({row["base"]: row["inside"] for row in rows(DEFAULTS) if row["inside"]})
 
 
@@ -258,7 +258,7 @@ def is_for(thing_id: str, following: str) -> bool:
 
 
 def thing_of(label: str) -> Thing | None:
-    """The thing named by a label: its longest known phrase, the last of equals; None for a tool named after food."""
+    """The thing named by a label's longest known phrase, the last one on a tie; None for a tool named after food."""
     words = label_words(label)
     best: tuple[int, int, str] | None = None
     for begin in range(len(words)):

@@ -1,4 +1,4 @@
-"""Secrets in printed or written text: keys of APIs, tokens, passwords within addresses; URLs without them.
+"""Hides secrets in text and URLs: API keys, tokens, and passwords in addresses.
 
 Messages of an SDK, a server or a proxy may quote a header or an address. Everything shown to people passes `redacted`.
 """
@@ -30,7 +30,7 @@ SCHEME = re.compile(r"([A-Za-z][A-Za-z0-9+.-]*:?/+)?(.*)", re.DOTALL)
 SERVERS = ("http:", "https:")
 """Schemes of addresses in which an @ separates a user; elsewhere a path may contain one."""
 SHORTEST_SECRET = 4
-"""Least length of a secret that is searched in messages; a shorter one would be found in every word."""
+"""Least length of a secret to search for in messages; a shorter one would match ordinary words."""
 
 
 def redacted(text: str) -> str:
@@ -56,8 +56,8 @@ def has_log_in(url: str) -> bool:
 
 
 def parts_of(url: str) -> tuple[str, str, str]:
-    """Scheme, user part (may be empty), and the rest of an address. A password may contain slashes, so everything
-    before the last @ belongs to it, except in a path with no colon before it."""
+    """Scheme, user part (may be empty), and the rest of an address. A password may contain slashes, so the user part
+    ends at the last @; a path without a colon before it has none."""
     found = SCHEME.match(url)
     assert found is not None  # the pattern matches anything
     scheme, rest = found[1] or "", found[2]

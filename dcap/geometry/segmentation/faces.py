@@ -1,7 +1,4 @@
-"""Per-face quantities of a mesh and the graph of faces that share an edge.
-
-The carrying surface of a thing: the level with most upward area.
-"""
+"""Per-face quantities of a mesh, the graph of faces that share an edge, and the level with most upward area."""
 
 from dataclasses import dataclass
 
@@ -16,7 +13,7 @@ from dcap.scene.types.mesh import Mesh
 MAX_POINTS = 400_000
 """Maximum number of points of `surface_points`; above it the spacing grows [-]."""
 STRAY = 0.005
-"""Share of a surface that may be stray points of a scan, below and above everything else [-]."""
+"""Share of a surface that may be stray points of a scan, at either end of its height [-]."""
 UPWARD = 0.8
 """Least cosine to the vertical of an upward face [-]."""
 BAND = 0.03
@@ -72,7 +69,7 @@ def welded_index(vertices: NDArray[np.float64]) -> NDArray[np.int64]:
 def shared_edges(faces: NDArray[np.int64]) -> NDArray[np.int64]:
     """Pairs of faces that share an edge, shape (e, 2).
 
-    At an edge of more than two faces separate solids touch (a mattress on its frame): it does not connect them.
+    An edge of more than two faces does not connect them: separate solids touch there (a mattress on its frame).
     """
     sides = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
     key = sides[:, 0] * (int(faces.max(initial=0)) + 1) + sides[:, 1]
@@ -127,7 +124,7 @@ def surface_heights(z: NDArray[np.float64], area: NDArray[np.float64]) -> tuple[
 def surface_points(
     corners: NDArray[np.float64], area: NDArray[np.float64], spacing: float
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Points about `spacing` apart on every face, at least its middle, and the face of each point."""
+    """Points about `spacing` apart, at least one per face, and the face of each point."""
     spacing = max(spacing, float(np.sqrt(area.sum() / MAX_POINTS)))
     count = 1 + (area / spacing**2).astype(np.int64)
     owner = np.repeat(np.arange(len(area)), count)

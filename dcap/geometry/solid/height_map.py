@@ -1,10 +1,10 @@
-"""Heights of a surface from straight above, and where it was torn: holes that a scan has and the thing has not.
+"""Heights of a surface seen from above, and the holes that a scan has torn into it.
 
 In: faces of one thing. Out: heights on a regular grid, holes in them with their sizes, and the height of the surface
-that closes each from its rim. A hole is a pit whose rim ends in the air: faces end there that nothing joins, and from
-the surface to what is seen through it no wall leads down, as one would in a tub or between two cushions. What is closed
-has no holes but its own, be it as thin as a slat. The rim has to go around a hole and to be about as flat as a surface:
-the way between a seat and a back is no hole.
+that closes each from its rim. A hole is a pit whose rim ends in the air: faces end there without neighbours, and no
+wall leads down to its bottom, as one does in a tub or between two cushions. A closed mesh has no such holes, even if it
+is as thin as a slat. The rim must surround the hole and be about as flat as a surface: the gap between a seat and a
+back is no hole.
 """
 
 from collections.abc import Iterator
@@ -22,25 +22,25 @@ from dcap.geometry.raycast import Raycaster
 from dcap.geometry.solid.open_edges import OpenEdges
 from dcap.scene.types.mesh import Mesh
 
-MARGIN = 2  # samples that a map is wider on each side than what is seen
+MARGIN = 2  # samples added to a map on each side
 ABOVE = 0.05  # rays begin this far above the surface [m]
-DEEP = 0.01  # what is seen through a hole lies at least this far below its rim [m]: less is a dent, or scan noise
+DEEP = 0.01  # least depth of a hole below its rim [m]: less is a dent, or scan noise
 STEP = 0.02  # neighbouring places whose heights differ by less than this [m] are on one level
-WIDTHS = (0.03, 0.08, 0.2, 0.5)  # pits up to these widths [m] are looked for one after the other, small ones first
-ENCLOSED = 0.92  # share of a pit's border beyond which the surface lies higher
-TORN = 0.6  # share of that border at which faces end and no wall leads down
-NEAR_EDGE = 2.0  # samples from where a surface goes down to the edge at which it ends, at most
-WALL_DEPTH = 0.04  # a wall is looked for this far down at most [m]
-WALL_HEIGHTS = (0.25, 0.5, 0.75)  # shares of the depth at which it is looked for
-STEEPEST = 1.0  # slope of the plane through a hole's rim at most [-]: beyond 45 degrees it is a side of the thing
-UNEVEN = 0.2  # root mean square distance of a rim from its plane over its size at most [-]
-LARGEST_SHARE = 0.5  # a hole is at most this share of the plan of the thing: beyond, the thing is a frame
-BROADEST = 0.3  # a hole through which a surface is seen that looks up is at most this long [m]
-RIM = 3  # samples around a hole that say how the surface goes on in it
-TINY = 6  # a pit of so few samples is a crack: nothing can be put in there
-ROUNDS, OUTLYING = 3, 4.0  # a rim sample farther off the plane than so many medians is none
-MOST_RIM = 300  # of them
-SMOOTH = 1e-3  # how far the closing surface may keep off single rim samples: they carry the scan's noise
+WIDTHS = (0.03, 0.08, 0.2, 0.5)  # largest widths of the pits in each search [m], small ones first
+ENCLOSED = 0.92  # least share of a hole's border that has a higher surface beyond it
+TORN = 0.6  # least share of that border at which faces end and no wall leads down
+NEAR_EDGE = 2.0  # largest distance from a drop in the surface to its open edge [samples]
+WALL_DEPTH = 0.04  # largest depth of the search for a wall [m]
+WALL_HEIGHTS = (0.25, 0.5, 0.75)  # shares of this depth at which rays search for it
+STEEPEST = 1.0  # largest slope of the plane through a hole's rim [-]: beyond 45 degrees it is a side of the thing
+UNEVEN = 0.2  # largest root mean square distance of a rim from its plane, as a share of its size [-]
+LARGEST_SHARE = 0.5  # largest share of a thing's plan that a hole covers; a larger one is the opening of a frame
+BROADEST = 0.3  # largest length of a hole with an upward surface below it [m]
+RIM = 3  # width of the ring around a hole that determines its surface [samples]
+TINY = 6  # a pit with at most this many samples is a crack, too small for any object
+ROUNDS, OUTLYING = 3, 4.0  # in each round, samples farther off the plane than this many medians are dropped
+MOST_RIM = 300  # approximate number of rim samples that are used
+SMOOTH = 1e-3  # smoothing of the closing surface, because single rim samples carry the scan's noise [-]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -52,9 +52,9 @@ class HeightMap:
     cell: float
     """Distance of neighbouring samples [m]."""
     height: Array
-    """Of the first surface [m], -inf where there is none, shape (rows, columns)."""
+    """Height of the top surface [m], -inf where there is none, shape (rows, columns)."""
     face: NDArray[np.int64]
-    """That surface's face, -1 for none, shape (rows, columns)."""
+    """Face of that surface, -1 for none, shape (rows, columns)."""
 
     def world(self, index: NDArray[np.integer]) -> Array:
         """World xy of samples (n, 2) [m], shape (n, 2)."""
@@ -68,7 +68,7 @@ class TornHole:
     place: tuple[slice, slice]
     """Rows and columns of the map that it lies in."""
     mask: Mask
-    """Its samples among these."""
+    """Mask of the hole within them."""
     low: Array
     """Lower corner of its box in plan [m], shape (2,)."""
     high: Array
@@ -78,8 +78,8 @@ class TornHole:
 
 
 def spacing_within(sides: Array, finest: float, most: int, margin: int) -> float:
-    """Distance of the samples of a rectangle with these sides (2,) [m], `margin` more on each side, at least `finest`
-    [m] and so that there are at most so many."""
+    """Spacing of the samples of a rectangle with these sides (2,) [m], `margin` more on each side: at least `finest`
+    [m], and for at most `most` samples."""
     low, high = finest, max(finest, 2.0 * float(sides.max()) / max(np.sqrt(most) - 2 * margin - 2, 1.0))
     if float(np.prod(np.ceil(sides / low) + 2 * margin + 1)) <= most:
         return float(low)
@@ -102,7 +102,7 @@ def seen_from_above(caster: Raycaster, bounds: Array, cell: float) -> HeightMap:
 
 
 def holes_closed(seen: HeightMap, caster: Raycaster, mesh: Mesh) -> tuple[HeightMap, list[TornHole]]:
-    """The map of a mesh with its holes closed, and these; the faces there stay those that are seen through them."""
+    """The map of a mesh with its holes closed, and the holes; their faces stay those that are seen through them."""
     edges = OpenEdges(mesh, seen.cell)
     carrying = seen.face >= 0
     carrying[carrying] = mesh.face_normals[seen.face[carrying], 2] > 0.0
@@ -126,27 +126,28 @@ def holes_closed(seen: HeightMap, caster: Raycaster, mesh: Mesh) -> tuple[Height
                     continue
                 closed = surface_across(part, hole)
                 if closed is not None:
-                    part.height[hole] = closed  # a view: the whole map is closed there
+                    part.height[hole] = closed  # a view: this changes the whole map
                     found[window] |= hole
     height[height <= floor] = -np.inf
     return HeightMap(seen.origin, seen.cell, height, seen.face), holes_of(found, seen)
 
 
 def is_a_place(hole: Mask, carrying: Mask, cell: float) -> bool:
-    """Whether most of what is seen in a hole looks up and it is so broad that it is a surface of its own: a seat whose
-    sides a scan does not show. Inside of a thing one sees backs, or nothing."""
+    """Whether a hole is a surface of its own, such as a seat whose sides a scan does not show: it is broad, and most of
+    its faces look up. A torn hole shows the backs of faces, or nothing."""
     broad = cell * float(np.ptp(np.argwhere(hole), axis=0).max() + 1) > BROADEST
     return broad and float(carrying[hole].mean()) > 0.5
 
 
 def closed_over(height: Array, width: int) -> Array:
-    """Heights with all places filled that are no wider than `width` samples [m], shape (rows, columns)."""
+    """Heights with all pits of at most `width` samples filled [m], shape (rows, columns)."""
     padded = np.pad(height, width, mode="edge")
     return np.asarray(grey_closing(padded, size=(width + 1, width + 1))[width:-width, width:-width])
 
 
 def windows(number: NDArray[np.integer]) -> Iterator[tuple[tuple[slice, slice], Mask]]:
-    """For each numbered place a window, RIM samples wider, and its samples in it; not for those at the map's end."""
+    """For each numbered place a window, RIM samples wider, and the place's mask in it; without places at the map's
+    border."""
     for one, place in enumerate(find_objects(number), start=1):
         if place is None:
             continue
@@ -156,10 +157,10 @@ def windows(number: NDArray[np.integer]) -> Iterator[tuple[tuple[slice, slice], 
 
 
 def torn_off(part: HeightMap, pit: Mask, caster: Raycaster, edges: OpenEdges) -> Iterator[Mask]:
-    """Those places of a pit, shape (rows, columns), around which the surface ends in the air.
+    """Masks (rows, columns) of the holes in a pit, around which the surface ends in the air.
 
-    What is seen in a pit falls into levels. One that walls or slopes lead down to, as to the way between two cushions,
-    is no hole but what a hole may border on; levels that only others border on go with these.
+    The samples of a pit form levels. A level below walls or slopes, such as the gap between two cushions, is no hole,
+    but a hole may border on it; levels that border only on holes belong to them.
     """
     level, count = levels_of(part.height, pit)
     inner, outer = neighbours_of(pit)
@@ -187,7 +188,7 @@ def torn_off(part: HeightMap, pit: Mask, caster: Raycaster, edges: OpenEdges) ->
 
 
 def torn_cracks(seen: HeightMap, height: Array, number: NDArray[np.integer], tiny: Mask, edges: OpenEdges) -> Mask:
-    """Those of the numbered places that are tiny around which faces end, shape (rows, columns)."""
+    """Mask of the tiny numbered places around which faces end, shape (rows, columns)."""
     inner, outer = neighbours_of(tiny)
     down = height[tuple(outer.T)] - height[tuple(inner.T)] > DEEP
     inner, outer = inner[down], outer[down]
@@ -197,12 +198,12 @@ def torn_cracks(seen: HeightMap, height: Array, number: NDArray[np.integer], tin
 
 
 def brinks(seen: HeightMap, height: Array, inner: NDArray[np.int64], outer: NDArray[np.int64]) -> Array:
-    """Where a surface goes down between places and higher ones next to them [m], shape (n, 3)."""
+    """Points where a surface drops from higher samples to their neighbours [m], shape (n, 3)."""
     return np.asarray(np.c_[0.5 * (seen.world(inner) + seen.world(outer)), height[tuple(outer.T)]])
 
 
 def levels_of(height: Array, pit: Mask) -> tuple[NDArray[np.int64], int]:
-    """The level that each place of a pit is on, 0 beyond it, shape (rows, columns), and how many there are."""
+    """Number of each sample's level in a pit, 0 outside the pit, shape (rows, columns), and the number of levels."""
     number = np.where(pit, np.cumsum(pit).reshape(pit.shape), 0)
     count = int(pit.sum())
     start, end = [], []
@@ -240,8 +241,8 @@ def walls_between(
 
 
 def surface_across(part: HeightMap, pit: Mask) -> Array | None:
-    """Heights [m] at a pit's samples, in their order, of the thin plate through its rim; None where the rim is no
-    surface: too steep or too uneven."""
+    """Heights [m] of the thin plate through a pit's rim at the pit's samples, in order; None if the rim is too steep or
+    too uneven for a surface."""
     level = float(np.median(part.height[binary_dilation(pit) & ~pit]))
     ring = binary_dilation(pit, iterations=RIM) & ~pit
     size = part.cell * max(float(np.ptp(np.argwhere(pit), axis=0).max()) + 1.0, 2.0 * RIM)
@@ -259,7 +260,7 @@ def surface_across(part: HeightMap, pit: Mask) -> Array | None:
         kept = off <= max(OUTLYING * float(np.median(off)), DEEP)
     points, rim, off = points[kept], rim[kept], off[kept]
     if np.linalg.matrix_rank(points - points.mean(axis=0)) < 2:
-        return None  # what is left of the rim lies on a line
+        return None  # the rest of the rim lies on a line
     if np.linalg.norm(plane[:2]) > STEEPEST or np.sqrt((off**2).mean()) > UNEVEN * size + DEEP:
         return None
     across = RBFInterpolator((points - middle) / size, rim, kernel="thin_plate_spline", smoothing=SMOOTH * len(points))
@@ -270,7 +271,8 @@ def surface_across(part: HeightMap, pit: Mask) -> Array | None:
 
 
 def holes_of(found: Mask, seen: HeightMap) -> list[TornHole]:
-    """The holes, one for samples that touch: the last bits of one are found with a wider look than the others."""
+    """The holes, one per group of touching samples, because searches with different widths find parts of the same
+    hole."""
     number, _ = label(found, np.ones((3, 3)))
     return [hole_of(place, number[place] == one, seen) for one, place in enumerate(find_objects(number), start=1)]
 

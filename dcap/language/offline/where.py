@@ -1,14 +1,7 @@
-"""Places on the base: parts, regions, places next to other things, and constraints on them.
+"""Grounds places on the base: parts, regions, places next to other things, and constraints.
 
-In: a target whose base is known, and a place of the sentence. Out: the target with regions and references in the words
-of the reply, and with phrases that were not understood.
-
-Target of a sentence in a given scene, as an intermediate result: filled by `target` and this module.
-
-Constraints on a place in addition to its region: excluded places, distances, and the thing that the object leans on.
-
-In: a target whose base is known, and a place of the sentence. Out: the target with constraints in the words of the
-reply, or with the place among the phrases that were not understood.
+In: a target whose base is known, and a place of the sentence. Out: the target with regions, references and constraints
+(excluded places, distances, a thing to lean on), named as in the reply, and with the phrases that were not understood.
 """
 
 from collections.abc import Sequence
@@ -40,7 +33,7 @@ SIDE_REGIONS = {"left": "left", "right": "right", "front": "front", "back": "bac
                 "top": "back", "bottom": "front", "nearest": "front", "middle": "middle"}  # fmt: skip
 """Sides as regions of a horizontal surface, viewed like a page: the top is far away."""
 REACH = 0.5
-"""Largest distance of a second thing from the support for a place next to it [m]."""
+"""Largest gap between a support and another thing for a place next to that thing [m]."""
 PART_REGIONS = {"headboard": "head", "footboard": "foot", "back": "back"}
 """Region of a part that the segmentation did not find."""
 PART_SIDES_OF = {**{side: side for side in PART_SIDES}, "1": "bottom", "last": "top", "1 from bottom": "bottom",
@@ -90,12 +83,12 @@ def as_candidates(found: Found) -> tuple[Candidate, ...]:
 
 
 def is_any(instance: InstanceView) -> bool:
-    """Return whether any instance of the kind will do: walls, next to or against any of which a thing may be."""
+    """Return whether any instance of its kind will do, as with walls: a thing may stand against any of them."""
     return instance.structure and label_thing(instance) in ("wall", "floor", "ceiling")
 
 
 def ground_own_region(target: Target, support: Place, request: IntentRequest) -> None:
-    """Set the region or part in front of "of the bed"."""
+    """Set the region or part named before "of the bed"."""
     noun = support.nouns[0]
     assert target.base is not None
     if noun.owner is None:
@@ -113,7 +106,7 @@ def ground_own_region(target: Target, support: Place, request: IntentRequest) ->
 
 
 def region_words(target: Target, noun: Noun, request: IntentRequest, text: str) -> None:
-    """Sides and region of a noun as region names; for an edge, the thing that it faces as reference."""
+    """Add a noun's sides and region as region names; for an edge, the thing that it faces as a reference."""
     names = regions_of(noun, target.base)
     target.add_regions(names)
     (target.words if names else target.not_understood).append(text)
@@ -129,7 +122,7 @@ def regions_of(noun: Noun, base: InstanceView | None) -> list[str]:
     bed = base is not None and "bed" in lineage(label_thing(base))
     if noun.region == "end" and bed and noun.toward is None:
         names = [name for name in names if name in ("head", "foot")] or ["foot"]
-    elif noun.region and noun.region != "side" and not (noun.region == "end" and names):  # the left end is the left
+    elif noun.region and noun.region != "side" and not (noun.region == "end" and names):  # "left end" means left
         names += ["long", "edge"] if noun.region == "long_edge" else [noun.region]
     return names
 
@@ -211,7 +204,7 @@ def within_reach(noun: Noun, base: InstanceView, request: IntentRequest) -> bool
 
 
 def references_of(noun: Noun, target: Target, request: IntentRequest, *, several: bool) -> list[str]:
-    """Ids of the things, or `part:NAME`, to which a relation refers; those nearest to the base."""
+    """Ids of the things, or `part:NAME`, to which a relation refers; the nearest to the base win."""
     assert target.base is not None
     base = target.base
     found = [i for i in named(noun, request.instances) if i.id != base.id]
@@ -275,7 +268,7 @@ def set_part(target: Target, noun: Noun) -> None:
 
 
 def limit(target: Target, place: Place, request: IntentRequest) -> None:
-    """Ground distances, "as far as possible from" and "away from": a constraint to the edge or to things."""
+    """Ground distances, "as far as possible from" and "away from" as constraints relative to edges or things."""
     assert target.base is not None
     noun, measure = place.nouns[0], place.measure
     whose = noun.owner if noun.region == "side" and noun.sides else None
@@ -315,7 +308,7 @@ def exclude(target: Target, place: Place, request: IntentRequest) -> None:
     """Ground "not on the pillow", "not near the lamp", "not at the edge"."""
     assert target.base is not None
     noun = place.nouns[0]
-    if place.measure is not None:  # a least distance is stated by "at least"
+    if place.measure is not None:  # only "at least" states a least distance
         target.not_understood.append(place.text)
         return
     if noun.region or noun.is_region:
@@ -337,7 +330,7 @@ def exclude(target: Target, place: Place, request: IntentRequest) -> None:
         found = found or [f"part:{part}"]
     if not found:
         if place.relation in SUPPORT and target.base in named(noun, request.instances):
-            target.not_understood.append(place.text)  # on the bed, and not on it
+            target.not_understood.append(place.text)  # contradicts "on the bed"
         target.words.append(place.text)  # a thing that is not there needs no exclusion
         return
     if place.relation in (*SUPPORT, "at", "under", "against"):

@@ -1,7 +1,7 @@
 """Replies of a client: validated types that choose only among the options listed in the request.
 
-Shape and ranges are checked by pydantic; `check` compares with the request and raises ValueError with one sentence that
-can be shown to a model. A reply that fails is not a reply.
+Pydantic checks shape and ranges; `check` compares a reply with its request and raises ValueError with one sentence that
+can be shown to a model. A reply that fails is never used.
 """
 
 import math

@@ -40,7 +40,7 @@ class PlanBox:
 
     @property
     def right(self) -> NDArray[np.float64]:
-        """Direction to the right of a viewer of its front, a horizontal unit vector, shape (2,)."""
+        """Direction to the right of a viewer facing its front, a horizontal unit vector, shape (2,)."""
         return np.array([np.cos(self.yaw), np.sin(self.yaw)])
 
     @property

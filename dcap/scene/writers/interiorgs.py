@@ -33,7 +33,7 @@ class Label:
     id: str
     """Id; if empty, the key is left out."""
     name: str
-    """Name as written, in any case."""
+    """Name as written, upper or lower case."""
     box: OrientedBox | None
     """Box; None for rooms and walls, which are annotated without one."""
 

@@ -66,7 +66,7 @@ SMALLEST_PATCH = 2e-3
 """Share of the instance's area below which patches of one name join their neighbour [-]."""
 
 STACK_GAP = 0.35
-"""Largest gap, over the thing's depth, between patches above each other that are two sides of one part [-]."""
+"""Largest vertical gap between patches that are two sides of one part, as a share of the thing's depth [-]."""
 
 THINNEST = 5e-4
 """Half thickness of the box of a sheet [m], so that no box is without volume."""
@@ -103,7 +103,7 @@ def find_parts(
     """Parts of one instance.
 
     `axes` (3, 3) is the annotated orientation, or None to find it; `node_words` names the part of each face according
-    to its node (or is empty); `annotated` are known parts, an index per face and their names, which only lack boxes.
+    to its node (or is empty); `annotated` are known parts (an index per face, and their names) that only need boxes.
     Returns the part of each face (k,), the parts, the box and the front (world).
     """
     box = _box_of(table.corners[faces].reshape(-1, 3), axes, tie=1.0)
@@ -169,8 +169,8 @@ def _main_code(
 
 
 def _stacks(surface: InstanceSurface, faces: NDArray[np.int64], region: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Regions where patches that overlap from above and lie close together are one part, such as the two sides of a
-    board, shape (k,)."""
+    """Group of each face (k,): patches that overlap in plan and lie close together, like the two sides of a board, are
+    one group."""
     patches, number = np.unique(region[faces], return_inverse=True)
     points = [surface.corners[faces[number == i]].reshape(-1, 3) for i in range(len(patches))]
     low, high = np.array([p.min(axis=0) for p in points]), np.array([p.max(axis=0) for p in points])

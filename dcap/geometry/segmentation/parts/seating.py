@@ -11,7 +11,7 @@ from dcap.geometry.segmentation.faces import level_of
 from dcap.geometry.segmentation.parts.instance_surface import SIDES, InstanceSurface, PartMap, SurfacePiece
 
 SEAT_BAND = 0.06
-"""Tolerance of the level of sitting surfaces, over the height [-]."""
+"""Tolerance of the seat's level, as a share of the height [-]."""
 
 
 def _seat_level(surface: InstanceSurface) -> float:
@@ -33,7 +33,7 @@ def _back_side(surface: InstanceSurface, level: float) -> NDArray[np.float64] | 
         axis = int(np.argmax(np.abs(side)))
         outer = high & (surface.center @ side > 0.15 * surface.size[axis])
         width = float(np.ptp(surface.center[outer, 1 - axis])) / float(surface.size[1 - axis]) if outer.any() else 0.0
-        # Towards the side, and spread along it, unlike an arm.
+        # A back spreads along its side, unlike an arm.
         scores.append(
             float((surface.area[outer] * np.abs(surface.center[outer] @ side)).sum()) / surface.size[axis] * width
         )
@@ -62,15 +62,14 @@ def sofa_parts(surface: InstanceSurface) -> PartMap:
 
 
 def _seat_bottom(surface: InstanceSurface, level: float, height: float) -> float:
-    """Underside of the seat cushions [m]: of the piece whose top is the seat, else by the usual thickness of a
-    cushion."""
+    """Height of the underside of the seat cushions [m], estimated from their usual thickness if none is found."""
     cushions = _cushions(surface, level, height)
     return float(cushions[0].low[2]) if cushions else level - 0.18 * height
 
 
 def _cushions(surface: InstanceSurface, level: float, height: float) -> list[SurfacePiece]:
-    """The seat cushions, the largest first; empty if they are not most of the seat: a scan tears fragments off a seat
-    that is one piece with its front."""
+    """The seat cushions, the largest first; empty if they are not most of the seat, because a scan tears fragments off
+    a seat without cushions."""
     found = [piece for piece in surface.pieces() if _is_seat_piece(surface, piece, level, height)]
     seat = surface.area * (surface.open_up & (np.abs(surface.center[:, 2] - level) < SEAT_BAND * height))
     return found if sum(seat[one.faces].sum() for one in found) > 0.5 * seat.sum() else []
@@ -111,8 +110,7 @@ def _sofa_faces(
     seat_bottom: float,
     back: NDArray[np.float64] | None,
 ) -> NDArray[np.object_]:
-    """Names of the faces of a piece that is shell, arms and back in one, and also the seat if no cushion is
-    separate."""
+    """Names of the faces of a piece that combines shell, arms and back, and the seat if there are no cushions."""
     names = np.full(len(faces), "base", dtype=object)
     if back is None:
         return names
@@ -139,7 +137,7 @@ def _arm_top(center: NDArray[np.float64], arm: NDArray[np.bool_], height: float)
 
 
 def _inner_edges(surface: InstanceSurface, level: float, axis: int, back: NDArray[np.float64]) -> tuple[float, float]:
-    """Beginning of the arms, sideways from the middle, and of the back, rearward [m]."""
+    """Distances from the middle at which the arms and the back begin [m]."""
     height, width, depth = float(surface.size[2]), float(surface.size[1 - axis]), float(surface.size[axis])
     seat = surface.open_up & (np.abs(surface.center[:, 2] - level) < SEAT_BAND * height)
     points = surface.corners[seat].reshape(-1, 3)
@@ -197,8 +195,8 @@ def stool_parts(surface: InstanceSurface) -> PartMap:
 
 
 def underside(surface: InstanceSurface, level: float, reach: float) -> float:
-    """Height of the lower side of the slab with its top at `level`: by its downward faces, else half of `reach` under
-    it [m]."""
+    """Height of the underside of the slab with its top at `level` [m]: from its downward faces, else half of `reach`
+    lower."""
     z = surface.center[:, 2]
     below = surface.down & (z < level - 0.02 * reach) & (z > level - reach)
     found = level_of(z[below], surface.area[below], 0.15 * reach)
