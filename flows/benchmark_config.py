@@ -43,14 +43,14 @@ def place_dataset(options: BenchmarkOptions) -> Run:
 
 
 def selection_of(options: BenchmarkOptions, *, sampled: bool, spread: bool = False) -> Selection:
-    """Return the selection of samples; sampled ones are from the named scenes already."""
+    """Return the selection of samples; a sampled file already holds only the named scenes."""
     scenes = "" if sampled else options.scenes
     return Selection(options.limit, spread, scenes, options.only_failed, options.sugar)
 
 
 def dataset_file(options: BenchmarkOptions, out: Path | None = None) -> tuple[Path | None, SampledDataset | None]:
-    """Return the file of the samples and, where it was made here, how. `--dataset` names the file, a folder that holds
-    it, or a folder of scenes to sample (by default below data/runs/samples). InputError for scenes without objects."""
+    """Return the file of samples, and a report if it was made here. `--dataset` names the file, a folder that holds it,
+    or a folder of scenes to sample (by default below data/runs/samples). InputError for scenes without objects."""
     given = options.dataset
     if given is None or not given.is_dir() or (given / SAMPLES_FILE).is_file():
         if options.objects is not None:
@@ -83,7 +83,7 @@ def request_digest(options: BenchmarkOptions) -> str:
 
 
 def judge_options(options: BenchmarkOptions) -> LanguageOptions | None:
-    """Return the options of the judging model, None without one. InputError where it cannot be asked."""
+    """Return the options of the judging model, None without one. InputError if it cannot be used."""
     name = options.judge or ("replay" if options.judge_replay else "")
     if name in ("", "offline"):
         if options.judge_model or options.judge_record:

@@ -1,9 +1,9 @@
 """Settings from `dcap.yaml` and the environment, by dotted keys, each with its file and line or its variable.
 
-The file is $DCAP_CONFIG; else `dcap.yaml` of the working directory; else that of the clone, or of the user's data
-folder where dcap is installed. Only the first one that exists is read. A key `drop.solver.step_limit` is
-$DCAP_DROP__SOLVER__STEP_LIMIT in the environment, which wins over the file. The users of
-keys and values check them; `refused` builds their error.
+The file is $DCAP_CONFIG; else `dcap.yaml` of the working directory; else that of the clone, or for an installed dcap
+that of the user's data folder. Only the first one that exists is read. A key `drop.solver.step_limit` is
+$DCAP_DROP__SOLVER__STEP_LIMIT in the environment, which wins over the file. Callers check keys and values;
+`unknown_key` and `invalid_value` build their errors.
 """
 
 import os
@@ -137,8 +137,8 @@ def check_spelling(name: str) -> None:
 
 
 def check_underscores(keys: Iterable[str]) -> None:
-    """Refuse an environment variable that would name a key if it had two underscores between the words. Variables that
-    a cluster sets for a service called dcap-server are not meant (DCAP_SERVER_PORT=tcp://...)."""
+    """Refuse an environment variable that would name a key if it had two underscores between the words. Ignore
+    variables that a cluster sets for a service called dcap-server (DCAP_SERVER_PORT=tcp://...)."""
     for one in map(variable_of, keys):
         single = one.replace(BETWEEN, "_")
         value = os.environ.get(single, "")

@@ -1,9 +1,9 @@
 """The options of the commands, each declared once: type, range, default, meaning, and its key in `dcap.yaml`.
 
-From these models follow the command line (flows/cli/checks.py), the keys of `dcap.yaml` with their environment
-variables (flows/settings), the keywords of `dcap.place` and `dcap.drop`, and tables of docs/configuration.md. A model
-takes missing values from the environment, then from `dcap.yaml`, then from its defaults;
-`effective_options` (flows/settings.py) does that with messages that name the option or the place of a value.
+These models define the command line (flows/cli/checks.py), the keys of `dcap.yaml` with their environment variables
+(flows/settings), the keywords of `dcap.place` and `dcap.drop`, and tables of docs/configuration.md. A model takes
+missing values from the environment, then from `dcap.yaml`, then from its defaults. The errors of `effective_options`
+(flows/settings.py) name the option or the place of a value.
 """
 
 import os
@@ -30,7 +30,7 @@ LARGEST_RESOLUTION_M = 1.0
 LONGEST_NAME = 255
 """Longest name of a file or folder on common file systems [bytes]."""
 LONGEST_FOLDER = 3500
-"""Longest path of a result folder [bytes]: Linux allows 4096, and its files have longer paths."""
+"""Longest path of a result folder [bytes]: Linux allows 4096, and the files need some."""
 LARGEST_SEED = 2**63 - 1
 """Largest integer that tables can hold."""
 SHOWN = 100
@@ -74,7 +74,7 @@ def short_text(value: str) -> str:
 
 
 def joined_by_commas(value: object) -> object:
-    """Return a sequence of numbers as the command line has them."""
+    """Return a sequence of numbers joined as on the command line."""
     if isinstance(value, str) or not isinstance(value, Iterable):
         return value
     return ",".join(str(one) for one in value)
@@ -103,7 +103,7 @@ ReplyTimeout = Annotated[float, within(0.0, 86_400.0, "a number of seconds, at m
 
 
 class Options(BaseSettings):
-    """Options of a command: frozen, with no others; the docstring of a field is its help."""
+    """Options of a command: frozen, no unknown ones; the docstring of a field is its help."""
 
     model_config = SettingsConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
 
@@ -161,7 +161,7 @@ class StageOptions(PhysicsOptions):
     effort: Annotated[Effort, Setting("run.effort")] = ""
     """Amount of thinking: low, medium, high ... (depends on the model); default: the model's."""
     max_tokens: Annotated[MaxTokens, Setting("run.max_tokens")] = MAX_TOKENS
-    """Longest answer of the model with its thoughts; a cut-off answer is requested again with twice the room."""
+    """Most tokens of an answer, thoughts included; a cut-off answer is requested again with twice as many."""
     reply_timeout: Annotated[ReplyTimeout, Setting("run.reply_timeout")] = TIMEOUT
     """Longest wait for one answer of the model [s]."""
     record: Annotated[TextOrPath, Setting("run.record", "DIR")] = ""
@@ -196,7 +196,7 @@ class PlaceOptions(StageOptions):
     at: Annotated[Numbers, Setting(metavar="X,Y[,Z]")] = ""
     """Point of the scene file's own frame that the object goes to."""
     support: Annotated[Numbers, Setting(metavar="X0,Y0,Z0,X1,Y1,Z1")] = ""
-    """Box of the scene file's own frame whose faces carry."""
+    """Box in the scene file's own frame whose faces carry the object."""
     object_label: Phrase = ""
     """Kind of the object: mug."""
     object_up: Up = "auto"
@@ -212,7 +212,7 @@ class PlaceOptions(StageOptions):
     animate: bool = False
     """Write a film of the drop, too: drop.mp4."""
     surface: Literal["embedded", "iso"] = "embedded"
-    """Surfaces of soft bodies: embedded, or also iso, those around the material points: iso.glb."""
+    """Surfaces of soft bodies: embedded, or iso to add iso.glb, the surface around the material points."""
 
     @model_validator(mode="after")
     def _paper_has_its_own_solver(self) -> "PlaceOptions":
@@ -267,7 +267,7 @@ class BenchmarkOptions(DatasetOptions):
     only_failed: bool = False
     """Only samples that failed in the last run."""
     max_cost: MaxCost = None
-    """Spend at most this on a model [USD]; as much again on one that judges."""
+    """Spend at most this on the model [USD], and as much again on the judge."""
     batch: Annotated[bool, Setting("run.batch")] = False
     """Ask in batches: half the price, answers within minutes to a day."""
     runner: Annotated[Literal["local", "dask", "ray", "pool"], Setting("run.runner")] = "local"
@@ -277,7 +277,7 @@ class BenchmarkOptions(DatasetOptions):
     simulations: Annotated[PositiveInt | None, Setting("run.simulations", is_flag=False)] = None
     """Most drops and drifts at a time on all machines of a server; default: no limit."""
     model_calls: Annotated[PositiveInt | None, Setting("run.model_calls", is_flag=False)] = None
-    """Most stages at a time that ask a model, on all machines of a server; default: no limit."""
+    """Most stages that ask a model at a time, on all machines of a server; default: no limit."""
 
 
 class PaperOptions(BenchmarkOptions):
@@ -286,9 +286,9 @@ class PaperOptions(BenchmarkOptions):
     methods: Annotated[str, Setting("run.methods")] = "all"
     """Methods, between commas: dcap, fireplace, layoutgpt, holodeck, ablations by name, or all."""
     limit: Annotated[int | None, Field(ge=1)] = None
-    """Only N samples that differ as much as they can; default: all, of the embedded rooms 6."""
+    """Only the N most different samples; default: all, or 6 of the embedded rooms."""
     only_failed: Annotated[bool, Setting(is_flag=False)] = False
-    """Not of an evaluation, which is whole: what failed is placed again by the same command."""
+    """Not an option of `paper`: the same command places failed samples again."""
 
 
 class RerunOptions(Options):
@@ -301,7 +301,7 @@ class RerunOptions(Options):
 
 
 class JudgeOptions(Options):
-    """Options of `judge`; none has a key, because who judges need not be who reads the sentences."""
+    """Options of `judge`; none has a key, because the judge need not read the sentences."""
 
     language: Language = ""
     """Judge: offline (default: the metric rubric), anthropic, openai or replay."""
@@ -310,7 +310,7 @@ class JudgeOptions(Options):
     effort: Effort = ""
     """Amount of thinking: low, medium, high ... (depends on the model); default: the model's."""
     max_tokens: MaxTokens = MAX_TOKENS
-    """Longest answer of the model with its thoughts; a cut-off answer is requested again with twice the room."""
+    """Most tokens of an answer, thoughts included; a cut-off answer is requested again with twice as many."""
     reply_timeout: ReplyTimeout = TIMEOUT
     """Longest wait for one answer of the model [s]."""
     record: Annotated[TextOrPath, Setting(metavar="DIR")] = ""
@@ -338,7 +338,7 @@ class WorkerOptions(Options):
 
 
 class AllSettings(BenchmarkOptions, UiOptions):
-    """Every field that has a key: the options of the commands, and what only `dcap.yaml` and the environment say."""
+    """Every field that has a key: the options of the commands, and settings without an option."""
 
     data: Annotated[str, Setting("paths.data", is_flag=False)] = ""
     """Folder of cache, runs and generated rooms; default: `data/` of the clone, or the user's data folder."""
