@@ -24,7 +24,7 @@ from solver.rest import RestMonitor, history_of
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RestBody:
-    """One body at the end."""
+    """Final state of one body."""
 
     name: str
     vertices: NDArray[np.float64]
@@ -131,8 +131,8 @@ def carried(model: Model, touching: set[tuple[int, int]]) -> set[int]:
 
 
 def has_left(model: Model, surface: NDArray[np.float64], center: NDArray[np.float64]) -> bool:
-    """Return whether a body with these surface points (n, 3) lies entirely below all fixed bodies, or its centre of
-    mass (3,) outside their plan, so that nothing can carry it."""
+    """Return whether nothing can carry a body: its surface points (n, 3) all lie below every fixed body, or its centre
+    of mass (3,) lies outside their bounds in plan."""
     fixed = [b.vertices for b in model.bodies if b.fixed]
     if not fixed:
         return False

@@ -1,17 +1,15 @@
 """Contact forces: a normal spring, Coulomb friction by a return map [W06, Ch. 5], rolling resistance.
 
+Coefficients of friction and rolling resistance are the geometric means of the values of both surfaces at the contact.
+
+Rolling and torsional resistance is a torque of at most b * N against the relative rotation of two touching bodies; b is
+the resistance length [J85, Sec. 9.3]. Like friction it has memory: the torque grows elastically to its limit and stays
+there. On the way to rest the spring is stiff (`law_stiff`), so that a ball stops. While a kick tests a rest state, the
+spring is damped and compliant (`law_compliant`). At SHARE of N times the body's half size it is far too weak to hold up
+a falling body: rolling resistance must not make a pencil stand. The rotation of a soft body is that of its
+mass-weighted best fit, theta = I^-1 sum m r x u, and its torque is spread over its nodes so that both do the same work.
+
 [W06] Wriggers: Computational Contact Mechanics, 2nd ed., Springer 2006.
-
-Friction and rolling resistance where two surfaces touch: the geometric means of the values of both surfaces there.
-
-Rolling and torsional resistance: a torque of at most b * N against the relative rotation of two touching bodies.
-
-Like friction it has memory: first an elastic angle, then the torque stays at its limit. On the way to rest the spring
-is stiff (`law_stiff`), so that a ball stops. While a rest state is tested with a kick it is compliant
-(`law_compliant`): a damped spring far too weak to hold up a body that is about to fall over (SHARE of N times the
-body's half size), because resistance to rolling must not make a pencil stand. The rotation of a soft body is that of
-its mass-weighted best fit, theta = I^-1 sum m r x u, and its torque is spread over its nodes so that both do the same
-work. Rolling resistance length b: [J85, Sec. 9.3].
 
 [J85] Johnson: Contact Mechanics. Cambridge University Press, 1985.
 """
@@ -29,9 +27,9 @@ from solver.model.state import PointMemory, cross_matrix
 
 # tangential over normal stiffness: Mindlin's ratio 2 (1 - nu) / (2 - nu) lies between 0.67 and 1; softer is safe
 TANGENTIAL_SHARE = 0.5
-SHARE = 0.1  # stiffness over N times half size: 1 for falling over, 0 for rolling on a plane
+SHARE = 0.1  # stiffness over (N times half size): it is 1 for falling over, 0 for rolling on a plane
 GYRATION = 0.6  # radius of gyration about the contact over half the box diagonal: 0.68 for a rolling ball
-LEAST_ANGLE = 1e-3  # rotation [rad] at which the spring yields if that makes it softer: too small to see in a picture
+LEAST_ANGLE = 1e-3  # least rotation [rad] at which the spring yields: too small to see in a picture
 
 
 def point_forces(

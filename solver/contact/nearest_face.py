@@ -79,7 +79,7 @@ class NearestFace:
         return np.asarray(self.clear[vertex])
 
     def nearest(self, point: Array) -> IntArray:
-        """Index of the face nearest to each point (k, 3), the first of several, shape (k,)."""
+        """Index of the face nearest to each point (k, 3), the first on a tie, shape (k,)."""
         best = np.full(len(point), np.inf)
         for group in self.groups:
             first = group.face[group.middle.query(point)[1]]

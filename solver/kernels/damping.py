@@ -4,11 +4,11 @@ Over a step of dt from stretches S0 to S (F = R S) the drag is the gradient of
 
     D = beta / dt ( mu |S - S0|^2 + lambda / 2 (J - J0)^2 + E_relief(q - q0) )
 
-summed over volume: the elastic energy of the step's own strain, with J the cell's mean volume change and q the bending
-modes of solver/model/bending.py. Its second derivative at S = S0 is beta / dt times that of elasticity. S, J and q do
-not change in a rigid motion, so a turning body feels no drag and loses no angular momentum.
+summed over volume: the elastic energy of the strain that the step adds. J is the cell's mean volume change, q are the
+bending modes of solver/model/bending.py. Its second derivative at S = S0 is beta / dt times that of elasticity. S, J
+and q do not change in a rigid motion, so a turning body feels no drag and loses no angular momentum.
 
-With S : S0 as function of F, and skew(a) x = a cross x,
+With S : S0 as a function of F, and skew(a) x = a cross x,
 
     d(S : S0) / dF = R (S0 - 2 skew(z)) ,   (tr(S) I - S) z = axial((S0 S - S S0) / 2)
 
@@ -32,7 +32,7 @@ from solver.kernels.elastic import (
     vec3,
 )
 
-AMBIGUOUS = 1e-3  # det of tr(S) I - S below which the rotation is undetermined: in an inverted particle
+AMBIGUOUS = 1e-3  # least det(tr(S) I - S) / |S|^3: below it, in inverted particles, the rotation is undetermined
 
 
 @ti.func

@@ -1,12 +1,12 @@
 """Contact of soft bodies with each other and with rigid bodies, at their true surfaces; and bonds.
 
-Points of one surface feel the signed distance of the other body, as in the implicit method and by the same law
-(solver/contact): a normal spring and Coulomb friction. Contact acts on a soft body where its particles carry the nodes
-of its background grid, and its particles take the forces in the same shares. Near rest springs are stiffened until the
-mean penetration reaches its target. Stiffness beyond the limit of explicit steps acts with a delay: a point is pushed
-as if it were deeper, by an offset that grows over CLOSING_SECONDS to make up for the missing stiffness, an augmented
-Lagrangian [A91] whose multipliers follow the relaxation. A point that comes out loses its offset faster than it grew,
-otherwise a body that has rolled on would be pushed from behind.
+The contact law is that of the implicit method (solver/contact): points of one surface feel the signed distance of the
+other body through a normal spring and Coulomb friction. A soft body's surface follows the nodes of its background grid,
+which its particles carry; the particles take the forces in the same shares. Near rest springs are stiffened until the
+mean penetration reaches its target. Explicit steps limit the stiffness, and the missing part acts with a delay: a point
+is pushed as if it were deeper, by an offset that grows over CLOSING_SECONDS. This is an augmented Lagrangian [A91]
+whose multipliers follow the relaxation. A point that comes out loses its offset faster than it grew, or it would push a
+rolling body from behind.
 
 The set of points near another body is updated once bodies have moved by SLACK.
 
@@ -39,8 +39,8 @@ from solver.model.state import PointMemory, State, start_state
 STABLE = 0.5  # contact stiffness times squared step times mobility of the point that it acts on [-]; 4 is the limit
 CLOSING_SECONDS = 0.04  # time in which excess penetration fades by e; coming to rest takes ten times as long
 FADING_SECONDS = 0.4  # time constant with which the largest stiffness of a contact fades
-SLACK = 0.5  # motion of bodies, in smallest cells, after which near points are looked up again
-RELEASE = 3.0  # offset that a point loses, over the distance by which it comes out [-]
+SLACK = 0.5  # motion of bodies after which near points are searched again [smallest cells]
+RELEASE = 3.0  # offset that a point loses per distance by which it comes out [-]
 AROUND = 4.0  # cells around near points whose nodes are updated in each step
 STICK_SPEED = 1e-4  # a point at its friction limit that moves slower than this [m/s] has stopped: mu_s holds again
 
@@ -54,11 +54,11 @@ class PairTouch:
     near: IntArray
     """Points that may touch, shape (k,)."""
     counts: NDArray[np.bool_]
-    """Points that count as contact at all, shape (n,)."""
+    """Points whose contact counts, shape (n,)."""
     allowed: Array
     """Largest stable stiffness of each point's spring [N/m], shape (n,)."""
     stiffness: Array
-    """Normal stiffness that each point's force reaches [N/m], shape (n,)."""
+    """Intended normal stiffness of each point [N/m], shape (n,)."""
     offset: Array
     """Depth added to each point's penetration [m], shape (n,)."""
     impulse: Array
@@ -70,7 +70,7 @@ class PairTouch:
     gap: Array
     """Last gap of each point [m], shape (n,)."""
     friction: Array
-    """Last coefficients of each point, shape (n, 3)."""
+    """Last friction coefficients of each point, shape (n, 3)."""
     position: Array
     """Last position of each point [m], shape (n, 3)."""
     touched: NDArray[np.bool_]
@@ -101,8 +101,8 @@ class PairTouch:
             self.memory = replace(self.memory, stiffness=np.minimum(self.stiffness, self.allowed))
 
     def follow(self, gap: Array, dt: float) -> None:
-        """Advance the offsets of the near points by dt [s] towards the force that their springs lack; `gap` (k,) are
-        their current gaps [m]."""
+        """Advance the offsets of the near points by dt [s] to replace the missing stiffness; `gap` (k,) are their
+        current gaps [m]."""
         near, spring = self.near, self.memory.stiffness
         lacking = (self.stiffness / spring - 1.0)[near] * np.maximum(-gap, 0.0)
         before = self.offset[near]
@@ -121,7 +121,7 @@ class BondTouch:
     bond: BondedPair
     """The bond, with springs that are stable for the steps."""
     offset: Array
-    """Displacement added to the stretch in pulling its ends together [m], shape (k, 3)."""
+    """Displacement added to the stretch to pull the ends together [m], shape (k, 3)."""
     impulse: Array = field(default_factory=lambda: np.zeros((0, 3)))
     """Impulse on the first body since the last call of `hand_over`, point by point [N s], shape (k, 3)."""
 
@@ -158,8 +158,8 @@ class SurfaceContacts:
         return np.asarray(STABLE / config.mls_step_seconds**2 / crowded)
 
     def _crowded(self, index: int, points: Array) -> Array:
-        """Velocity of a body's surface [m/s] for an impulse of 1 N s at each of those points (n, 3) that lie within a
-        cell, shape (n,)."""
+        """Velocity of a body's surface at points (n, 3) for an impulse of 1 N s at each point within a cell [m/s],
+        shape (n,)."""
         if index not in self.soft:
             return np.full(len(points), 1e-12)
         one = self.soft[index]
@@ -274,7 +274,7 @@ class SurfaceContacts:
             self._choose_nodes(index, np.concatenate([np.zeros((0, 3)), *places[index]]), chosen[index])
 
     def _choose_nodes(self, index: int, places: Array, chosen: list[NDArray[np.integer]]) -> None:
-        """Choose the nodes of a body that are updated in every step: those around some places, and others."""
+        """Choose the nodes of a body that every step updates: those around `places`, and `chosen`."""
         grid = self.query.soft_of[index]
         first = grid.nodes.start
         every = [np.asarray(one, dtype=np.int64) - first for one in chosen]
@@ -299,7 +299,7 @@ class SurfaceContacts:
         return float(max(sides))
 
     def _gaps(self, touch: PairTouch, points: Array, index: IntArray) -> Array:
-        """Gaps of some points; in front of a rigid body 0 where its samples end."""
+        """Gaps of some points [m]; 0 where the samples of a rigid body end."""
         if not len(points):
             return np.zeros(0)
         gap, *_ = self._locate(touch, points, index)
@@ -400,8 +400,8 @@ class SurfaceContacts:
         return Acting(a, b, points, force, normal[:, None], load, rolling)
 
     def _share(self, a: int, b: int, stiffness: float, dt: float) -> float:
-        """Share of the springs of a pair [N/m] that a step of dt [s] allows: together they must not throw a body. As a
-        whole a soft body moves with its true mass, whatever its inertia against strain."""
+        """Share of a pair's total stiffness [N/m] that a step of dt [s] allows: more would throw a body. As a whole, a
+        soft body moves with its true mass, not its inertia against strain."""
         mobility = sum(1.0 / self.model.bodies[i].mass for i in (a, b) if not self.model.bodies[i].fixed)
         return min(1.0, STABLE / max(dt**2 * stiffness * mobility, 1e-300))
 
@@ -443,7 +443,7 @@ class SurfaceContacts:
         for one in self.bonds:
             bond = one.bond
             position, stretch = bond.a.position(self.model, self.state), bond.stretch(self.model, self.state)
-            # pulled together until the stretch vanishes: a spring that is soft enough for a step would leave
+            # the offset grows until the stretch vanishes: a spring that is soft enough for a step would leave
             # millimetres if few of many points carry the load
             one.offset += dt / CLOSING_SECONDS * stretch
             force = -bond.stiffness[:, None] * (stretch + one.offset)
