@@ -1,4 +1,4 @@
-"""Contents of the cache, its damage, unneeded artifacts, and explanations why a stage would run."""
+"""Lists contents, damage and unneeded artifacts of the cache, and explains why a stage would run."""
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -25,7 +25,7 @@ SHOWN = 3
 LONGEST = 60
 """Maximum length of a value in a line [characters]."""
 KeyOf = Callable[[str, str], str]
-"""Returns a setting's name for people, from the stage and the stage's own name for it."""
+"""Maps a stage and its own name for a setting to the name that people know."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +103,7 @@ def usage_by_stage(made: Iterable[Ref[Any]], refs: Iterable[Ref[Any]]) -> list[C
 
 
 def unneeded(needed: Iterable[Ref[Any]], older_than_s: float) -> Unneeded:
-    """Return everything but needed results, results younger than an age [s], and the inputs of both."""
+    """Return everything but needed results, results younger than `older_than_s`, and the inputs of both."""
     store, known = Store.default(), list(every_record())
     young = [ref for path, ref in known if ref is not None and age(path) < older_than_s]
     kept_paths, kept_refs = set[Path](), {*needed, *young}
@@ -151,7 +151,7 @@ def damages() -> list[Damage]:
 def repair(found: Sequence[Damage]) -> None:
     """Delete damaged records and artifacts; they are computed again when needed.
 
-    The record after a damaged record (KEY-r1) gets its name, because a lookup stops at a free name.
+    A later record (KEY-r1) takes the name of a deleted first record, because a lookup stops at a missing name.
     """
     for one in found:
         if one.ref is None:
@@ -164,7 +164,7 @@ def repair(found: Sequence[Damage]) -> None:
 
 
 def litter_in(store: Store, older_than_s: float) -> list[Path]:
-    """Return drafts, and notes on deleted files, of at least an age [s]."""
+    """Return drafts, and notes on deleted files, at least `older_than_s` old."""
     drafts = store.root / DRAFTS
     left = [*drafts.glob("*"), *cache_root().glob(".writing-*"), *lost_notes()]
     return sorted(path for path in left if age(path) >= older_than_s)
@@ -204,7 +204,7 @@ def why_not_cached(recipe: Mapping[str, Any], key_of_setting: KeyOf) -> str:
 
 
 def closest_record(recipe: Mapping[str, Any]) -> Record | None:
-    """Return the record of the same stage that has most in common with a recipe, the newest of several.
+    """Return the record of the same stage that has most in common with a recipe; the newest wins a tie.
 
     Plain inputs (the sentence, a seed, a mass) identify the sample, so they count first.
     """
@@ -220,7 +220,7 @@ def closest_record(recipe: Mapping[str, Any]) -> Record | None:
 
 
 def changed_inputs(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the differences of the inputs: an artifact by its name, a value by both values."""
+    """Yield the inputs that differ: an artifact by its name, a value with its old value."""
     for name in sorted(new["inputs"].keys() | old["inputs"].keys()):
         before, now = old["inputs"].get(name, {}), new["inputs"].get(name, {})
         if before == now:

@@ -1,19 +1,16 @@
 """Predicts pose, place and width of the object's contact, and refines the surfaces there.
 
-In: the object at its pre-drop pose, the surfaces beneath it, its weight, and the layers that press on each other. The
-gap between the object's underside and the surface below is measured along gravity, after the object has tilted onto
-that surface; the part of the gap that closes first touches first.
+In: the object at its pre-drop pose, the surfaces beneath it, its weight, and the layers that press on each other.
+Contact is predicted for the pose after the object has tilted onto the surface below; before that, one end hangs
+higher than the other. The gap between underside and surface is measured along gravity; the object first touches where
+the gap is smallest.
 
-Pose of an object after it has tilted onto the surface below: contact is predicted for that pose, not for the pose
-before, in which one end hangs higher than the other.
+The gap over the plan has a lower convex hull. A rigid object comes to rest on the corners of the hull's facet under its
+centre of mass, so it turns by the slope of this facet.
 
-The gap along gravity, as a surface over the plan, rests on its lower convex hull: the facet under the centre of mass
-holds the points on which a rigid thing comes to rest. The object turns by the slope of the facet.
-
-Surfaces on which contact is evaluated: the given faces, subdivided where the predicted contact needs smaller faces.
-
-Every refinement has a budget of faces. If the wanted edges do not fit, the faces of the predicted contact get them
-first, and the rest of the reachable surface gets edges as short as the remaining budget allows.
+Faces are subdivided where the predicted contact needs smaller ones, within a budget. If the wanted edges do not fit,
+the faces of the predicted contact get them first, and the rest of the reachable surface gets edges as short as the
+remaining budget allows.
 """
 
 from collections.abc import Callable
@@ -37,7 +34,7 @@ TURNS = 3  # if the object is not flat, turning it changes the facet
 STEEP = 0.5  # slope [-] from which an object falls over or slides instead of lying down
 LEVEL = 1e-3  # slope too small to change a patch [-]
 LEAST_DEPTH, MOST_DEPTH = 5e-4, 0.06  # expected indentation [m]: below it is invisible, above it no formula holds
-WIDER = 4.0  # times the expected indentation: may touch before the object has levelled out
+WIDER = 4.0  # faces within this multiple of the indentation may touch before the object has tilted
 UP = (0.0, 0.0, 1.0)
 BELOW = 0.01  # a ray that looks for an underside starts this far below it [m]
 MOST_POINTS_ACROSS = 24.0  # edges across the shorter side of a rigid object's footprint
@@ -51,8 +48,8 @@ PER_CELL = 2.0  # edges per fine cell of a soft support under the footprint
 
 
 def levelling(item: Mesh, center: Array, heights_of: Callable[[Mesh], Heights]) -> Array:
-    """The turn about the centre of mass [m] that brings the object to lie, as a matrix (4, 4); the identity if it would
-    fall over. `heights_of` measures the gap under the turned object."""
+    """Matrix (4, 4) that turns the object about its centre of mass [m] onto the surface; the identity if it would fall
+    over. `heights_of` measures the gap under the turned object."""
     turn = Rotation.identity()
     for _ in range(TURNS):
         turned = item.transformed(about(center, turn))
@@ -108,9 +105,9 @@ class Footprint:
     high: Array
     """Upper corner of its bounding box [m], shape (3,)."""
     wider: Array
-    """Lower and upper corner of the surface that may touch too, at WIDER times the indentation [m], shape (2, 3)."""
+    """Lower and upper corner of the surface that touches at WIDER times the indentation [m], shape (2, 3)."""
     on_base: Array
-    """The same two boxes for the surface below, after the object has come to lie [m], shape (2, 2, 3)."""
+    """The same two boxes on the surface below, after the object has tilted [m], shape (2, 2, 3)."""
     half_width: float
     """Half the width of the contact along its narrower side [m]."""
     depth: float
@@ -120,7 +117,7 @@ class Footprint:
 
     @property
     def small_side(self) -> float:
-        """Shorter horizontal side after the object has come to lie [m]."""
+        """Shorter horizontal side after the object has tilted [m]."""
         return float(np.ptp(self.on_base[0], axis=0)[:2].min())
 
 
@@ -150,11 +147,11 @@ class Descent:
     under: Array
     """Its downward faces at the pre-drop pose [m], shape (k, 3, 3)."""
     laid: Array
-    """The same faces after the object has come to lie [m], shape (k, 3, 3)."""
+    """The same faces after the object has tilted [m], shape (k, 3, 3)."""
     gap: float
     """Smallest gap at the start [m]."""
     way: Array
-    """Free way down of each face after the object has come to lie [m], shape (k,)."""
+    """Free distance below each face after the object has tilted [m], shape (k,)."""
     face_nearest: int
     """Face of the object that touches first."""
     first: Array
@@ -163,7 +160,7 @@ class Descent:
 
     @classmethod
     def of(cls, item: Mesh, beneath: Raycaster, fallback_height: float, *, tilts: bool) -> "Descent":
-        """Descent of an object from its pre-drop pose; `tilts`: it may lie down on the surface that it meets."""
+        """Descent of an object from its pre-drop pose; `tilts`: it may tilt onto the surface that it meets."""
         center = center_of(item)
         turn = levelling(item, center, lambda turned: heights_over(turned, beneath)) if tilts else np.eye(4)
         fine, under, gap, _ = underside(item, beneath, fallback_height)
@@ -234,8 +231,8 @@ def center_of(item: Mesh) -> Array:
 def underside(
     item: Mesh, beneath: Raycaster, fallback_height: float
 ) -> tuple[Mesh, NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
-    """The object with small faces, the indices of its downward faces (k,), their free way down [m] and area in plan
-    [m^2]."""
+    """The object with small faces, the indices of its downward faces (k,), the distance below them [m] and their area
+    in plan [m^2]."""
     size = float(np.ptp(item.vertices, axis=0).max())
     fine = subdivide_near(item, item.bounds, max(size / 40.0, 1e-3)) if len(item.faces) < 4000 else item
     normal = fine.face_normals
@@ -255,7 +252,7 @@ def first_curvature(item: Mesh, beneath: Raycaster, fallback_height: float) -> f
 
 
 def gaps(points: NDArray[np.float64], beneath: Raycaster, fallback_height: float) -> NDArray[np.float64]:
-    """Free way of points (n, 3) down along gravity [m], shape (n,)."""
+    """Free distance below points (n, 3), along gravity [m], shape (n,)."""
     hits = beneath.cast(points, np.broadcast_to(np.array([0.0, 0.0, -1.0]), points.shape))
     return np.where(np.isfinite(hits.distance), hits.distance, points[:, 2] - fallback_height)
 
@@ -292,8 +289,8 @@ def soft_support_surface(
     """Visible soft faces within the box (2, 3), and the longest remaining edge where the object may touch [m].
 
     Edges under the footprint are half a fine cell long, as far as `most_faces` allows; they are longer farther away in
-    the crop and below the expected depth of the object. Faces as long as a cell cut the corners of the dent under an
-    edge: they showed a dumbbell 1 mm deep in its bed.
+    the crop and below the expected depth of the object. Faces as long as a cell cut off the dent under an edge: a
+    dumbbell seemed to stick 1 mm into its bed.
     """
     margin = np.array([0.3, 0.3, 0.0]) * np.ptp(foot.on_base[0], axis=0) + 0.5 * foot.half_width
     first, later = (grown(part, margin) for part in foot.on_base)
@@ -307,8 +304,8 @@ def soft_support_surface(
 
 
 def refined(mesh: Mesh, first: Array, later: Array, edge: float, most_added: int) -> Mesh:
-    """The mesh with edges of at most `edge` [m] in the box `later` (2, 3); if the budget is too small, in its part
-    `first` (2, 3), and in the rest as short as the remaining budget allows."""
+    """The mesh with edges of at most `edge` [m] in the box `later` (2, 3); if the budget is too small, only its part
+    `first` (2, 3) gets them, and the rest the shortest edges that fit."""
     fine = subdivide_near(mesh, later, edge, most_added)
     if longest_near(fine, later) <= edge * (1.0 + 1e-9):
         return fine

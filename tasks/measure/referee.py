@@ -19,8 +19,8 @@ from tasks.cache import stage
 from tasks.render.settled_meshes import settled_item, settled_scene
 
 STILL = 0.1
-"""Least share of the weight on the intended support for it to count as carrying the object [-]: it carries nothing of
-an object that fell off, while an object that also leans on other things stays on it."""
+"""Least share of the weight that the intended support must carry [-]: it carries nothing of an object that fell off,
+but some of an object that also leans on other things."""
 
 
 def referee(
@@ -63,7 +63,7 @@ def referee(
 
 def frictions(scene: Segmentation, materials: PartMaterials, particles: Particles) -> NDArray[np.float64]:
     """Static friction [-] and rolling resistance [m] of the object on each thing, and on faces of no thing, shape (k +
-    1, 2): those of the drop; for things left out of the drop by their materials, else as on the base."""
+    1, 2): as in the drop. Things left out of the drop have the values of their materials, else of the base."""
     own = particles.bodies[0]
     others = {body.instance: body for body in reversed(particles.bodies[1:])}
     given = {frozenset(row[:2]): row[2] for row in particles.friction_pairs}

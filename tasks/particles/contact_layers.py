@@ -1,6 +1,6 @@
 """Layers at the predicted contact, and the depth of a soft base under its visible surface.
 
-Depth of a soft base below its visible surface: down to the support of each part, or by its thickness.
+Each part of a soft base reaches down to its support, or as far as it is thick.
 """
 
 from collections.abc import Mapping, Sequence
@@ -83,7 +83,7 @@ def soft_bottoms(setup: DropSetup, layers: BaseLayers) -> Array:
 
 
 def thick_enough(setup: DropSetup, layers: BaseLayers, index: int, bottom: float) -> float:
-    """Bottom of a part that is not a cover [m]; only a part that is visible as a sheet gets a thickness."""
+    """Bottom of a part that is not a cover [m]; a part that looks like a sheet gets the least thickness."""
     least = setup.config.least_thickness
     top = float(np.median(layers.mesh.triangles[layers.part == index][:, :, 2]))
     if top - bottom >= least:
@@ -99,8 +99,8 @@ def thick_enough(setup: DropSetup, layers: BaseLayers, index: int, bottom: float
 def cover_bottom(
     setup: DropSetup, layers: BaseLayers, cover: Cover, own: float, carrying: Mapping[int, float]
 ) -> float:
-    """Bottom under a cover [m]: over a soft part the lower of its bottom and the cover's own; elsewhere the thickness
-    of the cover and those beneath it, below the cover's lowest place where the object may touch it."""
+    """Bottom under a cover [m]: over soft parts the lowest of their bottoms and its own; elsewhere its lowest height
+    where the object may touch, minus the thickness of this cover and those beneath it."""
     under = [bottom for index, bottom in carrying.items() if lies_under(layers.base, index, cover)]
     if under:
         return min([own, *under])
@@ -109,8 +109,8 @@ def cover_bottom(
 
 
 def lowest_top(mesh: Mesh, own: NDArray[np.bool_], setup: DropSetup) -> float:
-    """Lowest place of a cover's upward faces (m,) in the region that the object may touch [m]: there a wavy cloth lies
-    on its support. Without such faces in the region, of all upward faces; without upward faces, of all faces."""
+    """Lowest height of a cover's upward faces (m,) in the region that the object may touch [m]: there a wavy cloth lies
+    on its support. If the region has none, all upward faces count; if there are none, all faces."""
     upward = own & looks_up(mesh)
     choices: Sequence[NDArray[np.bool_]] = (upward & setup.in_contact_region(mesh.triangles), upward, own)
     chosen = next(faces for faces in choices if faces.any())

@@ -21,9 +21,9 @@ TINT = 0.75
 ROOM_DISTANCE = 3.5
 """Least distance of the camera that shows the room [m]."""
 ROOM_AROUND = 2.6
-"""Distance of that camera over the diagonal of the thing's box [-]."""
+"""Distance of that camera, in diagonals of the thing's box [-]."""
 THING_DISTANCE = 1.2
-"""Distance of the camera at which a thing fills the picture, over the diagonal of its box [-]: the thing takes at most
+"""Distance of the camera at which a thing fills the picture, in diagonals of its box [-]: the thing takes at most
 arcsin(0.5 / 1.2) = 25 degrees to each side, which fits into a field of view of 55 degrees."""
 NEAREST = 0.5
 """Least distance of the camera [m]."""
@@ -32,7 +32,7 @@ ELEVATIONS = (25.0, 50.0)
 DIRECTIONS = 12
 """Number of directions around a thing that are tried."""
 OUTSIDE = 0.1
-"""Largest hidden share of the thing; above it the camera moves around the thing, up to a quarter turn [-]."""
+"""Visible share that the camera must gain to move a quarter turn around the thing [-]."""
 SEEN_POINTS = 200
 """Number of points of the thing whose visibility is tested."""
 
@@ -76,8 +76,7 @@ def from_inside(bounds: Array, box: OrientedBox) -> tuple[Array, bool]:
 def best_place(
     others: Mesh, thing: Mesh, box: OrientedBox, distance: float, way: Array, from_below: bool
 ) -> Array:  # fmt: skip
-    """Position from which a camera sees most of a thing among others, shape (3,); of equal positions the nearest to
-    `way`."""
+    """Position from which a camera sees most of a thing among others, shape (3,); the nearest to `way` wins a tie."""
     solid = Raycaster(Mesh.concatenate([others, thing]))
     start = float(np.arctan2(way[1], way[0]))
     sign = -1.0 if from_below else 1.0
