@@ -88,7 +88,7 @@ TextOrPath = Annotated[
     Phrase, BeforeValidator(lambda value: os.fspath(value) if isinstance(value, os.PathLike) else value)
 ]
 Numbers = Annotated[Phrase, BeforeValidator(joined_by_commas)]
-"""Numbers between commas, or any sequence of them."""
+"""Numbers separated by commas, or any sequence of numbers."""
 Language = Literal["", "offline", "anthropic", "openai", "replay"]
 Ambiguous = Annotated[Literal["ask", "best"], Setting("intent.ambiguous")]
 Up = Literal["auto", "y", "z", "-y", "-z"]
@@ -229,9 +229,9 @@ class DatasetOptions(StageOptions):
     dataset: Annotated[HomePath | None, Setting("run.dataset", "PATH")] = None
     """YAML list of samples, or a folder of scenes (needs --objects); default: the embedded rooms."""
     methods: Annotated[str, Setting("run.methods")] = "dcap"
-    """Methods, between commas: dcap, fireplace, layoutgpt, holodeck, ablations by name, or all."""
+    """Comma-separated methods: dcap, fireplace, layoutgpt, holodeck, ablations by name, or all."""
     scenes: Annotated[str, Setting(metavar="LIST")] = ""
-    """Only these scenes: names between commas, a .txt file of names, or a split."""
+    """Only these scenes: comma-separated names, a .txt file of names, or a split."""
     limit: Annotated[int | None, Field(ge=1)] = None
     """Only the first N samples."""
     ambiguous: Ambiguous = "best"
@@ -284,7 +284,7 @@ class PaperOptions(BenchmarkOptions):
     """Options of `paper`."""
 
     methods: Annotated[str, Setting("run.methods")] = "all"
-    """Methods, between commas: dcap, fireplace, layoutgpt, holodeck, ablations by name, or all."""
+    """Comma-separated methods: dcap, fireplace, layoutgpt, holodeck, ablations by name, or all."""
     limit: Annotated[int | None, Field(ge=1)] = None
     """Only the N most different samples; default: all, or 6 of the embedded rooms."""
     only_failed: Annotated[bool, Setting(is_flag=False)] = False

@@ -187,7 +187,7 @@ def lineage(thing_id: str) -> Iterator[str]:
 
 
 def is_a(thing_id: str, ancestor: str) -> bool:
-    """Return whether a category is the other one or a kind of it."""
+    """Return whether a category is `ancestor` or a kind of it."""
     return ancestor in lineage(thing_id)
 
 

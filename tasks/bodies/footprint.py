@@ -155,8 +155,7 @@ class Descent:
     face_nearest: int
     """Face of the object that touches first."""
     first: Array
-    """First point of contact on the surface below; of several points the one nearest to the object's middle [m], shape
-    (3,)."""
+    """First point of contact on the surface below; the nearest to the object's middle wins a tie [m], shape (3,)."""
 
     @classmethod
     def of(cls, item: Mesh, beneath: Raycaster, fallback_height: float, *, tilts: bool) -> "Descent":

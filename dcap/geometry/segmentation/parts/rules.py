@@ -1,4 +1,4 @@
-"""From the faces of one instance to named parts with boxes, by the rule of its category or the names of its nodes."""
+"""Divides one instance into named parts with boxes, by the rule of its category or the names of its nodes."""
 
 from collections.abc import Callable, Sequence
 
