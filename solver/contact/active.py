@@ -1,8 +1,7 @@
-"""Pairs of bodies that can touch, their active points with forces and derivatives, and their report.
+"""Pairs of bodies that can touch, their active points, and the report of contacts.
 
-Selection of the pairs of bodies that can push each other, with their initial contact stiffness.
-
-Report of the contacts of a state: a row per pair of bodies, and every force.
+`contact_pairs` selects the pairs and their initial contact stiffness. Active points carry forces and derivatives.
+`contact_table` has a row per touching pair; `point_forces` has every force.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -21,8 +20,8 @@ from solver.model.soft import SoftSystem
 from solver.model.state import ContactMemory, PointMemory
 
 CELL_STIFFNESS = 4.0  # first guess of the contact stiffness per area, in E / cell size; adapted to the target near rest
-STIFFENED = 1.25  # times the target penetration, above which a pair is stiffened [-]
-SAFE_DEPTH = 0.125  # of half the largest thickness of the other body; beyond a half the nearest surface is the far side
+STIFFENED = 1.25  # penetration over its target, above which a pair is stiffened [-]
+SAFE_DEPTH = 0.125  # share of half the other body's largest thickness [-]; past that half, the far side is nearest
 LOADED_SHARE = 0.01  # gap and penetration are judged at points with more than this share of the peak pressure
 
 
@@ -58,7 +57,7 @@ class Pair:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class TouchingPoints:
-    """The points of one pair that touch in one state, or over an interval, with mean forces then."""
+    """The points of one pair that touch in one state, or over an interval with mean forces."""
 
     pair: Pair
     point: NDArray[np.int64]
@@ -90,7 +89,7 @@ class ActiveContacts(TouchingPoints):
     anchor: NDArray[np.float64]
     """New anchors, shape (k, 3)."""
     node: NDArray[np.int64]
-    """Nodes that move the point, and, negative in `weight`, nodes that move the place of b that it pushes, shape (k,
+    """Nodes that move the point, and nodes that move the place of b that it pushes (negative `weight`), shape (k,
     16)."""
     weight: NDArray[np.float64]
     """Signed shape values, zero for rigid sides, shape (k, 16)."""
@@ -109,7 +108,7 @@ class PairPoints:
     tangent: NDArray[np.float64]
     """As in ActiveContacts, shape (k, 3, 3)."""
     node: NDArray[np.int64]
-    """Nodes that move the points, and, negative in `weight`, nodes that move the places of b that they push, shape (k,
+    """Nodes that move the points, and nodes that move the places of b that they push (negative `weight`), shape (k,
     16)."""
     weight: NDArray[np.float64]
     """Signed shape values, zero for rigid sides, shape (k, 16)."""
@@ -143,7 +142,7 @@ class Contacts:
     def carried_load(self, bodies: int) -> NDArray[np.float64]:
         """Load that each body transmits from one side to another [N], shape (bodies,): half of the difference between
         the sum of the magnitudes of its contact forces and the magnitude of their sum; 0 for a body that only stands or
-        hits."""
+        impacts."""
         size, total = np.zeros(bodies), np.zeros((bodies, 3))
         for which, sign in ((self.a, 1.0), (self.b, -1.0)):
             size += np.bincount(which, np.linalg.norm(self.force, axis=1), bodies)
@@ -197,7 +196,7 @@ def softest(one: Body, two: Body) -> tuple[float, float]:
 def contact_table(
     model: Model, touching: Sequence[TouchingPoints], surface: Callable[[int], NDArray[np.float64]]
 ) -> tuple[ContactRow, ...]:
-    """One row per touching pair of bodies, both point sets together; forces act on the first named body. `surface`
+    """One row per touching pair of bodies, with the points of both; forces act on the first named body. `surface`
     gives the deformed surface points of a body [m], shape (n, 3)."""
     rows = []
     keys = sorted({(min(t.pair.a, t.pair.b), max(t.pair.a, t.pair.b)) for t in touching})

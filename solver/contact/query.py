@@ -1,7 +1,7 @@
 """Contact between the surface points of one body and the signed distance of another.
 
-Normal force, friction, and rolling and torsional resistance of pairs: friction.py. All are springs whose anchors the
-state carries from step to step, treated implicitly on both sides.
+friction.py computes normal force, friction, and rolling and torsional resistance of pairs. All are springs, implicit on
+both sides; the state keeps their anchors from step to step.
 """
 
 from collections.abc import Mapping, Sequence
@@ -35,9 +35,8 @@ class StepStart:
     surfaces: dict[int, NDArray[np.float64]]
     """World positions of the surface points of each body that has contact points [m], shape (n, 3)."""
     superfluous: Mapping[tuple[int, int], NDArray[np.bool_]] = field(default_factory=dict)
-    """For each pair of a rigid and a soft body, the mask of the rigid body's points that do not count in the step,
-    because those of the soft body do: determined at its start, so that forces are continuous within the step, shape
-    (n,)."""
+    """For each pair of a rigid and a soft body, the mask of the rigid body's points that the soft body's points
+    replace, shape (n,). It is fixed at the start of the step, so that forces are continuous within it."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -53,7 +52,7 @@ class Located:
     normal: NDArray[np.float64]
     """Outward world normals, shape (k, 3)."""
     node: NDArray[np.int64]
-    """Nodes of the cell that contains the place of the surface that each point pushes, shape (k, 8)."""
+    """Nodes of the cell that contains the pushed place of the surface, per point, shape (k, 8)."""
     weight: NDArray[np.float64]
     """Shape values of these nodes, zero for a rigid body and for a point in no cell, shape (k, 8)."""
     found: NDArray[np.bool_]
@@ -61,7 +60,7 @@ class Located:
     unlocated: int = 0
     """As in Contacts."""
     cell: NDArray[np.int32] | None = None
-    """Cell that contains the place of the surface that each point pushes, negative: none, shape (k,); None if rigid."""
+    """Cell that contains the pushed place of the surface, negative without one, shape (k,); None if rigid."""
 
 
 def _interpolation(body: BodyGrid, nodes: int) -> sparse.csr_matrix:
@@ -97,7 +96,7 @@ class ContactQuery:
         return np.asarray((body.vertices - body.center_of_mass) @ state.rotation[index].T + state.center[index])
 
     def begin(self, state: State, seconds: float, rolling: RollingLaw = law_stiff) -> StepStart:
-        """The start of a step of some seconds from a state, which must not change until the step is finished."""
+        """The start of a step of `seconds` from `state`, which must not change until the step is finished."""
         surfaces = self._surfaces(state)
         flat = [(p, p.flat) for p in self.pairs if p.flat is not None]
         if flat:
@@ -171,8 +170,8 @@ class ContactQuery:
         return bounds((corner - body.center_of_mass) @ state.rotation[index].T + state.center[index])
 
     def _locate(self, index: int, state: State, points: NDArray[np.float64], guess: NDArray[np.float64]) -> Located:
-        """Places of those of the points (n, 3) that can be in a body; in a soft body the search starts at the material
-        points `guess` (n, 3), where they are not NaN."""
+        """Locate the points (n, 3) that can be in a body. In a soft body the search starts at the material points
+        `guess` (n, 3), unless they are NaN."""
         body = self.model.bodies[index]
         point = inside(points, *self._solid_box(state, index))
         near, count = point.astype(np.int32), len(point)
@@ -233,7 +232,7 @@ class ContactQuery:
         state: State,
         before: State,
     ) -> NDArray[np.float64]:
-        """Displacement since the start of the step of the given material points of a body, shape (k, 3)."""
+        """Displacement of material points of a body since the start of the step [m], shape (k, 3)."""
         if index in self.soft_of:
             return np.asarray(np.einsum("ka,kai->ki", weight, state.x[node] - before.x[node]))
         arm = material - self.model.bodies[index].center_of_mass

@@ -48,9 +48,9 @@ def sized_planes(
 ) -> NDArray[np.float64]:
     """Node planes that cover [low, high] exactly, with the wanted spacing in some intervals and growing away from them.
 
-    `size` [m] is the largest spacing between `begin` and `end` [m], all of shape (k,); elsewhere the spacing grows from
-    that of the nearest intervals from cell to cell by the ratio `growth`. Returns increasing coordinates, first = low,
-    last = high. Raises ModelError for an empty range.
+    `size` [m] is the largest spacing between `begin` and `end` [m], all of shape (k,); away from these intervals the
+    spacing grows by the ratio `growth` from cell to cell. Returns increasing coordinates, first = low, last = high.
+    Raises ModelError for an empty range.
     """
     if not (high > low and growth > 1.0 and (size > 0.0).all()):
         raise ModelError(f"grid planes need high > low, growth > 1 and sizes > 0; got [{low}, {high}], {growth}")
