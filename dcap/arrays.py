@@ -1,4 +1,4 @@
-"""Short names for the arrays of numpy by the type of their entries."""
+"""Short names for numpy arrays by element type."""
 
 import numpy as np
 from numpy.typing import NDArray

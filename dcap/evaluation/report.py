@@ -2,8 +2,8 @@
 
 In: the rows of a run and the files in its folder. Out: `report.html`, which needs nothing but that folder, and its
 files: `metrics.csv|tex` and `placeit3d.csv|tex` in `tables/`, `figures/supports.svg`, `artifacts.sha256`, and
-`view3d.html` with `view3d/`.
-The same files give the same page. A run of one method has a card for each sample; of several, a strip.
+`view3d.html` with `view3d/`. The same files give the same page. A run of one method shows a card per sample; a run of
+several methods shows a strip of cards per sample.
 """
 
 from collections.abc import Mapping, Sequence
@@ -81,7 +81,7 @@ class Card:
     scores: Mapping[str, str]
     """Scores and their deciding metrics; empty if nothing was measured."""
     marks: tuple[str, ...]
-    """Kinds of failure, by which the filter finds it, besides method, verdict and support."""
+    """Kinds of failure for the filter, which also uses method, verdict and support."""
     folder: str
     timings: Timings
 
@@ -131,7 +131,7 @@ def write_report(folder: Path, rows: Sequence[SampleOutcome], summary: RunSummar
 
 
 def shown_tables(folder: Path, rows: Sequence[SampleOutcome], names: Mapping[str, str]) -> list[ShownTable]:
-    """The tables of a run; writes those of its metrics into it."""
+    """The tables of a run; also writes its metrics tables to the folder."""
     several = len(names) > 1
     rows_by_method = {name: [row for row in rows if row.method == name] for name in names}
     tables = [
@@ -189,7 +189,7 @@ def card_of(folder: Path, row: SampleOutcome, name: str) -> Card:
 
 
 def models_of(folder: Path, cards: Sequence[Card]) -> dict[str, tuple[str, ...]]:
-    """Write the page in 3D; returns the methods that it shows, by sample."""
+    """Write the 3D page; returns the methods that it shows, by sample."""
     samples: dict[str, tuple[str, list[ShownModel]]] = {}
     for card in cards:
         _, models = samples.setdefault(card.row.sample, (card.row.prompt, []))

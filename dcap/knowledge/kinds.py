@@ -1,18 +1,17 @@
-"""Kinds of things, by their names: usual size and mass, figures, vessels, fronts, softness.
+"""Properties of things that follow from their names: usual size and mass, figures, vessels, fronts, softness.
 
-Size and mass: the more specific of the thing named in the prompt and the label of the file decides, with the lexicon's
-numbers; masses scale with the size of the mesh. An unknown name keeps the mesh's own size if anything in a home may be
-that large; otherwise the unit that makes it so is used, and a note states the assumption.
+Size and mass come from the lexicon, by the more specific of the prompt's noun and the file's label; masses scale with
+the size of the mesh. A thing with an unknown name keeps its mesh's size if that is plausible in a home. Otherwise a
+unit with a plausible size is assumed, and a note says so.
 
-`lexicon/figures.csv` lists figures, things with a body that can sit or stand, while other things are just set down;
-`lexicon/vessels.csv` things that hold something, so that their opening is a mouth, not damage (`face` marks those whose
-opening is their face); each with all its kinds. `lexicon/fronts.csv` gives the side of the front if the category
+Figures (`lexicon/figures.csv`) have a body that can sit or stand; other things are just set down. Vessels
+(`lexicon/vessels.csv`) hold something: their opening is a mouth, not damage; `face` marks those whose opening is their
+face. Both lists include all kinds of each entry. `lexicon/fronts.csv` gives the side of the front if the category
 determines it: a car drives along its long side, a television faces across it; shape alone shows neither.
 
-Deformable supports are counted per scene as in the paper's figure 3 (beds, sofas, cushions, blankets and so on), by
-labels alone: a label counts if the lexicon knows it as one of KINDS, or as furniture that carries things, and the
-library's material of its carrying part is soft, with a Young's modulus of at most 1 GPa. Nothing is measured: a scan
-may hold a wooden bed.
+Deformable supports are counted per scene by label, as in the paper's figure 3 (beds, sofas, cushions, blankets and so
+on). A label counts if the lexicon knows it as one of KINDS or as furniture, and the usual material of its carrying part
+is soft, with a Young's modulus of at most 1 GPa. Nothing is measured: a scan may hold a wooden bed.
 """
 
 import math
@@ -37,7 +36,7 @@ UNKNOWN_LENGTH = (0.005, 3.0)
 THINNEST = 1e-4
 """Thickness assumed for a mesh without thickness, that of a sheet of paper [m]."""
 TYPICAL_LENGTH = 0.25
-"""Longest extent to which the unit is chosen if several are possible [m]."""
+"""Of several possible units, the one with the longest extent nearest to this is chosen [m]."""
 RIGID_ABOVE = 1.0e9
 """Young's modulus above which a part is rigid [Pa]; the paper's 1 GPa."""
 
@@ -59,7 +58,7 @@ KINDS = {
 NO_KIND = frozenset({"", "furniture", "structure"})
 """Parents that group things that nobody would confuse with each other."""
 RIGHTING = 0.5
-"""Least lead of another side in the shape's score for a file that could stand to count as lying or overturned [-]."""
+"""Lead of another side's shape score above which a file that could stand counts as lying or overturned [-]."""
 LEVEL = 0.5
 """Largest sine of the elevation of the upright axis of a thing that lies on its side [-]."""
 
@@ -193,10 +192,8 @@ def front_side(name: str) -> FrontSide:
 def to_right(thing: Thing | None, *, righting: float, stands: bool, file_up: float) -> bool:
     """Return whether the file's pose is rejected: it could not stand, or its shape clearly indicates another side.
 
-    Furniture stands on legs and is open below, which looks like an opening in its shape: there the file's pose is
-    accepted. Figures may have four legs and a flat back: a figure that stands in its file is only righted from its
-    side.
-
+    Furniture stands on legs, and its open underside looks like a mouth; if it could stand, the file's pose is accepted.
+    Figures may have four legs and a flat back; one that could stand is only righted from its side.
     """
     if righting == 0.0 or (thing is not None and thing.rest != "upright"):
         return False
@@ -208,7 +205,7 @@ def to_right(thing: Thing | None, *, righting: float, stands: bool, file_up: flo
 
 @cache
 def coarse() -> Mapping[tuple[str, ...], tuple[str, ...]]:
-    """The things that a wide category may be, by the words of its label."""
+    """Possible things of each broad category, by the words of its label."""
     return {tuple(label_words(row["label"])): tuple(row["things"].split("|")) for row in rows("lexicon/coarse.csv")}
 
 
@@ -230,8 +227,8 @@ def deformable_kind(label: str) -> str:
 
 
 def deformable_materials(things: Iterable[tuple[str, Sequence[str]]]) -> Counter[str]:
-    """Number of parts of each deformable material of the library, for things given by label and names of parts; the
-    material is the usual one for such a part of such a thing."""
+    """Number of parts of each deformable material of the library, for things given by label and part names. Each part
+    counts with its usual material."""
     moduli = _moduli()
     tags = (_material(label, part) for label, parts in things for part in parts)
     return Counter(material for material in tags if moduli[material] <= RIGID_ABOVE)

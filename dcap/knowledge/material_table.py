@@ -1,21 +1,19 @@
-"""The library of materials: one row of `materials.csv` per material; and the usual thickness of covers.
+"""Reads the library of materials (`materials.csv`) and the usual thicknesses of covers (`covers.csv`).
 
-In: the CSV file with SI units in its header. Out: `Material` by id. Guaranteed: every number is finite and physical,
-dynamic friction does not exceed static friction, no word names two rows, and each number has a source.
+Each row of `materials.csv` is a `Material`; the header states SI units. Every number is finite and physical, dynamic
+friction does not exceed static friction, no word names two rows, and each number has a source.
 
-`source` is `estimate`, or entries that name their columns, without units, with `rest` for all others:
+`source` is `estimate`, or a list of sources with the columns that they cover (without units; `rest` means all others):
 
-    density, youngs_modulus: https://a.page (what was read there) | static_friction: https://b.page | rest: estimate
+    density, youngs_modulus: https://a.page (how it was derived) | static_friction: https://b.page | rest: estimate
 
-A page was opened and states the number or a range that contains it; the text in brackets explains how the number
-follows from the page. For soft things of many fibres or layers the modulus is an effective one in compression, and the
-name says so. For cloth in layers and fibre fillings it is the modulus across the layers, and the `layer_` columns give
-those in the layers and between them; a row whose constants are not positive definite together is refused.
+Each page states the number or a range that contains it; the text in brackets explains how the number follows. Soft
+things of many fibres or layers have an effective modulus in compression, and the name says so. For cloth in layers and
+fibre fillings the modulus applies across the layers; the `layer_` columns apply within and between them. Rows whose
+constants are not positive definite together are refused.
 
-Covers: things spread over other things as a layer, and their usual thickness.
-
-In: the name of a part or the label of a thing. Out: its usual thickness, or None if it is not a cover. Its role makes
-it a cover, not its material: a blanket of the same fleece as a pillow is a layer, the pillow is not.
+A cover, such as a blanket, is spread over other things as a layer. Its role decides, not its material: a pillow of the
+same fleece is not a cover.
 """
 
 import csv
@@ -49,14 +47,13 @@ RANGES = {
     "dynamic_friction": (0.0, 2.0),
     "rolling_resistance_m": (0.0, 0.05),
 }
-"""Physical limits: from down to osmium, from jelly to diamond, from PTFE to rubber."""
+"""Physical limits: density of feathers to osmium, stiffness of jelly to diamond, friction of PTFE to rubber."""
 LAYER_RANGES = {
     "layer_youngs_modulus_pa": (1.0e2, 1.0e9),
     "layer_poisson_ratio": (-0.9, 0.9),
     "layer_shear_modulus_pa": (1.0e1, 1.0e9),
 }
-"""Physical limits of layered materials, whose columns are all given or all empty: from a heap of down to the glue of
-plywood."""
+"""Physical limits of layered materials, from loose feathers to plywood glue; a row fills all these columns or none."""
 
 
 def sourced_as(column: str) -> str:
@@ -98,7 +95,7 @@ def rows(file: Path) -> list[tuple[int, dict[str, str]]]:
 
 
 def material(row: Mapping[str, str], where: str) -> Material:
-    """One row, checked."""
+    """Check a row and return its material."""
     if None in row or None in row.values():
         raise InputError(f"{where}: expected {len(COLUMNS)} fields")
     values = {name: number(row[name], name, where) for name in RANGES}

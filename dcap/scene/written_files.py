@@ -1,6 +1,6 @@
-"""Files of our own: values as plain JSON, and files that appear whole or not at all.
+"""Converts values to JSON, and writes files that appear whole or not at all.
 
-Files that appear whole or not at all: the old file stays if the disk is full or the program is killed.
+If the disk is full or the program is killed, the old file stays.
 """
 
 import errno
@@ -20,24 +20,23 @@ import numpy as np
 from pydantic import BaseModel
 
 JsonValue: TypeAlias = "bool | int | float | str | Sequence[JsonValue] | Mapping[str, JsonValue] | None"
-"""Any tree of JSON."""
+"""Any JSON value."""
 JsonObject: TypeAlias = dict[str, JsonValue]
-"""An object of JSON: the content of a file such as placement.json."""
+"""A JSON object: the content of a file such as placement.json."""
 FULL = (errno.ENOSPC, errno.EDQUOT)
 """Errors of a full disk."""
 NEW_FILE = 0o666
 """Permissions of a new file, before the user's mask."""
 DRAFTS = ".writing-"
-"""Prefix of the names of folders in which files are written, so that no listing of pictures or tables shows half a
-file."""
+"""Prefix of the folders for drafts, so that no listing of pictures or tables shows half a file."""
 
 
 def to_json(value: object, name: str = "value") -> JsonValue:
-    """A value as JSON: dataclasses become objects in the order of their fields, arrays lists, enums their values.
+    """A value as JSON: dataclasses become objects with their fields in order, arrays become lists, enums their values.
 
     A field whose default is None is left out while it is None; infinite numbers become null, as JSON has no infinity. A
     configuration becomes an object of all its fields. Raises TypeError for other types, and ValueError with the name
-    for NaN, which is a mistake of ours that null would hide.
+    for NaN, because null would hide the mistake.
     """
     if isinstance(value, Enum):
         return to_json(value.value, name)
@@ -55,7 +54,7 @@ def to_json(value: object, name: str = "value") -> JsonValue:
 
 
 def object_to_json(value: object) -> JsonObject:
-    """A dataclass, mapping or configuration as an object of JSON, converted like `to_json`."""
+    """A dataclass, mapping or configuration as a JSON object, converted like `to_json`."""
     if isinstance(value, BaseModel):
         value = value.model_dump(mode="json")
     if isinstance(value, Mapping):
@@ -87,8 +86,8 @@ def canonical_json(tree: object, *, indent: int | None = None) -> bytes:
 
 @contextmanager
 def whole_file(path: Path, mode: int = NEW_FILE) -> Iterator[Path]:
-    """An empty file of the same name in a folder next to `path`, which replaces `path` after the block has written it;
-    OSError names `path`. A path that is not a regular file, such as a pipe, is written directly; a link is followed."""
+    """Yield an empty file of the same name in a folder next to `path`; it replaces `path` after the block. OSError
+    names `path`. A path that is not a regular file, such as a pipe, is written directly; a link is followed."""
     path = path.resolve()
     if path.exists() and not path.is_file():
         yield path
@@ -107,8 +106,8 @@ def whole_file(path: Path, mode: int = NEW_FILE) -> Iterator[Path]:
 
 @contextmanager
 def draft_folder(folder: Path) -> Iterator[Path]:
-    """Create `folder` and, inside it, a folder for files that the block writes and then moves there. OSError of a full
-    disk names `folder`, because the system does not name an open file."""
+    """Create `folder` and yield a draft folder in it; the block writes files there and moves them to `folder`. OSError
+    of a full disk names `folder`, because the system does not name an open file."""
     folder.mkdir(parents=True, exist_ok=True)
     try:
         with tempfile.TemporaryDirectory(dir=folder, prefix=DRAFTS) as draft:
@@ -120,7 +119,7 @@ def draft_folder(folder: Path) -> Iterator[Path]:
 
 
 def write_whole(path: Path, data: bytes, mode: int = NEW_FILE) -> None:
-    """Write a file next to its place and move it there; OSError names the file."""
+    """Write a draft and move it to `path`; OSError names the file."""
     with whole_file(path, mode) as draft:
         draft.write_bytes(data)
 

@@ -1,8 +1,6 @@
-"""Right place: a final state against the intended outcome, in raw units, and whether its region holds.
+"""Compares the place of an object in its final state with the intended or requested one, in raw units.
 
 Only stated intentions count: if the truth names no part, region or direction, the measure is None.
-
-Whether an object rests in the requested region.
 """
 
 from dataclasses import dataclass
@@ -20,8 +18,7 @@ TOLERANCE_M = 0.02
 """Tolerance of a region stated in words, about a finger's breadth [m]."""
 
 MOSTLY = 0.5
-"""Least share of the contact on the requested part for an object to rest on it [-]: not next to the arm of a sofa, on
-the seat."""
+"""Least share of the contact on the requested part for an object to rest on it [-]."""
 
 
 def part_missed(scene: Segmentation, base: str, part: str, points: NDArray[np.float64], top: float) -> bool:

@@ -10,15 +10,14 @@ is displaced over a disc of radius L: on the axis a harmonic field has the share
 (Poisson's integral). L is the radius of the disc with the area of the surface that moved by more than half of the
 maximum, and at least twice the maximum: nearer layers are compressed by at most a half and never pass one another.
 Above, Gaussians within CLOSE follow completely, since scans have Gaussians off the surface that they show; farther ones
-follow less, and from FAR on, in the air, not at all.
+follow less, and beyond FAR not at all.
 
-Replaces a Gaussian by many smaller ones with the same appearance: pieces can follow a shape that a flat disc cannot.
-
-Pieces lie on a grid in the plane of the larger two axes. Opacities do not add up, optical depths do: one Gaussian of
-opacity a has -ln(1 - a exp(-r^2 / 2)), and pieces of opacity b and deviations s on a grid of steps h have on average 2
-pi (s / h)^2 Li2(b), Li2 being the dilogarithm (the integral of -ln(1 - b exp(-r^2 / 2)) over the plane is 2 pi Li2(b)).
-So b follows from the required optical depth at a piece's place. The additional width caused by the pieces' own width is
-subtracted beforehand.
+`split` replaces a Gaussian by smaller pieces with the same appearance, which can follow a shape that a flat disc
+cannot. Pieces lie on a grid in the plane of the larger two axes. Optical depths add up, opacities do not. A Gaussian of
+opacity a has the depth -ln(1 - a exp(-r^2 / 2)); pieces of opacity b and deviation s on a grid of step h have on
+average 2 pi (s / h)^2 Li2(b), where Li2 is the dilogarithm (the integral of -ln(1 - b exp(-r^2 / 2)) over the plane is
+2 pi Li2(b)). So b follows from the required depth at a piece's place. Places are narrowed to make up for the pieces'
+width.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -81,11 +80,11 @@ class SplatPieces:
     owner: NDArray[np.int64]
     """Index of the original Gaussian of each piece, increasing, shape (k,)."""
     middle: NDArray[np.bool_]
-    """Index of the piece at the centre of each Gaussian, shape (k,)."""
+    """Mask of the pieces at the centres of their Gaussians, shape (k,)."""
 
 
 def split(splats: Gaussians, steps: NDArray[np.int64]) -> SplatPieces:
-    """Pieces of n Gaussians; `steps` (n, 2) to either side along the largest and the second axis are from STEPS."""
+    """Pieces of n Gaussians; `steps` (n, 2), from STEPS, count to either side along the two largest axes."""
     owners, places, widths, opacities = (
         [np.zeros(0, dtype=np.int64)], [np.zeros((0, 2))], [np.zeros((0, 2))], [np.zeros(0)],
     )  # fmt: skip
@@ -117,11 +116,11 @@ def split(splats: Gaussians, steps: NDArray[np.int64]) -> SplatPieces:
 
 
 def pieces(alpha: Array, steps: NDArray[np.int64]) -> tuple[Array, Array, Array]:
-    """Places (k, 2) and widths (2,) of pieces in deviations of the whole, and opacities (n, k) for the whole's (n,)."""
+    """Places (k, 2) and widths (2,) of pieces in deviations of the whole, and opacities (n, k) for `alpha` (n,)."""
     one, two = (REACH * np.arange(-count, count + 1) / count for count in steps)
     place = np.stack(np.meshgrid(one, two, indexing="ij"), axis=-1).reshape(-1, 2)
     width = OVERLAP * REACH / steps
-    rest = 1.0 - width**2  # of the variance, to be provided by the pieces' places
+    rest = 1.0 - width**2  # share of the variance that the places provide
     fall = np.exp(-0.5 * (place**2 / rest).sum(axis=1))
     depth = -np.log1p(-alpha[:, None] * fall) / np.sqrt(rest.prod())
     return place, width, np.interp(depth / (2.0 * np.pi * OVERLAP**2), _DILOGARITHM, _OPACITY)
@@ -132,7 +131,7 @@ class SurfaceMotion:
 
     def __init__(self, start: Mesh, shift: Array, movable: NDArray[np.bool_]) -> None:
         """Take a mesh before the motion, the displacement of its vertices [m] (n, 3), and the mask of its faces (m,)
-        that may carry Gaussians: those nearest to other faces stay."""
+        that may carry Gaussians; Gaussians nearest to other faces stay."""
         moved = np.linalg.norm(shift, axis=1)[start.faces].max(axis=1)
         self.moves = bool((moved[movable] > NEGLIGIBLE).any())
         if not self.moves:
@@ -157,7 +156,7 @@ class SurfaceMotion:
         import open3d
 
         scene = open3d.t.geometry.RaycastingScene()
-        # single precision counts from the dent, not from the corner of the room
+        # single precision suffices for coordinates relative to the dent
         scene.add_triangles(tensor(self._start.vertices - self._origin, np.float32), tensor(faces, np.uint32))
         return scene
 
@@ -183,8 +182,8 @@ class SurfaceMotion:
         return np.asarray(np.where(below, within, above)[:, None] * on_surface)
 
     def bend(self, points: Array, across: Array) -> Array:
-        """Deviation of a tangent at points (n, 3) from the displacement [m] over the vectors (n, k, 3), each over its
-        full length and half of it, shape (n, k)."""
+        """Largest deviation of the displacement from its tangent at points (n, 3) [m], along the vectors (n, 2, 3) up
+        to twice their length, shape (n, 2)."""
         middle, out = self.at(points), np.zeros(across.shape[:2])
         first, second = across[:, 0], across[:, 1]
         ways = ((first, (0,)), (second, (1,)), (first + second, (0, 1)), (first - second, (0, 1)))
@@ -264,8 +263,7 @@ def at_a_time(count: int) -> list[NDArray[np.int64]]:
 
 
 def share_of(splats: Gaussians, world_from_file: Array, motion: SurfaceMotion) -> Array:
-    """Required narrowing of each Gaussian along its larger two axes, over its width, to bend by TOLERANCE, shape (n,
-    2).
+    """Required width of pieces along their Gaussian's larger two axes, over its own, to keep TOLERANCE, shape (n, 2).
 
     1: it may stay unchanged. No piece need be finer than the faces that it follows.
     """

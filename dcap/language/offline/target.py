@@ -1,10 +1,9 @@
 """The support, the part and the region that a sentence requests, in a given scene or on a given support.
 
-In: a `Reading` and the instances. Out: a `Target`: the base or the missing thing, and part, regions and references in
-the words of the reply. The first place that names a thing is the base; later places narrow it down or give the place on
-it.
+In: a `Reading` and the instances. Out: a `Target`: the base or the missing thing, and part, regions and references as
+in a reply. The first place that names a thing is the base; later places narrow it down or give the place on it.
 
-The target of a sentence whose support a person has pointed at: the sentence only gives the place on it.
+If the user has pointed at the support (`given_target`), the sentence only gives the place on it.
 """
 
 from collections.abc import Sequence
@@ -98,8 +97,8 @@ def target_of(reading: Reading, request: IntentRequest) -> Target:
 
 
 def side_at(place: Place, target: Target, request: IntentRequest) -> Place | None:
-    """ "On the window side", "towards the window", and next to something "on the side nearer the window" name a side:
-    as near to it as possible."""
+    """A place such as "on the window side", "towards the window", or "on the side nearer the window" next to something,
+    as "nearest"; None for others."""
     noun = place.nouns[0]
     if place.excluded:
         return None
@@ -194,7 +193,7 @@ def by_shape_alone(text: str, found: Found) -> str:
 def unmet_load(
     found: Sequence[InstanceView], places: Sequence[Place], request: IntentRequest
 ) -> Place | None:  # fmt: skip
-    """Place of the load that all of them are said to carry or lack, but none does; None if there is none."""
+    """The place whose load every candidate should carry or lack, but none does; None without one."""
     for place in places:
         fit = (
             fits(found, place, request.instances, request.room_center)
@@ -207,7 +206,7 @@ def unmet_load(
 
 
 def set_topmost(target: Target) -> None:
-    """ "On top of the bookcase" is its highest board, if its carrying parts lie above each other."""
+    """Choose the highest board for "on top of the bookcase", if its carrying parts are stacked."""
     assert target.base is not None
     names = {part.name for part in target.base.parts}
     usual = (name for one in lineage(label_thing(target.base)) for name in default_parts().get(one, ()))
@@ -218,7 +217,7 @@ def set_topmost(target: Target) -> None:
 
 
 def is_so(base: InstanceView, place: Place, request: IntentRequest) -> bool:
-    """Return whether the base, which is meant anyway, matches the words of a place."""
+    """Return whether the chosen base matches the words of a place."""
     noun = place.nouns[0]
     if place.relation not in ("carrying", "lacking"):
         others = [one for one in candidates(noun, request.instances) if one is not base]
@@ -258,8 +257,8 @@ def narrowing(reading: Reading, support: Place, found: Sequence[InstanceView], r
 def carrying(
     reading: Reading, support: Place, found: Sequence[InstanceView], request: IntentRequest
 ) -> Sequence[InstanceView]:
-    """Among several, those that carry the thing next to which the place is, "the table next to the lamp"; the place
-    also says where."""
+    """Those of several candidates that carry the lamp in "the table next to the lamp"; the place also says where on
+    it."""
     if whole(support).sides or whole(support).colour:
         return found
     for place in reading.places:
@@ -270,7 +269,7 @@ def carrying(
 
 
 def says_side(place: Place) -> bool:
-    """Return whether a place is like "the bed on the left", without a pause: one of two beds, not the left of a bed."""
+    """Return whether a place selects one of two beds, as in "the bed on the left" without a pause, not a part of the bed."""
     noun = place.nouns[0]
     return place.attached and place.relation in PLACEABLE and noun.is_region and not noun.region
 
@@ -289,7 +288,7 @@ def says_which(place: Place, found: Sequence[InstanceView], request: IntentReque
 
 
 def ground_by_neighbour(target: Target, place: Place, reading: Reading, request: IntentRequest) -> None:
-    """Without a named support: the thing that has the part or carries the thing named in the place, or the floor."""
+    """Without a named support, use the owner of the named part, the carrier of the named thing, or the floor."""
     noun = whole(place)
     if found := named(noun, request.instances):
         which = [p for p in reading.places if p is not place and p.restrict]

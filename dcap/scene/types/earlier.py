@@ -44,7 +44,7 @@ class Deformation:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class EarlierPlacements:
-    """Facts of the scene in the folder of a placement."""
+    """Facts about the scene from a placement's folder."""
 
     instances: tuple[Instance, ...]
     """All instances of the scene, with the placed things last, in order of placement."""
@@ -73,7 +73,7 @@ class FreedThings:
     """The start of a drop in which things placed earlier take part as free bodies."""
 
     scene: Segmentation
-    """The scene without the dents of those things, and with the things lifted out of them."""
+    """The scene without the dents of these things, which are lifted out of them."""
     anchor: Anchor
     """The object's start above them."""
     things: tuple[PlacedThing, ...]

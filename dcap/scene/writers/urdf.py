@@ -106,7 +106,7 @@ def collision(name: str, mesh: Mesh, files: dict[str, bytes]) -> Iterator[str]:
 
 
 def gazebo(link: str, friction: ContactFriction) -> Iterator[str]:
-    """Friction in a tag of Gazebo."""
+    """A Gazebo tag with the friction."""
     yield f"  <gazebo reference={quoteattr(link)}>"
     yield f"    <mu1>{friction.static:.6g}</mu1><mu2>{friction.static:.6g}</mu2>"
     yield "  </gazebo>"
@@ -126,8 +126,8 @@ def readme(scene: ExportScene) -> list[str]:
         "",
         "URDF cannot express the following:",
         "- the pose of a robot in the world: see above.",
-        "- friction: <gazebo> tags carry static coefficients: of the object that of the pair where it rests, of a",
-        "  thing that of its pair with the object. Gazebo takes the smaller of two; other readers ignore the tags.",
+        "- friction: <gazebo> tags carry static coefficients: the object's is that of the pair in which it rests, a",
+        "  thing's that of its pair with the object. Gazebo takes the smaller of two; other readers ignore the tags.",
     ]
     for body in scene.fixed:
         for patch in body.patches:
@@ -138,7 +138,7 @@ def readme(scene: ExportScene) -> list[str]:
             )
     lines += [
         "- density, Young's modulus and Poisson ratio: comments at each part.",
-        "- gravity, time step, contact stiffness: your simulator's.",
+        "- gravity, time step, contact stiffness: set them in your simulator.",
     ]
     return lines
 

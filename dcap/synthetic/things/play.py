@@ -59,7 +59,7 @@ def tennis_ball() -> Assembly:
 
 
 def dumbbell() -> Assembly:
-    """Two rounded heads and a swelling steel handle, 26 cm long, lying."""
+    """A lying dumbbell, 26 cm long: two rounded heads and a bulging steel handle."""
     outline = [(0, -0.04), (0.044, -0.04), (0.052, -0.032), (0.052, 0.032), (0.044, 0.04), (0, 0.04)]
     cap_height = 0.0385
     head = lathe(outline, 0.006)

@@ -1,9 +1,8 @@
 """One object on one surface, from the meshes to measured placements.
 
-In: the scene's mesh, the surface that carries, the object's mesh and the pose in which it rests, and the other
-constraints. Out: placements that are free of collisions and inside the room, few and diverse, the best first. The
-solve proposes poses; here each pose is measured between the meshes, moved into contact, and left out if the two cut
-through each other by more than 2 mm.
+In: the scene's mesh, the supporting surface, the object's mesh and resting pose, and the other constraints. Out: a few
+diverse placements that are free of collisions and inside the room, the best first. solve.py proposes poses; this module
+measures each between the meshes, moves it into contact, and drops it if the meshes intersect by more than 2 mm.
 """
 
 from collections.abc import Mapping, Sequence
@@ -35,7 +34,7 @@ from dcap.scene.types.mesh import Mesh
 
 UP = np.array([0.0, 0.0, 1.0])
 LEVEL = float(np.cos(np.radians(3.0)))
-"""Largest slope of a plane that counts as level [-]: noise of scans and seams."""
+"""Least vertical part of the normal of a level plane [-]: 3 degrees for noise of scans and seams."""
 FLOOR_LIKE = 0.5
 """Vertical part of a normal below which a surface counts as a wall, on which the object is kept upright [-]."""
 RAISED = 0.02
@@ -48,7 +47,7 @@ OUTLINE_POINTS = 16
 SPACING = 0.5
 """Spacing of the points that fill a surface, in its cells [-]."""
 MOST_CHECKED = 3
-"""Most measured poses over the wanted number [-]."""
+"""Most proposed poses per wanted placement [-]."""
 FLOOR_GAP = 0.2
 """Width of gaps in a floor that are bridged [m]: between things and under a skirting board."""
 BESIDE_FLOOR = 0.02
@@ -57,7 +56,7 @@ BESIDE_FLOOR = 0.02
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RestingItem:
-    """The object with one surface turned down, that surface's middle over the origin."""
+    """The object with one surface facing down and its middle over the origin."""
 
     mesh: Mesh
     """Lowest point at height 0 [m]."""
@@ -73,7 +72,7 @@ class RestingItem:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SurfaceFrame:
-    """The frame of a surface that carries: origin at its middle, third axis along its normal."""
+    """The frame of the supporting surface: origin at its middle, third axis along its normal."""
 
     rotation: Array
     """From the world, shape (3, 3)."""
@@ -100,7 +99,7 @@ class SurfaceFrame:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SolvedPlacement:
-    """One placement that satisfies the constraints as well as any."""
+    """One of the placements that satisfy the constraints best."""
 
     world_from_object: Array
     """Of the mesh as read, scale included, shape (4, 4)."""
@@ -109,9 +108,9 @@ class SolvedPlacement:
     overhang: float
     """Share of the contact surface beyond the rim [-]."""
     margin: float
-    """How far its middle is inside the surface's rim [m]."""
+    """Distance of the contact's middle inside the surface's rim [m]."""
     from_middle: float
-    """How far its middle is from that of the surface [m]."""
+    """Distance of the contact's middle from the surface's [m]."""
     gap: float
     """Smallest distance along the normal between the object and the surface under it, negative for an intersection
     [m]."""
@@ -125,9 +124,9 @@ class SolveOutcome:
 
     placements: tuple[SolvedPlacement, ...]
     least_overhang: float
-    """Of all poses that were looked at without anything in the way [-]."""
+    """Least overhang of all examined poses without an obstacle [-]."""
     proposed: int
-    """Poses that the samples found good; those that the meshes refused are no placements [-]."""
+    """Number of poses that the solve proposed; the meshes may rule some out [-]."""
 
 
 def resting(
@@ -148,7 +147,7 @@ def resting(
 def problem_of(
     scene: Mesh, anchor: AnchorSurface, item: RestingItem, constraints: Sequence[ResolvedConstraint]
 ) -> tuple[PlacementProblem, SurfaceFrame]:  # fmt: skip
-    """The problem in the frame of the surface, and the frame; `scene` is the world's."""
+    """The problem in the frame of the surface, and the frame; `scene` is in the world frame."""
     surface = anchor.surface
     frame = SurfaceFrame.of(surface)
     local = scene.transformed(frame.from_world)
@@ -212,7 +211,7 @@ def placements(
     seed: int,
     most: int,
 ) -> SolveOutcome:  # fmt: skip
-    """Solve, then measure: up to `most` placements, the best first. `room`: its plan; None: not known."""
+    """Solve, then measure up to `most` placements, the best first. `room` is the room's plan, None if unknown."""
     problem, frame = problem_of(scene, anchor, item, constraints)
     poses = solved(problem, seed, MOST_CHECKED * most)
     edges = edges_of(item.mesh)

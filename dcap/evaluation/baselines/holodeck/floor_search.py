@@ -1,14 +1,13 @@
-"""Holodeck's places on the floor: its depth-first search, and the pose of the place found.
+"""Places an asset on the floor with Holodeck's depth-first search.
 
-As in the source (`DFS_Solver_Floor`, without the variant that is off by default): middles on a grid of a 20th of the
-room, four turns, 10 cm added to each extent; a rectangle lies in the room and meets no other one; its front is at least
-30 cm from the wall; `edge`, a hard constraint and the default, takes the places whose back is within a grid step of the
-wall and moves them there; scores are divided by the number of relations. If no place is at a wall, there is none at
-all, also for `middle`. Ours: a budget of steps instead of 30 s, so that equal inputs give equal places; a generator
-that the caller seeds breaks ties. The first of several objects is tried at 30 places, later
-ones at their best; in a furnished room the requested object is a later one.
+The room's things count as placed objects. As in the source (`DFS_Solver_Floor`, without the variant that is off by
+default), middles lie on a grid of a 20th of the room, with four turns, and 10 cm is added to each extent. A rectangle
+lies in the room and meets no other; its front is at least 30 cm from the wall. `edge`, a hard constraint and the
+default, takes the places whose back is within a grid step of the wall and moves them there. Scores are divided by the
+number of relations. Without a place at a wall there is none at all, even for `middle`. The first of several objects is
+tried at 30 places, each later one at its best place; in a furnished room the requested object is a later one.
 
-Places an asset on the floor: the room's things as placed objects, a search, the pose of the place found.
+Ours: a budget of steps instead of 30 s, so that equal inputs give equal places; the caller's generator breaks ties.
 """
 
 from collections.abc import Mapping, Sequence
@@ -40,7 +39,7 @@ BUFFER = 10.0
 FRONT_ROOM = 30.0
 """Least distance of the middle of its front from the wall [cm]."""
 INTO_WALL = 4.5
-"""Distance that a place at the wall moves beyond its back's distance [cm]: almost half of the added extent."""
+"""Distance that the back of a place at the wall moves into it [cm]: almost half of the added extent."""
 EDGE = "edge"
 CENTIMETRES = 100.0
 WALKED_ON = 0.05
@@ -61,7 +60,7 @@ class FloorObject:
 
 @dataclass(slots=True)
 class StepBudget:
-    """Number of objects that may still be searched for."""
+    """Number of object searches left."""
 
     left: int
 
@@ -89,7 +88,7 @@ class FloorRoom:
 def search(
     room: FloorRoom, objects: Sequence[FloorObject], placed: Placed, rng: np.random.Generator, *, roots: int, steps: int
 ) -> dict[str, GridPlace]:
-    """The placed things with places for the objects, as far as there are any: the best total score that was found.
+    """The placed things, and the objects that found a place, in the solution with the best total score.
 
     Args:
         room: the floor.
@@ -97,7 +96,7 @@ def search(
         placed: things by name.
         rng: breaks ties.
         roots: places that are tried for the first object, if nothing is placed yet.
-        steps: number of objects that may be searched for in total.
+        steps: maximum number of object searches.
     """
     solutions: list[dict[str, GridPlace]] = []
     descend(room, list(objects), dict(placed), rng, solutions, StepBudget(steps), 1 if placed else roots)
@@ -114,7 +113,7 @@ def descend(
     budget: StepBudget,
     branches: int,
 ) -> None:
-    """Try places for the first object, and for each the rest; ends of branches are added to `solutions`."""
+    """Try places for the first object, recurse for the rest, and add finished branches to `solutions`."""
     if not objects or budget.left <= 0:
         solutions.append(placed)
         return

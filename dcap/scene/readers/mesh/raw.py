@@ -3,7 +3,7 @@
 `RawMesh` is returned by every format reader; `paint.py` bakes its textures and `frame.py` converts it to metres and z
 up. Invariant: finite vertices, indices in range, at least one face.
 
-Polygons to triangles: convex polygons as fans, concave ones by constrained triangulation in their plane.
+`triangulate` cuts convex polygons into fans, and concave ones by constrained triangulation in their plane.
 """
 
 from dataclasses import dataclass, replace
@@ -24,7 +24,7 @@ have half as many."""
 MAX_CORNERS = 3 * MAX_FACES
 """Maximum number of vertices, or of values of one accessor, of a file [-]: as if no two faces shared a corner."""
 MOST_CORNERS = 4096
-"""Maximum number of corners of a concave polygon: the triangulation takes memory with its square, 16 bytes each."""
+"""Maximum number of corners of a concave polygon: the triangulation takes 16 bytes times its square."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
