@@ -161,7 +161,7 @@ class Stage(Generic[P, ValueT_co]):
             def compute_key(
                 self, task_ctx: TaskRunContext, inputs: dict[str, Any], flow_parameters: dict[str, Any], **_: Any
             ) -> str | None:
-                # only now: for tags that a run starts with, Prefect queries the server, which may be lost
+                # set late: for initial tags Prefect queries the server, which may be unavailable
                 task_ctx.task_run.tags = list(current_context().tags)
                 return find_record(key_of(recipe(inputs)), wait=FileLocks().wait_for_lock)[0]
 
@@ -214,7 +214,7 @@ class Stage(Generic[P, ValueT_co]):
 
     def _run_watched(self, inputs: Mapping[str, Any]) -> Ref[Any]:
         """Call the Prefect task; it returns a reference, or a state that holds a reference."""
-        # raises errors that Prefect would lose, and then compute without a record
+        # raises errors that Prefect would swallow and then compute without a record
         find_record(key_of(self.recipe(inputs)))
         task = self.task.with_options(refresh_cache=True) if self.name in current_context().refresh else self.task
         result: Any = task(**inputs)
@@ -240,7 +240,7 @@ class Stage(Generic[P, ValueT_co]):
     def _compute(self, inputs: Mapping[str, Any]) -> Ref[Any]:
         """Run the function and save its result."""
         check_data_files(self.code)  # before the work, too: a result from a changed file would be lost
-        preload()  # later stages have processes of their own
+        preload()  # starts the fork server for later stages
         context = current_context()
         context.on_event(StageEvent(self.name, Event.STARTED))
         given = {name: plain_input(name, value) for name, value in inputs.items() if name != "config"}

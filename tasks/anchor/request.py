@@ -1,7 +1,7 @@
 """The anchor's question: information and a picture for a client to choose a part and a place on it.
 
 In: scene, base, intent, sentence and the object in its planned pose. Out: an `AnchorRequest` with boxes in the frame of
-a viewer of the base's front, and a picture of the base from above with what is around it, made on demand.
+a viewer of the base's front, and a picture of the base and its surroundings from above, made on demand.
 """
 
 from collections.abc import Sequence
@@ -34,7 +34,7 @@ LETTERS = 20
 NEARBY = 0.6
 """Distance from a base within which things are shown with it [m]."""
 MOST = 40
-"""Maximum number of these things, nearest first: everything stands on a floor."""
+"""Maximum number of these things, nearest first: a floor carries everything."""
 
 
 def base_from_above(

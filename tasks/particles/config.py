@@ -7,9 +7,9 @@ class ParticlesConfig(BaseModel, frozen=True, extra="forbid"):
     """Extent and resolution of the simulation."""
 
     crop_margin: PositiveFloat = 0.75
-    """Margin of the base around the object, over its larger horizontal side [-] ..."""
+    """Margin of the base around the object, over the object's larger horizontal side [-]."""
     least_crop_margin: PositiveFloat = 0.15
-    """... but at least this [m]."""
+    """Least margin [m]."""
     rolling_margin: PositiveFloat = 2.5
     """Factor of that margin around a ball, which may roll [-]."""
     cell: PositiveFloat | None = None
@@ -29,7 +29,7 @@ class ParticlesConfig(BaseModel, frozen=True, extra="forbid"):
     cells_through: PositiveInt = 4
     """Cells through the thinnest dimension of a soft object."""
     least_cells_through: PositiveFloat = 3.0
-    """Fewer are reported in a note."""
+    """Fewer cells are reported in a note."""
     object_cells: PositiveInt = 2500
     """Budget of cells of a soft object."""
     base_cells: PositiveInt = 7000
@@ -39,7 +39,7 @@ class ParticlesConfig(BaseModel, frozen=True, extra="forbid"):
     object_faces: PositiveInt = 60_000
     """Budget of faces that refinement adds to the object where it may touch."""
     particle_limit: PositiveInt = 250_000
-    """More particles are refused."""
+    """Maximum number of particles."""
     distance_samples: PositiveInt = 1_000_000
     """Budget of distance samples of a base or a neighbour."""
     object_distance_samples: PositiveInt = 3_000_000
@@ -51,7 +51,7 @@ class ParticlesConfig(BaseModel, frozen=True, extra="forbid"):
     least_thickness: PositiveFloat = 0.04
     """Least thickness of a soft part seen only as a sheet [m]."""
     mass_trust: PositiveFloat = 1.5
-    """Density times volume decides the mass of a solid thing within this factor of the usual mass [-]."""
+    """A solid thing's mass is density times volume if that is within this factor of the usual mass [-]."""
     shell: PositiveFloat = 0.03
     """Thickness of a rigid sheet [m]."""
     contact_vertices: PositiveInt = 6000

@@ -165,7 +165,7 @@ class MovingScene:
         self.scene = replace(around.scene, mesh=around.start)
         """The scene before the drop, subdivided as finely as necessary."""
         self.origin = around.origin
-        """The face of the scene as segmented that each face came from, shape (m,)."""
+        """For each face, the face of the segmented scene that it came from, shape (m,)."""
         self.things = [
             self._thing(motion, number, bodies[number], placed=placed[one.name])
             for number, one in enumerate(bodies)

@@ -1,7 +1,7 @@
 """Things of a scene as a person named them: by their faces if the mesh is the same, else by their boxes.
 
-In: a scan and its labels. Out: groups of faces with names, their parts if known, and notes. Unlabelled faces are
-nothing if the labels are complete; otherwise they are divided by shape.
+In: a scan and its labels. Out: groups of faces with names, their parts if known, and notes. Unlabelled faces stay
+ungrouped if the labels are complete; otherwise they are divided by shape.
 """
 
 from collections.abc import Callable
@@ -26,7 +26,7 @@ Parts = tuple[IntArray, list[str]]
 MARGIN = 0.01
 """Margin by which a drawn box grows before its content is determined [m]."""
 WHOLE = 0.75
-"""A named thing with this share inside a new box keeps its name: the lamp on a table that is added [-]."""
+"""A named thing with at least this share inside a new box keeps its name: a lamp on an added table [-]."""
 FLAT = 0.06
 """Largest height of the box of a rug or a mat, which takes faces of the floor [m]."""
 
@@ -106,8 +106,8 @@ def faces_in(runs: IntArray, count: int, labels: GivenLabels, name: str) -> IntA
 
 
 def held_by(table: FaceTable, box: OrientedBox, owner: IntArray, labels: GivenLabels) -> IntArray:
-    """The faces that a new box takes: without those of floor and walls unless the box is flat, and without those of
-    named things that lie inside as a whole."""
+    """The faces that a new box takes. Faces of floor and walls count only if the box is flat; faces of named things
+    wholly inside do not count."""
     inside = np.flatnonzero(box.contains(table.center, margin=MARGIN))
     flat = 2.0 * float(box.half_extents.min()) <= FLAT
     kept = np.ones(len(inside), dtype=bool)
