@@ -1,8 +1,8 @@
 """`dcap dataset check`: every problem of a dataset by path and line, and the contents of its scenes.
 
-In: a dataset file (YAML), a folder of scenes, one scene or one mesh. Nothing is written. The scenes' own checks are in
-dcap/scene/checks; here are those of the dataset file and of the intended outcomes next to it, and the report as text,
-JSON and plot.
+In: a dataset file (YAML), a folder of scenes, one scene or one mesh. Nothing is written. Scenes are checked in
+dcap/scene/checks; this module checks the dataset file and the intended outcomes next to it, and reports as text, JSON
+and plot.
 """
 
 import os
@@ -121,7 +121,7 @@ def _yaml(path: Path, findings: Findings) -> tuple[object | None, Report]:
 
 
 def _check_truth(path: Path, samples: Iterable[Sample], findings: Findings) -> None:
-    """Intended outcomes: each is readable and belongs to a sample."""
+    """Check that each intended outcome is readable and has a sample."""
     if not path.is_file():
         return
     tree, report = _yaml(path, findings)
@@ -157,7 +157,7 @@ def _is_structure(label: str) -> bool:
 
 
 def write_plot(report: DatasetReport, path: Path) -> None:
-    """The distribution of deformable supports as PNG or SVG."""
+    """Plot the distribution of deformable supports as PNG or SVG."""
     save_supports_plot(_counted(report), path)
 
 

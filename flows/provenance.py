@@ -55,7 +55,7 @@ class ProvenanceStep:
     size: int
     """[bytes]; 0 if it is missing."""
     stage: str | None
-    """None for an input file, or if no record tells."""
+    """None for an input file or without a record."""
     record: str | None
     seconds: float | None
     """Wall time of the stage when it was computed [s]."""
@@ -95,13 +95,13 @@ class Lineage:
     """Everything from which a result was made."""
 
     artifact: str
-    """The artifact asked about."""
+    """The requested artifact."""
     sample: Mapping[str, object] | None
     """Request of the sample, if the artifact is a file of one."""
     roots: tuple[str, ...]
     """Artifacts that are inputs of no other step."""
     steps: Mapping[str, ProvenanceStep]
-    """By digest, each after those that take it."""
+    """Steps by digest, each after the steps that use it."""
     asked: tuple[ModelAnswer, ...]
 
 
@@ -116,8 +116,8 @@ def provenance_of(artifact: str) -> Lineage:
     folder = next((one for one in (path, *path.parents) if (one / RECORDS).is_file()), None)
     if folder is None:
         raise InputError(
-            f"{artifact}: neither in the store nor next to a {RECORDS}; give a file of a sample of a run (a run of an "
-            f"earlier version has none: run it again, cached stages are only looked up), or a digest"
+            f"{artifact}: neither in the store nor next to a {RECORDS}; give a file of a sample, or a digest (runs "
+            f"of an earlier version have no {RECORDS}: run them again; cached stages are only looked up)"
         )
     return lineage_of_sample(artifact, folder)
 
@@ -146,14 +146,14 @@ def ref_of_path(path: Path) -> Ref[Any] | None:
 def ref_of_digest(digest: str) -> Ref[Any]:
     """The artifact whose digest begins with `digest`."""
     if not DIGEST.fullmatch(digest):
-        raise InputError(f"{digest!r} is no file, and no digest of an artifact (6 to 64 of 0-9 and a-f)")
+        raise InputError(f"{digest!r} is neither a file nor an artifact's digest (6 to 64 hexadecimal digits)")
     known = {*Store.default().refs(), *(ref for _, ref in every_record() if ref is not None)}
     fitting = sorted(ref for ref in known if ref.sha256.startswith(digest))
     if not fitting:
         raise InputError(f"no artifact's digest begins with {digest}; `dcap cache ls` tells where the cache is")
     if len({ref.sha256 for ref in fitting}) > 1:
         told = ", ".join(f"{ref.kind} {ref.sha256[:16]}" for ref in fitting[:SHOWN])
-        raise InputError(f"{len(fitting)} artifacts' digests begin with {digest}: {told}; give more of it")
+        raise InputError(f"{len(fitting)} artifacts' digests begin with {digest}: {told}; give more digits")
     return fitting[0]
 
 
@@ -184,7 +184,7 @@ def sample_request(folder: Path, run: Path | None) -> Mapping[str, Any] | None:
 
 
 def model_answers(ledger: Path, sample: str) -> tuple[ModelAnswer, ...]:
-    """The questions of a sample that a model answered, as the run's ledger has them; of all samples without a name."""
+    """A model's answers to the questions of a sample, from the run's ledger; of all samples if `sample` is empty."""
     replies = ReplyFolder(replies_root())
     found = {}
     for line in read_lines(ledger):

@@ -29,7 +29,7 @@ from flows.settings import is_ours, reason
 EMBEDDED = resource("data/rooms.yaml")
 """The dataset that the project makes itself."""
 SPLAT_ROOMS = resource("data/splat_rooms.yaml")
-"""Some of its placements in rooms that are Gaussian splats."""
+"""A part of that dataset in rooms made of Gaussian splats."""
 TRUTH = "truth.yaml"
 """Intended outcomes of a dataset's samples, in the same folder; read after a run, never by a stage."""
 
@@ -90,7 +90,7 @@ def load_yaml(path: Path) -> object:
 
 
 def text_up_to(most: int, *, lines: bool = False) -> BeforeValidator:
-    """Take a word or sentence of at most so many characters; a number is taken as text."""
+    """A validator of text with at most `most` characters; a number is converted to text."""
 
     def check(value: object) -> str:
         text = str(value) if isinstance(value, str | int | float) and not isinstance(value, bool) else ""
@@ -150,7 +150,8 @@ def sample_of(row: object, index: int, folder: Path, report: Report) -> Sample |
         place, known_height = place_of(read.at, read.support), height_of(read.height_of, read.unit)
     except ValidationError as broken:
         errors = broken.errors(include_url=False)
-        for one in sorted(errors, key=lambda one: one["type"] != "extra_forbidden"):  # a misspelt key, then its absence
+        # misspelt keys before missing ones
+        for one in sorted(errors, key=lambda one: one["type"] != "extra_forbidden"):
             wrong(mistake_in_words(one), str(one["loc"][0]) if one["type"] != "missing" else "")
         return None
     except InputError as refused:
@@ -172,12 +173,12 @@ def sample_of(row: object, index: int, folder: Path, report: Report) -> Sample |
 
 
 def is_flat(value: object) -> bool:
-    """Whether a value is a scalar or a list of numbers; trees of YAML may share parts, and never end written out."""
+    """Whether a value is a scalar or a list of numbers; nested YAML with shared parts may be endless when printed."""
     return not isinstance(value, Mapping | list) or all(isinstance(one, int | float) for one in value)
 
 
 def mistake_in_words(one: ErrorDetails) -> str:
-    """An invalid, unknown or missing key of a sample."""
+    """Describe an invalid, unknown or missing key of a sample."""
     key = str(one["loc"][0])
     if one["type"] == "missing":
         return f"key {key!r} is missing"
@@ -192,7 +193,7 @@ def labels_path(name: str, folder: Path) -> str:
 
 
 def find(name: str, folder: Path, kind: str) -> str:
-    """Path of a scene or object by path or name; the name itself where nothing is found, for the reader to report."""
+    """Path of a scene or object given by path or name. An unknown name is returned unchanged; the reader reports it."""
     for place in (folder / name, folder / kind / name, data_root() / name, data_root() / kind / name):
         for suffix in ("", *MESH_SUFFIXES):
             if os.path.exists(f"{place}{suffix}"):  # False, not an exception, for a name that no file can have

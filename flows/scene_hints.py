@@ -1,4 +1,4 @@
-"""Hints about a scene besides the sentence: labels, a point, a box, a height; checked where they come in."""
+"""Parses and checks the user's hints about a scene: labels, a point, a box, a height."""
 
 from dataclasses import dataclass
 from math import isfinite
@@ -35,7 +35,7 @@ def given_labels(path: str) -> LabelRefs:
 
 
 def numbers_of(option: str, text: str, counts: tuple[int, ...], example: str) -> tuple[float, ...]:
-    """Parse finite numbers between commas; InputError with the option and its value."""
+    """Parse comma-separated finite numbers; InputError with the option and its value."""
     words = [word.strip() for word in text.split(",")]
     try:
         numbers = tuple(float(word) for word in words)

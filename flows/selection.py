@@ -1,8 +1,8 @@
 """Chooses samples of a data set: by scenes, by number, or those that failed in the last run.
 
 A scene is named by its path below the folder that all scenes share, or else by the end of its path, with or without its
-suffix: `bedroom_01`, `house_2/kitchen`. Where both fit, the first counts: `kitchen` is not `house_2/kitchen` then. In a
-file each name has a line; what follows a `#` is a remark. `val` means `val.txt` next to the data set, if there is one.
+suffix: `bedroom_01`, `house_2/kitchen`. An exact path wins over an end: `kitchen` is not `house_2/kitchen` if both
+exist. A file has one name per line; `#` starts a comment. `val` means `val.txt` next to the data set, if there is one.
 
 No scene is in two splits of a data set. The draw depends on the names of the scenes and the seed, not on their order.
 """
@@ -102,7 +102,7 @@ def truths_of(dataset: Path, samples: Sequence[Sample]) -> list[ExpectedOutcome 
 
 
 def named_scenes(text: str, folder: Path) -> tuple[str, ...]:
-    """Names in a list, which is looked up as a split in `folder`, then as a file; none for an empty text."""
+    """Names in a comma-separated list; splits in `folder` and files are replaced by the names in them."""
     words = [word.strip() for word in text.split(",") if word.strip()]
     if text and not words:
         raise InputError(f"--scenes {text!r} names no scene")
@@ -220,7 +220,8 @@ def shares_of(text: str) -> dict[str, float]:
             share = -1.0
         if not NAME.fullmatch(name) or name in shares or not isfinite(share) or not 0.0 < share <= 1.0:
             raise InputError(
-                f"--splits {text!r}: {word.strip()!r} is no share of its own; train=0.8,val=0.1,test=0.1 is one"
+                f"--splits {text!r}: {word.strip()!r} is not a new name with a share; "
+                "for example train=0.8,val=0.1,test=0.1"
             )
         shares[name] = share
     if abs(sum(shares.values()) - 1.0) > ROUNDING:
@@ -250,9 +251,9 @@ def spread_samples(
 ) -> list[Sample]:
     """At most `limit` samples, in their order; all if it is None.
 
-    Infeasible samples keep their share, at least one if there is any and the limit allows two. Within either group,
-    each next sample is one whose scene, object and support were chosen least often, and among several the one farthest
-    in the list from all chosen ones.
+    Infeasible samples keep their share, at least one if there is any and the limit allows two. Within either group, the
+    next sample is one whose scene, object and support were chosen least often; ties go to the sample farthest in the
+    list from all chosen ones.
     """
     if limit is None or limit >= len(samples):
         return list(samples)

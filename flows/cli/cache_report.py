@@ -24,7 +24,7 @@ from tasks.upkeep import CacheUsage, Unneeded, damages, delete, repair, unneeded
 DAMAGED = 4
 DAY_S = 86_400.0
 SHOWN = 5
-"""Most lines of a kind that are printed one by one."""
+"""Maximum number of failed look-ups to print."""
 
 
 def cache_listing(*, as_json: bool) -> int:
@@ -80,7 +80,7 @@ def cache_collection(older_than_days: float, others: Sequence[Path], *, delete_i
 def show_collection(
     what: Unneeded, runs: int, unknown: Sequence[str], young: int, older_than_days: float, *, deleted: bool
 ) -> None:
-    """Print for a person the artifacts that may be deleted, or were."""
+    """Print as text which artifacts can be deleted, or were."""
     console = console_on(sys.stdout)
     for line in [
         *unknown[:SHOWN],
@@ -102,7 +102,7 @@ def show_collection(
 def kept_runs(others: Sequence[Path]) -> tuple[list[Path], set[Ref[Any]], list[str]]:
     """Return the folders of all runs and placements, the artifacts they need, and the samples that cannot be looked up.
 
-    A placement lists the artifacts it needs in `records.json`. For a failed or unfinished one the cache is asked.
+    A placement lists the artifacts it needs in `records.json`. For a failed or unfinished one, the cache is searched.
     """
     from flows.output import RECORDS, read_needs
     from flows.run_files import (  # imports all stages, which the other commands need not wait for
@@ -113,7 +113,7 @@ def kept_runs(others: Sequence[Path]) -> tuple[list[Path], set[Ref[Any]], list[s
 
     for folder in others:
         if not any(run_folders(folder)):
-            raise InputError(f"--keep {folder}: no run and no placement lies there; give the folder of one")
+            raise InputError(f"--keep {folder}: contains no run and no placement; give the folder of one")
     found = sorted({folder for root in (runs_root(), *others) for folder in run_folders(root)})
     folders, needed, unknown = list[Path](), set[Ref[Any]](), list[str]()
     for folder in found:
@@ -140,14 +140,14 @@ def kept_runs(others: Sequence[Path]) -> tuple[list[Path], set[Ref[Any]], list[s
 
 
 def run_folders(root: Path) -> Iterator[Path]:
-    """Yield the folders at or below one that hold a run or a placement; links are not followed."""
+    """Yield `root` and folders below it that hold a run or a placement; links are not followed."""
     for place, _, files in os.walk(root):
         if RUN in files or PLACEMENT in files:
             yield Path(place).resolve()
 
 
 def cache_verification(*, repair_it: bool, as_json: bool) -> int:
-    """Read everything; exit code 4 if damage was found and left."""
+    """Check everything in the cache; return 4 if damage remains."""
     # checked under the lock, since another program may have repaired artifacts
     with exclusive_use(cache_root()) if repair_it else nullcontext():
         counts = {"artifacts": sum(1 for _ in Store.default().refs()), "records": sum(1 for _ in every_record())}

@@ -1,8 +1,8 @@
 """Surfaces as GLB files for the page: those of `dcap.scene.writers.glb`, adapted to this page.
 
 In: `DrawnSurface`. Out: bytes. The page takes a GLB's axes unchanged (z up), overexposes unlit colours, reads vertex
-colours as linear, and averages normals over the faces at each of its vertices, whatever the file says: where textures
-or borders split vertices this shows as an edge. The wanted normals are therefore written as an active morph target.
+colours as linear, and replaces the file's normals by averages over the faces at each vertex. That shows as an edge
+where textures or borders split vertices. The wanted normals are therefore written as an active morph target.
 Source: Khronos, "glTF 2.0 Specification", sections 3.7.2, 3.9 and 4.4.
 """
 
@@ -25,7 +25,7 @@ ROUGHNESS, ALBEDO = 1.0, 0.7
 SHORT = 5123
 """glTF's number of a component type, for colours with more than 8 bits."""
 LEAST_TURN = 2e-3
-"""Invisible difference of a unit normal [-]."""
+"""Largest invisible change of a unit normal [-]."""
 AT_ORIGIN = {"min": [0.0] * 3, "max": [0.0] * 3}
 """Bounds of a morph target that moves nothing: the page takes no normals without positions."""
 ODD = np.array([0x9E3779B97F4A7C15 >> (3 * one) | 1 for one in range(16)], dtype=np.uint64)
