@@ -29,7 +29,7 @@ class ParticlesConfig(BaseModel, frozen=True, extra="forbid"):
     cells_through: PositiveInt = 4
     """Cells through the thinnest dimension of a soft object."""
     least_cells_through: PositiveFloat = 3.0
-    """Fewer cells are reported in a note."""
+    """Fewer cells through a soft object are reported in a note."""
     object_cells: PositiveInt = 2500
     """Budget of cells of a soft object."""
     base_cells: PositiveInt = 7000

@@ -269,7 +269,7 @@ def carrying(
 
 
 def says_side(place: Place) -> bool:
-    """Return whether a place selects one of two beds, as in "the bed on the left" without a pause, not a part of the bed."""
+    """Return whether a place selects one of two beds ("the bed on the left", without a pause), not a part of a bed."""
     noun = place.nouns[0]
     return place.attached and place.relation in PLACEABLE and noun.is_region and not noun.region
 
