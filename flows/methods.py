@@ -141,6 +141,8 @@ def proposal(
         return fireplace_task(scene, item, intent, sample.prompt, config=FirePlaceConfig.model_validate(language))
     if sample.method == "holodeck":
         return holodeck_task(scene, item, intent, sample.prompt, config=HolodeckConfig.model_validate(language))
+    if sample.method != "layoutgpt":
+        raise ValueError(f"no baseline is called {sample.method!r}")
     plans, left_out = examples_of(sample, config)
     asked = LayoutGptConfig.model_validate(language)
     return layoutgpt_task(scene, item, intent, sample.prompt, config=asked, exemplars=plans, left_out=left_out)
