@@ -258,12 +258,13 @@ def new_run_folder(
 def free_folder(stem: str) -> Path:
     """Make a new folder among the runs."""
     name = f"{stem}-{datetime.now(UTC):%Y%m%d-%H%M%S}"
+    runs_root().mkdir(parents=True, exist_ok=True)
     for suffix in ("", *(f"-{number}" for number in range(2, 1000))):
         with suppress(FileExistsError):
             folder = runs_root() / f"{name}{suffix}"
-            folder.mkdir(parents=True)
+            folder.mkdir()
             return folder
-    raise InputError(f"{runs_root()}: a thousand runs are called {name}")
+    raise InputError(f"{runs_root()}: a thousand runs are called {name}; move some away")
 
 
 def versions() -> dict[str, str]:

@@ -1,7 +1,5 @@
 """Options of a command as the stages' configurations, and as the model, recordings and spending limit.
 
-Language options: the model, recordings and the spending limit.
-
 In: the options. Out: the part that decides results (`LanguageConfig`) and the part that does not (`Session`).
 """
 

@@ -62,7 +62,7 @@ Scenes and objects keep the licences of their sources. Number of samples by lice
 {left}
 """
 FORMAT, VERSION = "dcap dataset", 1
-"""Format name in a manifest."""
+"""Name and version of the format, in a manifest."""
 MANIFEST, README, DEFAULT = "manifest.json", "README.md", "dataset.tar.gz"
 ARCHIVE = ".tar.gz"
 RESULT = "placement.json"

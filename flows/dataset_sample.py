@@ -139,8 +139,8 @@ def sample_dataset(
     things = {name: sample_for(name, "", one, options, called.get(one, "")) for name, one in items.items()}
     left_out: dict[str, str] = {}
     with Console(file=sys.stderr, quiet=quiet, highlight=False, force_jupyter=False).status("reading") as status:
-        read_items = read_all(object_contents, things, config, session, left_out, status)
-        read_scenes = read_all(scene_contents, sources, config, session, left_out, status)
+        read_items = read_all("objects", object_contents, things, config, session, left_out, status)
+        read_scenes = read_all("scenes", scene_contents, sources, config, session, left_out, status)
     report_unusable(left_out, sampling.skip, len(found) + len(items))
     store = Store.default()
     views, assets = {}, []
@@ -192,6 +192,7 @@ def object_contents(sample: Sample, config: PlaceConfig) -> Ref[SegmentedObject]
 
 
 def read_all(
+    kind: str,
     read: Callable[[Sample, PlaceConfig], RefT],
     samples: Mapping[str, Sample],
     config: PlaceConfig,
@@ -212,8 +213,9 @@ def read_all(
     found: dict[str, RefT] = {}
     with ThreadPoolExecutor(AT_A_TIME) as pool:
         for done, (name, ref) in enumerate(zip(samples, pool.map(one, samples), strict=True), 1):
-            status.update(f"read {done} of {len(samples)}")
-            found |= {name: ref} if ref is not None else {}
+            status.update(f"{kind}: read {done} of {len(samples)}")
+            if ref is not None:
+                found[name] = ref
     return found
 
 

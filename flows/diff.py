@@ -151,11 +151,10 @@ def rows_of(folder: Path) -> dict[str, dict[str, Any]]:
 def sample_facts(asked: Sample | None, row: Mapping[str, Any] | None, folder: Path) -> SampleFacts:
     """Facts of a sample whose files lie in a folder."""
     tree = read_keys(folder / RESULT) if (folder / RESULT).is_file() else None
-    if row is None and asked is None:
-        row = {"verdict": (tree or {}).get("verdict", "failed"), "reason": (tree or {}).get("reason") or ""}
-    elif row is None and asked is not None:
+    if row is None and asked is not None:
         row = asdict(scored_row(asked, tree, UNFINISHED, None, folder))
-    assert row is not None
+    if row is None:
+        row = {"verdict": (tree or {}).get("verdict", "failed"), "reason": (tree or {}).get("reason") or ""}
     with input_errors(folder / RESULT):
         pose = pose_at_rest(tree) if tree and isinstance(tree.get("pose"), Mapping) else None
         times = {name: float(one) for name, one in ((tree or {}).get("timings") or {}).items()}

@@ -126,9 +126,10 @@ def write_maps_of(
 ) -> Path:
     """Write the maps of a finished placement; InputError where it has no rest state to be seen."""
     values, config = placement.values, placement.config.render
-    final = values.need_final(lacks := f"{placement.finished.sample.id} has no maps")
+    lacks = f"{placement.finished.sample.id} has no maps"
+    final = values.need_final(lacks)
     if values.renders is None:
-        raise InputError(f"{lacks}: {values.reason}")
+        raise InputError(f"{lacks}: {values.infeasible.reason.value if values.infeasible else 'it has no pictures'}")
     view = automatic_camera(values, config) if camera is None else read_camera(camera, values.renders.camera_target)
     image = None if photo is None else read_photo(photo)
     surfaces = values.scene_surface, values.object_surface
@@ -225,9 +226,10 @@ def write_film(placement: FinishedPlacement, folder: Path) -> Path | None:
 def exported_scene(placement: FinishedPlacement) -> ExportScene:
     """The scene to export from a placement; InputError if it has no rest state."""
     values = placement.values
-    final = values.need_final(lacks := f"{placement.finished.sample.id} has no rest state to export")
+    lacks = f"{placement.finished.sample.id} has no rest state to export"
+    final = values.need_final(lacks)
     if values.particles is None or values.infeasible:
-        raise InputError(f"{lacks}: {values.reason}")
+        raise InputError(f"{lacks}: {values.infeasible.reason.value if values.infeasible else 'it was not dropped'}")
     return export_scene(final.scene, final.item, final.anchor, values.materials, values.particles, final.settled)
 
 

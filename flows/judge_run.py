@@ -6,7 +6,7 @@ rubric, and `tables/comparisons_by_method.csv|tex`.
 dcap/evaluation/judging/judge.py decides which samples are judged, and the scores of the others. Nothing is written
 before every question is answered.
 
-Accuracy of a judge on pairs of placements whose better one is known, asked in both orders.
+Its accuracy is measured on pairs whose better one is known, asked in both orders.
 """
 
 from collections.abc import Callable, Mapping, Sequence

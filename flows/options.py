@@ -217,9 +217,9 @@ class PlaceOptions(StageOptions):
     @model_validator(mode="after")
     def _paper_has_its_own_solver(self) -> "PlaceOptions":
         if self.method == "paper" and "solver" in self.model_fields_set and self.solver != "mls":
-            raise ValueError("--method paper is --solver mls with the paper's numbers; leave --solver out")
+            raise ValueError("--method paper has its own solver, mls; leave out --solver (drop.solver.method)")
         if self.method == "paper" and self.stability:
-            raise ValueError(CROSSED)
+            raise ValueError("--method paper cannot be combined with --stability: mls does not verify rest states")
         return self
 
 

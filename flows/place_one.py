@@ -2,8 +2,6 @@
 
 Where a Prefect server runs already (a team's, or that of `dcap ui` or a benchmark), the placement is a flow run there;
 where nobody watches, no server is started for it.
-
-One drop for a person: options to the physics.
 """
 
 import sys

@@ -71,11 +71,11 @@ class Values:
 
     @property
     def reason(self) -> str:
-        """Why there is no result, in a word."""
+        """Why there is no result."""
         return self.infeasible.reason.value if self.infeasible else "nothing settled"
 
     def need_final(self, lacks: str) -> FinalState:
-        """The final state; InputError without one, which says what it `lacks` and why."""
+        """The final state. Without one, InputError of `lacks` and the reason."""
         if (found := self.final) is None:
             raise InputError(f"{lacks}: {self.reason}")
         return found

@@ -3,9 +3,7 @@
 In: the content of those files and the folder they lie in. Out: frozen values, nested as in the files; units and
 meanings of the keys are in docs/formats.md. Objects without fixed keys (bodies, timings) are `NamedValues` mappings.
 
-The JSON Schema of placement.json, from the types that `dcap.place` returns.
-
-In: `Placement`. Out: a schema of draft 2020-12. Keys are only added within a version; what is removed, renamed or means
+The schema is of draft 2020-12. Keys are only added within a version; what is removed, renamed or means
 something else makes a new one.
 """
 

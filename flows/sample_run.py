@@ -10,6 +10,7 @@ from pathlib import Path
 from dcap.scene.errors import DcapError
 from dcap.scene.readers.scenes.sugar import MESH_SUFFIXES
 from dcap.scene.secrets import redacted
+from dcap.scene.text import shortened
 from dcap.scene.types.sample import Sample
 from flows.methods import place_by
 from flows.place import SECTIONS, STAGES, PlaceConfig, PlacementRefs
@@ -222,4 +223,4 @@ def plain_name(path: str) -> str:
 def shorten(text: str) -> str:
     """Return a name shortened to fit a line."""
     line = " ".join("".join(one if one.isprintable() else " " for one in text).split())
-    return line if len(line) <= LONGEST else f"{line[: LONGEST - 1]}…"
+    return shortened(line, LONGEST)

@@ -2,17 +2,15 @@
 
 Keys of a sample: `id`, `room` (or `scene`), `object`, `prompt`, and optionally `seed`, `mass`, `label`, `up`, `unit`,
 `object_label`, `object_up`, `object_unit`, `labels`, `at`, `support`, `height_of`, `licence` (of its scene and object,
-for `dataset pack`). A name is looked up next to the file
-and in the data folder, in each case also in its `rooms/` or `objects/`.
+for `dataset pack`). A name is looked up next to the file and in the data folder, in each case also in its `rooms/` or
+`objects/`.
 """
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Annotated
-
-from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError
-from pydantic_core import ErrorDetails
+from typing import TypeVar, get_args
 
 from dcap.evaluation.methods import DCAP, split_id
 from dcap.evaluation.run_folder import folder_name, same_folder
@@ -21,17 +19,25 @@ from dcap.scene.readers.files import BROKEN_YAML, parse_yaml, yaml_fault
 from dcap.scene.readers.scenes.sugar import MESH_SUFFIXES
 from dcap.scene.settings import data_root, resource
 from dcap.scene.text import LONGEST_ID, LONGEST_PROMPT, LONGEST_WORDS, did_you_mean, unfit
-from dcap.scene.types.sample import Sample, SourceOptions
-from flows.options import Mass, Numbers, Seed, Unit, Up
+from dcap.scene.types.sample import GivenPlace, KnownHeight, Sample, SourceOptions
+from flows.options import LARGEST_SEED, Unit, Up
 from flows.scene_hints import height_of, place_of
-from flows.settings import is_ours, reason
 
 EMBEDDED = resource("data/rooms.yaml")
 """The dataset that the project makes itself."""
 SPLAT_ROOMS = resource("data/splat_rooms.yaml")
-"""A part of that dataset in rooms made of Gaussian splats."""
+"""Some of its placements in rooms that are Gaussian splats."""
 TRUTH = "truth.yaml"
 """Intended outcomes of a dataset's samples, in the same folder; read after a run, never by a stage."""
+REQUIRED = ("id", "object", "prompt")
+OPTIONAL = ("room", "scene", "seed", "mass", "label", "up", "unit", "object_label", "object_up", "object_unit",
+            "labels", "at", "support", "height_of", "licence")  # fmt: skip
+HEAVIEST = 1e12
+"""Upper bound of an object's mass, excluded [kg]."""
+Found = TypeVar("Found")
+LONGEST = {"prompt": LONGEST_PROMPT, "id": LONGEST_ID}
+"""Longest prompt; other texts are labels and names [characters]."""
+CHOICES = {"up": get_args(Up), "unit": get_args(Unit)}
 
 
 def load_samples(path: Path) -> list[Sample]:
@@ -89,102 +95,125 @@ def load_yaml(path: Path) -> object:
         raise InputError(f"{path}: cannot be read as YAML: {yaml_fault(broken)}") from broken
 
 
-def text_up_to(most: int, *, lines: bool = False) -> BeforeValidator:
-    """A validator of text with at most `most` characters; a number is converted to text."""
+def sample_of(row: object, index: int, folder: Path, report: Report) -> Sample | None:
+    """One sample, None if it is invalid; unknown keys are errors with the nearest known name."""
+    if not isinstance(row, Mapping):
+        report(error(f"sample {index}: expected keys and values, found {short(row)}", (index,)))
+        return None
+    read = SampleReader(row, index, report)
+    read.check_keys()
+    if "licence" in row:
+        read.text("licence")
+    room = "room" if "room" in row else "scene"
+    sample = Sample(
+        id=read.text("id"),
+        scene=find(read.text(room), folder, "rooms"),
+        object=find(read.text("object"), folder, "objects"),
+        prompt=read.text("prompt"),
+        scene_options=read.options(""),
+        object_options=read.options("object_"),
+        mass=read.mass(),
+        seed=read.seed(),
+        labels=labels_path(read.text("labels"), folder) if "labels" in row else "",
+        place=read.place(),
+        known_height=read.known_height(),
+    )
+    return sample if read.sound else None
 
-    def check(value: object) -> str:
-        text = str(value) if isinstance(value, str | int | float) and not isinstance(value, bool) else ""
-        if why := unfit(text, most, lines=lines) if text.strip() else "is no text":
-            raise ValueError(why)
+
+@dataclass(slots=True)
+class SampleReader:
+    """Reads the values of one sample and reports invalid ones, for which it returns placeholders."""
+
+    values: Mapping[str, object]
+    index: int
+    report: Report
+    sound: bool = True
+
+    def wrong(self, what: str, key: object = "") -> None:
+        """Report a mistake at a key."""
+        self.sound = False
+        self.report(error(f"sample {self.index}: {what}", (self.index, str(key)) if key else (self.index,)))
+
+    def check_keys(self) -> None:
+        """Unknown and missing keys."""
+        known = (*REQUIRED, *OPTIONAL)
+        for key in self.values:
+            if key not in known:
+                self.wrong(f"unknown key {key!r}{did_you_mean(key, known)}", key)
+        for key in REQUIRED:
+            if key not in self.values:
+                self.wrong(f"key {key!r} is missing")
+        if ("room" in self.values) == ("scene" in self.values):
+            self.wrong("give either 'room' or 'scene'")
+
+    def text(self, key: str) -> str:
+        """A word or sentence; a number is taken as text, a missing key is reported elsewhere."""
+        value = self.values.get(key, "missing")
+        try:
+            # other YAML values may share parts, which would never end when written out
+            text = str(value) if isinstance(value, str | int | float) and not isinstance(value, bool) else ""
+        except ValueError:  # an integer of more than 4300 digits
+            text = ""
+        if not text.strip():
+            self.wrong(f"{key} is {short(value)}, expected text", key)
+        elif why := unfit(text, LONGEST.get(key, LONGEST_WORDS), lines=key == "prompt"):
+            self.wrong(f"{key} {why}", key)
         return text
 
-    return BeforeValidator(check)
+    def mass(self) -> float | None:
+        """A mass [kg]."""
+        value = self.values.get("mass")
+        if value is None:
+            return None
+        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < HEAVIEST:
+            self.wrong(f"mass is {short(value)}, expected a positive number of kilograms", "mass")
+            return None
+        return float(value)
 
+    def seed(self) -> int:
+        """Seed of all random numbers."""
+        value = self.values.get("seed", 0)
+        if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= LARGEST_SEED:
+            self.wrong(f"seed is {short(value)}, expected a whole number from 0 to {LARGEST_SEED}", "seed")
+            return 0
+        return value
 
-Word = Annotated[str, text_up_to(LONGEST_WORDS)]
+    def place(self) -> GivenPlace | None:
+        """A point or a box of the scene's own frame."""
+        return self.parse("at", lambda: place_of(self.numbers("at"), self.numbers("support")))
 
+    def known_height(self) -> KnownHeight | None:
+        """The height of a thing of the scene."""
+        unit = str(self.values.get("unit", "auto"))
+        return self.parse(
+            "height_of", lambda: height_of(self.text("height_of") if "height_of" in self.values else "", unit)
+        )
 
-class SampleKeys(BaseModel):
-    """The keys of a sample with the types of their values."""
+    def numbers(self, key: str) -> str:
+        """A list of numbers as the command line has it."""
+        value = self.values.get(key, "")
+        return ",".join(str(one) for one in value) if isinstance(value, list) else str(value)
 
-    model_config = ConfigDict(extra="forbid", strict=True)
+    def parse(self, key: str, read: Callable[[], Found]) -> Found | None:
+        """Parse a value, or report a mistake at its key."""
+        try:
+            return read()
+        except InputError as refused:
+            self.wrong(str(refused), key)
+            return None
 
-    id: Annotated[str, text_up_to(LONGEST_ID)]
-    room: Word = ""
-    scene: Word = ""
-    object: Word
-    prompt: Annotated[str, text_up_to(LONGEST_PROMPT, lines=True)]
-    seed: Seed = 0
-    mass: Mass | None = None
-    label: Word = ""
-    up: Up = "auto"
-    unit: Unit = "auto"
-    object_label: Word = ""
-    object_up: Up = "auto"
-    object_unit: Unit = "auto"
-    labels: Word = ""
-    at: Numbers = ""
-    support: Numbers = ""
-    height_of: Word = ""
-    licence: Word = ""
-
-
-def sample_of(row: object, index: int, folder: Path, report: Report) -> Sample | None:
-    """One sample, None if it is invalid; every mistake is reported."""
-
-    def wrong(what: str, key: str = "") -> None:
-        report(error(f"sample {index}: {what}", (index, key) if key else (index,)))
-
-    if not isinstance(row, Mapping):
-        wrong(f"expected keys and values, found {short(row)}")
-        return None
-    nested = {str(key): value for key, value in row.items() if not is_flat(value)}
-    for key, value in nested.items():
-        wrong(f"{key} is {short(value)}, expected text or numbers", key)
-    if nested:
-        return None
-    try:
-        read = SampleKeys.model_validate({str(key): value for key, value in row.items()})
-        if bool(read.room) == bool(read.scene):
-            raise InputError("give either 'room' or 'scene'")
-        place, known_height = place_of(read.at, read.support), height_of(read.height_of, read.unit)
-    except ValidationError as broken:
-        errors = broken.errors(include_url=False)
-        # misspelt keys before missing ones
-        for one in sorted(errors, key=lambda one: one["type"] != "extra_forbidden"):
-            wrong(mistake_in_words(one), str(one["loc"][0]) if one["type"] != "missing" else "")
-        return None
-    except InputError as refused:
-        wrong(str(refused))
-        return None
-    return Sample(
-        id=read.id,
-        scene=find(read.room or read.scene, folder, "rooms"),
-        object=find(read.object, folder, "objects"),
-        prompt=read.prompt,
-        scene_options=SourceOptions(read.up, read.unit, read.label),
-        object_options=SourceOptions(read.object_up, read.object_unit, read.object_label),
-        mass=read.mass,
-        seed=read.seed,
-        labels=labels_path(read.labels, folder) if read.labels else "",
-        place=place,
-        known_height=known_height,
-    )
-
-
-def is_flat(value: object) -> bool:
-    """Whether a value is a scalar or a list of numbers; nested YAML with shared parts may be endless when printed."""
-    return not isinstance(value, Mapping | list) or all(isinstance(one, int | float) for one in value)
-
-
-def mistake_in_words(one: ErrorDetails) -> str:
-    """Describe an invalid, unknown or missing key of a sample."""
-    key = str(one["loc"][0])
-    if one["type"] == "missing":
-        return f"key {key!r} is missing"
-    if one["type"] == "extra_forbidden":
-        return f"unknown key {key!r}{did_you_mean(key, SampleKeys.model_fields)}"
-    return f"{key} {short(one['input'])}{' ' if is_ours(one) else ': '}{reason(one)}"
+    def options(self, prefix: str) -> SourceOptions:
+        """How to read the scene (no prefix) or the object."""
+        given = {}
+        for one in fields(SourceOptions):
+            key = prefix + one.name
+            if key in self.values:
+                given[one.name] = self.text(key)
+                allowed = CHOICES.get(one.name, (given[one.name],))
+                if given[one.name] not in allowed:
+                    self.wrong(f"{key} {given[one.name]!r} is not one of {', '.join(allowed)}", key)
+        return SourceOptions(**given)
 
 
 def labels_path(name: str, folder: Path) -> str:
@@ -193,7 +222,7 @@ def labels_path(name: str, folder: Path) -> str:
 
 
 def find(name: str, folder: Path, kind: str) -> str:
-    """Path of a scene or object given by path or name. An unknown name is returned unchanged; the reader reports it."""
+    """Path of a scene or object by path or name; the name itself where nothing is found, for the reader to report."""
     for place in (folder / name, folder / kind / name, data_root() / name, data_root() / kind / name):
         for suffix in ("", *MESH_SUFFIXES):
             if os.path.exists(f"{place}{suffix}"):  # False, not an exception, for a name that no file can have

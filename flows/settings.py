@@ -2,9 +2,6 @@
 
 Values for the options of a command, from flags, environment and `dcap.yaml`; the first one wins.
 
-Nothing heavy is imported here: options are checked before the stages are loaded. Settings of the
-stages are checked with them.
-
 The stages' sections of `dcap.yaml`: every setting of every stage, checked by the stage's own configuration.
 
 In: values from `dcap.yaml` and the environment. Out: a `PlaceConfig`, the same for the same values from either source.

@@ -2,7 +2,7 @@
 
 The kernel kills Prefect's worker with this program, and the worker's samples with it.
 
-Entry points of the deployments in prefect.yaml; samples have one of their own (pool.py). Imports Prefect.
+Samples have a deployment of their own (pool.py).
 
 Parameters are plain values with defaults, because Prefect's pages make a form of them. A worker has its place of data,
 store and server from its own environment and `dcap.yaml`.

@@ -231,7 +231,8 @@ class PointForces:
 
 @dataclass(frozen=True, slots=True)
 class ContactProof:
-    """Check of the forces that hold the bodies against the final surfaces, measured without the solver."""
+    """Check of the forces that hold the bodies against the final surfaces, measured without the solver; but the centre
+    of mass of a soft body is that of its reported material."""
 
     points: int
     """Number of contact points that carry force."""

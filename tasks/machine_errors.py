@@ -26,6 +26,8 @@ EXHAUSTED = (errno.EMFILE, errno.ENFILE)
 SERVER = ("httpx", "httpcore")
 """Packages whose errors mean that the server of the runs does not respond properly; Prefect's own errors are among
 them."""
+UNLOADED = ("failed to map segment", "annot allocate memory")
+"""Messages of the loader for a library that does not fit into memory."""
 NO_SERVER = "Failed to reach API"
 """Text of Prefect's plain RuntimeError if its server is gone."""
 GIVEN_UP = "Retry handling ended"
@@ -35,6 +37,8 @@ ANSWERS = (*SERVER, "prefect")
 UNAUTHORIZED, REFUSALS = 401, range(400, 500)
 LONGEST_PATH, LONGEST_WORDS = 200, 300
 """Maximum lengths of a path and of foreign text in a line [characters]."""
+ROOMY = 64 << 20
+"""Free space below which a disk is mentioned as a possible reason for a server problem [bytes]."""
 API_URL = "PREFECT_API_URL"
 """Prefect's variable with the address of the server."""
 LOGIN = "PREFECT_API_AUTH_STRING"
@@ -52,6 +56,8 @@ def machine_error(error: BaseException) -> MachineError | None:
     if isinstance(error, MemoryError):
         words = f" ({error})" if str(error) else ""
         return MachineError(f"out of memory{words}; {_knob_of_memory()}")
+    if isinstance(error, ImportError) and any(words in str(error) for words in UNLOADED):
+        return MachineError(f"out of memory, or of a limit (ulimit -v): {_words(error)}; {_knob_of_memory()}")
     if isinstance(error, SubprocessError):
         return MachineError(redacted(_words(error)))
     if _status(error) == UNAUTHORIZED:
@@ -149,7 +155,10 @@ def _of_the_server() -> str:
     """Advice for a server of the runs that does not respond properly."""
     if team := team_server():
         return f"{API_URL} names {team}: see there, or unset the variable"
-    return f"its log is {server_folder() / 'server.log'}" if _data_root() else "see its log"
+    folder = server_folder() if _data_root() else None
+    if folder is not None and (free := _free_space(folder)) <= ROOMY:
+        return f"its disk has {free / 2**20:.0f} MiB left: make room in {folder}, or set DCAP_DATA to another disk"
+    return f"its log is {folder / 'server.log'}" if folder else "see its log"
 
 
 def _status(error: BaseException) -> int:

@@ -219,12 +219,17 @@ def notes(table: MethodTable) -> list[str]:
     without = ", ".join(f"{table.name(name)} {n}" for name, n in table.lowest.items() if n)
     if without:
         said.append(f"Scored 1 because the method made no placement where one was intended: {without}.")
-    said.append("Dagger: better than the best baseline, a baseline also than DCAP (paired bootstrap, p < 0.01).")
+    said.append(
+        "Dagger: better than the best baseline; for a baseline, also better than DCAP (paired bootstrap, p < 0.01)."
+    )
     return said
 
 
 def shown_lines(table: MethodTable) -> list[str]:
     """The table for a terminal."""
     rows = [("", *HEADINGS), *((table.name(one), *shown_cells(table.rows.get(one))) for one in table.methods)]
-    lines = [f"{name:32s}{''.join(f'{cell:>20s}' for cell in cells)}{count:>6s}" for name, *cells, count in rows]
+    lines = []
+    for name, *cells, count in rows:
+        plain = (cell.partition(" [")[0] for cell in cells)  # intervals are in the files
+        lines.append(f"{name:32s}{''.join(f'{cell:>16s}' for cell in plain)}{count:>6s}")
     return [*lines, *notes(table)]

@@ -137,19 +137,23 @@ def read_truth(tree: object, where: str) -> dict[str, ExpectedOutcome]:
     return {key: truth_of(row, f"{where}: {key}") for key, row in rows.items()}
 
 
+OUTCOME = TypeAdapter(ExpectedOutcome)
+
+
 def truth_of(row: object, where: str) -> ExpectedOutcome:
     """One intended outcome."""
     if not isinstance(row, Mapping):
         raise InputError(f"{where}: expected keys and values, found {short(row)}")
     try:
-        return TypeAdapter(ExpectedOutcome).validate_python({key: one for key, one in row.items() if key != "id"})
+        return OUTCOME.validate_python({key: one for key, one in row.items() if key != "id"})
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         key = str(first["loc"][0])
         known = [one.name for one in fields(ExpectedOutcome)]
         if key not in known:
             raise InputError(f"{where}: unknown key {key!r}{did_you_mean(key, known)}") from None
-        raise InputError(f"{where}: {key} is {short(row.get(key))}: {first['msg']}") from None
+        what = "expected a direction [x, y]" if key == "front" else first["msg"]
+        raise InputError(f"{where}: {key} is {short(row.get(key))}: {what}") from None
 
 
 def row_of(

@@ -1,13 +1,14 @@
 """Pages from templates, and the page for checking the things that were found in a scene.
 
-The latter has numbered pictures and a row for each thing. It is self-contained: pictures are embedded. It shows the
-content of labels.json, which is the file to correct.
+The page for checking has numbered pictures and a row for each thing. It embeds its pictures and shows the content of
+labels.json, which is the file to correct.
 """
 
 import base64
 import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,7 @@ UNSURE = 0.9
 """Probability below which a label is marked as uncertain [-]."""
 
 
+@cache
 def environment(folder: Path) -> SandboxedEnvironment:
     """The templates of a folder; texts are escaped, and a name that a template lacks is an error."""
     return SandboxedEnvironment(

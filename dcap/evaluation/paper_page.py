@@ -36,7 +36,6 @@ DATASET, FIGURE3 = "dataset", "figure3"
 FIGURES = {SUPPORTS: "figures/deformable_supports.png", MATERIALS: "figures/deformable_materials.png"}
 INDEX = "index.html"
 TABLE1, TABLE2 = (table_links(name)[0] for name in ("table1", "table2"))
-LANGUAGE_MODEL = "config.intent.language.model"
 SHOWN_SETTINGS = {
     "solver": "drop.solver.method", "clearance at the start [m]": "anchor.clearance",
     "rigid above [Pa]": "materials.rigid_above", "limits of the paper": "materials.paper_limits",
@@ -232,11 +231,11 @@ def settings_of(run: Path, names: Mapping[str, str]) -> list[tuple[str, str]]:
     record = read_record(run)
     versions = tree.get("versions")
     versions = versions if isinstance(versions, dict) else {}
-    client = value_at(tree, "config.intent.language.client")
+    client, model = (value_at(tree, f"config.intent.language.{key}") for key in ("client", "model"))
     told = [
         ("dataset", value_at(tree, "dataset")),
         ("methods", ", ".join(names.values())),
-        ("language", client if client == ClientName.OFFLINE else f"{client} {value_at(tree, LANGUAGE_MODEL)}"),
+        ("language", client if client == ClientName.OFFLINE else f"{client} {model}"),
         ("judge", record.judge if record else ""),
         *((words, value_at(tree, f"config.{key}")) for words, key in SHOWN_SETTINGS.items()),
         ("versions", ", ".join(f"{name} {one}" for name, one in versions.items())),

@@ -20,7 +20,9 @@ HEADINGS = {
     JudgedAxis.PHYSICS_NATURALNESS: "Phys. \\& Nat. (\\%)",
 }  # fmt: skip
 """Columns in the order of the paper's table."""
-MARKED = "$\\dagger$: better than the best baseline, a baseline also than DCAP (paired bootstrap, p < 0.01)."
+MARKED = (
+    "$\\dagger$: better than the best baseline; for a baseline, also better than DCAP (paired bootstrap, p < 0.01)."
+)
 
 
 def best_first(rows: Sequence[PreferenceRow]) -> tuple[PreferenceRow, ...]:

@@ -1,7 +1,4 @@
-"""Folders of the samples in a run, and the counts of its summary.
-
-The counts of a benchmark run, for summary.json and the head of its report.
-"""
+"""Folders of the samples in a run, and its counts for summary.json and the head of its report."""
 
 import hashlib
 import re

@@ -1,7 +1,4 @@
-"""The deformable supports per scene as a plot and as a table: the paper's figure 3, and their kinds.
-
-The deformable supports of many scenes as a table: one row a scene, the numbers behind the paper's figure 3.
-"""
+"""The deformable supports per scene as a plot and as a table: the paper's figure 3, and their kinds."""
 
 import csv
 import io

@@ -1,1 +1,1 @@
-"""What household things are: names, sizes, masses, parts, usual shapes and materials; used with and without a model."""
+"""Facts about household things: names, sizes, masses, parts, usual shapes and materials; with and without a model."""

@@ -1,4 +1,4 @@
-"""The vocabulary of the offline reader: things with sizes and masses, parts, and phrases, from CSV files next to it.
+"""The vocabulary: things with sizes and masses, parts, and phrases, from CSV files next to it.
 
 In: `lexicon/*.csv`. Out: frozen rows, and a vocabulary that maps word sequences to their possible meanings. The files
 hold every word with a meaning in the grammar; the grammar's code only knows kinds of words. Words that need their own
@@ -23,7 +23,7 @@ THINGS = "lexicon/things.csv"
 PARTS = "lexicon/parts.csv"
 PHRASES = "lexicon/phrases.csv"
 DEFAULTS = "lexicon/defaults.csv"
-FAMILIES = "lexicon/families.csv"
+FAMILY_WORDS = "lexicon/families.csv"
 OPPOSITES = "lexicon/opposites.csv"
 Words = tuple[str, ...]
 Size = tuple[float, float, float]

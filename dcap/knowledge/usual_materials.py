@@ -14,7 +14,7 @@ from functools import cache
 from types import MappingProxyType
 
 from dcap.knowledge.lexicon import (
-    FAMILIES,
+    FAMILY_WORDS,
     Words,
     is_a,
     label_words,
@@ -82,11 +82,11 @@ def named_phrases() -> Mapping[Words, MaterialPhrase]:
     found: dict[Words, MaterialPhrase] = {}
     for phrase, material in material_words().items():
         found[tuple(split_words(phrase))] = MaterialPhrase(phrase, material, families()[material], generic=False)
-    for row in rows(FAMILIES):
+    for row in rows(FAMILY_WORDS):
         for phrase in listed(row["words"]):
             words = tuple(split_words(phrase))
             if words in found:
-                raise InputError(f"{FAMILIES}: {phrase!r} names {found[words].material} already")
+                raise InputError(f"{FAMILY_WORDS}: {phrase!r} names {found[words].material} already")
             found[words] = MaterialPhrase(phrase, row["material"], row["family"], generic=True)
     return MappingProxyType(found)
 

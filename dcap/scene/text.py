@@ -15,6 +15,8 @@ import unicodedata
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
+from dcap.scene.errors import short
+
 if TYPE_CHECKING:
     from pydantic import ValidationError
 
@@ -76,9 +78,12 @@ def unfit(text: str, most: int, *, lines: bool = False) -> str:
 
 
 def first_mistake(error: "ValidationError") -> str:
-    """The first invalid value that pydantic found, in a line: its keys, and what is wrong with it."""
+    """The first mistake that pydantic found, in a line: its keys, the mistake, and the value."""
     first = error.errors(include_url=False)[0]
-    return f"{'.'.join(map(str, first['loc']))}: {first['msg']}"
+    place, what = ".".join(map(str, first["loc"])), first["msg"].removeprefix("Value error, ")
+    if first["type"] not in ("missing", "json_invalid"):
+        what += f" (got {short(first['input'])})"
+    return f"{place}: {what}" if place else what
 
 
 def visible(text: str) -> str:

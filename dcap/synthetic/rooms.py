@@ -1,7 +1,4 @@
-"""A room of a recipe: furnished, then built into a scan with its annotations and truth.
-
-Furnishes a room by its recipe: builds every piece and puts it in its place.
-"""
+"""A room of a recipe: furnished, then built into a scan with its annotations and truth."""
 
 from dataclasses import dataclass
 

@@ -15,7 +15,7 @@ import typer
 
 from dcap.scene.errors import MachineError
 from dcap.scene.settings import runs_root, shared_store_url, version
-from flows.cli.border import check_words, report_error
+from flows.cli.border import check_words, end_output, report_error
 from flows.cli.checks import Json, Run, Verbose, print_result, typed_flags, with_options
 from flows.cli.data import cache_app, dataset_app
 from flows.cli.results import diff, export, judge, maps, provenance, study_app, view
@@ -286,8 +286,9 @@ def config_show(
     file = settings_file()
     tree = {"file": str(file) if file else None, "settings": rows, "secrets": secrets()}
     lines = [f"# {file or 'no dcap.yaml'}"]
-    for one in rows:
-        lines += [f"{one.key} = {json.dumps(one.value, ensure_ascii=False)}  # {one.origin} {one.where}".rstrip()]
+    lines += [
+        f"{one.key} = {json.dumps(one.value, ensure_ascii=False)}  # {one.origin} {one.where}".rstrip() for one in rows
+    ]
     lines += [f"# {name}: {state}" for name, state in secrets().items()]
     print_result(tree, "\n".join(lines), as_json=as_json)
     return 0
@@ -303,8 +304,7 @@ def main(arguments: list[str] | None = None) -> int:
                 code = int(context.command.invoke(context) or 0)
         except typer.Exit as finished:
             code = finished.exit_code
-        if sys.stdout is not None:
-            sys.stdout.flush()  # a full disk or a closed pipe is reported now rather than after the end
+        end_output()
         return code
     except (KeyboardInterrupt, typer.Abort):
         say_interrupted()

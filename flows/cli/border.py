@@ -4,7 +4,10 @@ An error that a user can fix is one line on standard error; a bug of ours keeps 
 output stops reading, the program ends silently, as other programs do.
 """
 
+import errno
+import io
 import os
+import select
 import sys
 import traceback
 from contextlib import suppress
@@ -45,11 +48,20 @@ def check_words(words: list[str]) -> None:
             ) from None
 
 
+def end_output() -> None:
+    """Flush standard output, so that a full disk or a closed pipe is reported now rather than after the end."""
+    if sys.stdout is not None:
+        sys.stdout.flush()
+
+
 def report_error(error: Exception) -> int:
     """Print an error as one line and return the exit code; an error that is a bug of ours is raised again."""
-    if isinstance(error, BrokenPipeError):
+    if isinstance(error, OSError) and not error.filename and (failed := output_failure()):
         discard_output()
-        return UNREAD
+        if not isinstance(failed, BrokenPipeError):
+            print_error(f"standard output: {failed.strerror}; redirect it elsewhere")
+        clear_frames(error)
+        return UNREAD if isinstance(failed, BrokenPipeError) else USAGE
     if isinstance(error, typer.TyperException):
         print_error(describe_refused_value(error) or error.format_message())
         return USAGE
@@ -80,10 +92,27 @@ def print_error(message: str) -> None:
         typer.echo(line, err=True)
 
 
-def discard_output() -> None:
-    """Discard pending output that cannot be written, so that this is not reported once more when the program ends."""
+def output_failure() -> OSError | None:
+    """Error that keeps printed text from being written; None if it can be written, or if that is no longer known.
+
+    Text whose write failed is still in the buffer, unless Python runs unbuffered; a pipe reports that nobody reads.
+    """
     try:
-        sys.stdout.flush()
+        end_output()
+        waiting = select.poll()
+        waiting.register(sys.stdout.fileno(), 0)
+        gone = any(event & select.POLLERR for _, event in waiting.poll(0))
+    except OSError as error:
+        return None if isinstance(error, io.UnsupportedOperation) else error
+    except AttributeError:
+        return None  # no standard output, or a system that cannot ask
+    return BrokenPipeError(errno.EPIPE, os.strerror(errno.EPIPE)) if gone else None
+
+
+def discard_output() -> None:
+    """Discard pending output, so that the failure is not reported once more when the program ends."""
+    try:
+        end_output()
     except OSError:
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, sys.stdout.fileno())

@@ -109,7 +109,8 @@ def dataset_sample(
     ] = None,
     splits: Annotated[str, typer.Option(metavar="SHARES", help="By scene: train=0.8,val=0.1,test=0.1.")] = "",
     listed: Annotated[
-        str, typer.Option("--scenes", metavar="LIST", help="Only these: names between commas, or a .txt file of names.")
+        str,
+        typer.Option("--scenes", metavar="LIST", help="Only these: comma-separated names, or a .txt file of names."),
     ] = "",
     infeasible: Annotated[float, typer.Option(help="Share of requests that ought to be refused.")] = 0.1,
     skip: Annotated[bool, typer.Option("--skip", help="Leave out unusable scenes and objects, and list them.")] = False,
@@ -150,7 +151,8 @@ def dataset_check(
     ] = None,
     as_json: Json = False,
 ) -> int:
-    """List every problem of a dataset, and what its scenes hold; exit code 2 if there are errors."""
+    """List the problems of a dataset (of a mesh, splats or points the first error), and what its scenes hold; exit code
+    2 if there are errors."""
     from dcap.evaluation.supports_plot import plot_suffix
     from flows.dataset_check import as_tree, check_dataset, in_words, write_plot, write_table
 

@@ -1,7 +1,4 @@
-"""Commands about finished results: `dcap judge|diff|provenance|maps|export|view`, `dcap study serve|report`.
-
-`dcap study serve|report`.
-"""
+"""Commands about finished results: `dcap judge|diff|provenance|maps|export|view`, `dcap study serve|report`."""
 
 import sys
 from collections.abc import Mapping
@@ -61,9 +58,9 @@ def diff(
     from flows.diff import diff_folders, difference_lines
 
     found = diff_folders(one, other)
-    tree = {"equal": found.equal, **object_to_json(found)}
+    tree = {"equal": found.equal, **object_to_json(found)} if as_json else {}
     if not times:
-        del tree["times"]
+        tree.pop("times", None)
     same = ["no difference"] if found.equal else []
     lines = [f"a: {found.a}", f"b: {found.b}", *same, *difference_lines(found, times=times)]
     print_result(tree, "\n".join(lines), as_json=as_json)

@@ -1,8 +1,6 @@
 """Placing by a click: the point under it, its command-line option, and the page of the scene.
 
 In: a scene as segmented, how its file's frame lies in the world, and rays. Out: points in the file's frame and unit.
-
-The page of a scene in which nothing is placed yet: click a point, read its command-line option, or place there.
 """
 
 import math

@@ -2,6 +2,7 @@
 
 import logging
 import os
+import socket
 import sys
 import webbrowser
 from collections.abc import Callable, Iterator
@@ -14,8 +15,11 @@ from websockets.asyncio import server
 from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
+from dcap.scene.errors import InputError
 from flows.own_requests import FETCH, LOOPBACK, REFUSED, OwnRequests
 
+PORTS = 20
+"""Number of ports that are tried [-]."""
 PANEL_WIDTH = 440
 """[pixel]."""
 
@@ -30,11 +34,11 @@ class LocalViewer(viser.ViserServer):
 
 
 def open_server(port: int) -> LocalViewer:
-    """A server on `port`, or on the next free one, which viser finds; its output is discarded."""
+    """A server on the first free port from `port` on; its output is discarded."""
     rich.reconfigure(stderr=True, quiet=True)  # viser prints to standard output, which is for the URL alone
     logging.getLogger("websockets").setLevel(logging.CRITICAL)  # browsers open connections that they never use
     with guarded_servers(OwnRequests.to(LOOPBACK)):
-        server = LocalViewer(host=LOOPBACK, port=port, label="dcap", verbose=False)
+        server = LocalViewer(host=LOOPBACK, port=free_port_from(port), label="dcap", verbose=False)
     arrange(server)
     return server
 
@@ -44,6 +48,20 @@ def arrange(server: viser.ViserServer) -> None:
     server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
     server.gui.main_panel.dock_right()
     server.gui.main_panel.set_width(PANEL_WIDTH)
+
+
+def free_port_from(port: int) -> int:
+    """The first port from `port` on which nobody listens."""
+    for one in range(port, min(port + PORTS, 65536)):
+        with socket.socket() as probe:
+            if os.name == "posix":  # ports in TIME_WAIT count as free
+                probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                probe.bind((LOOPBACK, one))
+            except OSError:
+                continue
+            return one
+    raise InputError(f"--port {port}: it and the {PORTS - 1} after it are taken or not allowed; give another")
 
 
 def url_of(server: viser.ViserServer) -> str:

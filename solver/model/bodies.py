@@ -271,10 +271,3 @@ class Model:
             if {one, two} == {a.name, b.name}:
                 return mu_s, mu_d
         return None
-
-    def friction(self, a: Body, b: Body) -> tuple[float, float]:
-        """(mu_s, mu_d) of a pair: as set explicitly, else the geometric means."""
-        return self.given_friction(a, b) or (
-            float(np.sqrt(a.static_friction * b.static_friction)),
-            float(np.sqrt(a.dynamic_friction * b.dynamic_friction)),
-        )

@@ -1,7 +1,4 @@
-"""Depth of the overlap between bodies, and the nearest places and sides of their surfaces.
-
-Nearest places of a surface to given points, and the direction of the surface there.
-"""
+"""Depth of the overlap between bodies, and the nearest places and sides of their surfaces."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -104,7 +101,7 @@ class Sides:
     """Normals of m faces, and on which of them the outside is known."""
 
     normal: Array
-    """Unit normals, outward for closed pieces, otherwise as wound, shape (m, 3)."""
+    """Unit normals, outward where the outside is known, otherwise as wound, shape (m, 3)."""
     known: NDArray[np.bool_]
     """Whether the outside is known: from the volume that a closed piece encloses, or from the signed distance to the
     solid to which an open piece belongs; shape (m,)."""
@@ -112,35 +109,40 @@ class Sides:
     """Distinct corners, shape (m, 3)."""
 
 
-def sides_of(start: Mesh, end: Mesh, distance: SignedDistance | None = None) -> Sides:
+def sides_of(start: Mesh, end: Mesh, distance: SignedDistance, near: Nearest) -> Sides:
     """The sides of a surface with the faces of `start`, which defines inside and outside, and the corners of `end`.
 
-    The signed distance of the start pose tells the outside of open pieces, except for sheets thinner than its
-    samples.
+    The signed distance of the start pose tells the outside of open pieces, except for sheets thinner than its samples:
+    at `near` on the faces there, at their middles on the others.
     """
     piece, is_open = numbered_pieces(start)
     volume = np.bincount(piece, cone_volumes(start.vertices, start.faces), minlength=len(is_open))
     area = np.bincount(piece, start.face_areas, minlength=len(is_open))
     known = (~is_open & (np.abs(volume) > NO_VOLUME * area**1.5))[piece]
     turned = (outward(start).faces != start.faces).any(axis=1) & known
-    a, b, c = end.triangles.transpose(1, 0, 2)
-    normal = np.cross(b - a, c - a)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
-    if distance is not None and is_open.any():
-        rise = rise_along_normals(start, distance)
+    if is_open.any():
+        rise = rise_along_normals(start, distance, near)
         told = is_open[piece] & (np.abs(rise) > CLEAR_RISE)
         turned, known = np.where(told, rise < 0.0, turned), known | told
     corner = welded(start.vertices)[start.faces]
+    normal = unit_normals(end)
     return Sides(np.where(turned[:, None], -normal, normal), known, corner)
 
 
-def rise_along_normals(mesh: Mesh, distance: SignedDistance) -> Array:
-    """Slope of a signed distance along the normals of faces at their middles [-], shape (m,): 1 outward, -1 inward."""
-    a, b, c = mesh.triangles.transpose(1, 0, 2)
-    normal = np.cross(b - a, c - a)
-    step = distance.spacing * normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
-    middle = (a + b + c) / 3.0
-    return np.asarray((distance.at(middle + step) - distance.at(middle - step)) / (2.0 * distance.spacing))
+def unit_normals(mesh: Mesh) -> Array:
+    """Unit normals of faces as wound, shape (m, 3); zero for a face without area."""
+    return mesh.face_normals / np.maximum(2.0 * mesh.face_areas, np.finfo(float).tiny)[:, None]
+
+
+def rise_along_normals(mesh: Mesh, distance: SignedDistance, near: Nearest) -> Array:
+    """Slope of a signed distance along the normals of faces [-], shape (m,): 1 outward, -1 inward.
+
+    It is taken at a place of `near` on each face that has one, because large faces reach beyond the samples, and at the
+    middles of the others.
+    """
+    step, place = distance.spacing * unit_normals(mesh), mesh.triangles.mean(axis=1)
+    place[near.face] = np.einsum("kc,kci->ki", near.weight, mesh.triangles[near.face])
+    return np.asarray((distance.at(place + step) - distance.at(place - step)) / (2.0 * distance.spacing))
 
 
 def worst_row(rows: Sequence[CertificateRow]) -> CertificateRow:

@@ -2,7 +2,7 @@
 
 In: the outcome of a drop by any method. Out: the same outcome with a `ContactProof`; if the proof fails, the outcome is
 no longer at rest. Distances are measured to the triangles on which contact was evaluated, by code that no method of the
-solver uses while it computes.
+solver uses while it computes. Only the centre of mass of a soft body is that of the material that the method reports.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,7 +19,7 @@ from solver.errors import UnstableStep
 from solver.model.bodies import Body, Model, SoftBody, free_motions
 from solver.model.state import best_rigid_motion
 from solver.result import SettledModel
-from tasks.bodies.overlap import Nearest, Sides, largest_push, nearest, overlap_row, sides_of, worst_row
+from tasks.bodies.overlap import Nearest, largest_push, nearest, overlap_row, sides_of, worst_row
 
 LARGEST_GAP_M = 3e-4
 """Largest gap for tl: six times the penetration that its contacts aim at, and invisible in any picture [m]."""
@@ -85,6 +85,9 @@ def require_finite(model: Model, result: SettledModel) -> None:
     for end in result.bodies:
         if not np.isfinite(end.vertices).all():
             raise UnstableStep(f"the surface of body {end.name!r} at the end is not finite")
+    for name, material in result.material.items():
+        if not np.isfinite(material.displacement).all():
+            raise UnstableStep(f"the material of body {name!r} at the end is not finite")
     forces = result.forces
     broken = np.flatnonzero(~(np.isfinite(forces.force) & np.isfinite(forces.position)).all(axis=1))
     if len(broken):
@@ -121,7 +124,7 @@ def contact_proof(
     surfaces: Sequence[Mesh],
     forces: PointForces,
     largest_gap: float,
-    centers: Mapping[str, Array] | None = None,
+    centers: Mapping[str, Array],
 ) -> ContactProof:
     """Measure on the final surfaces, one per body, where forces act, how much they hold, and where bodies overlap.
 
@@ -138,7 +141,7 @@ def contact_proof(
     torn = np.linalg.norm(at.start[0] - at.start[1], axis=1) > FARTHEST_M + STRAIN * at.distance.max(axis=0)
     pushed = touching & (at.distance <= FARTHEST_M).all(axis=0) & pushing_points(forces, at)
     valid = pushed | (forces.bonded & ~torn)
-    shares = np.array([0.0, *imbalances(model, surfaces, forces, valid, centers or {})])
+    shares = np.array([0.0, *imbalances(model, surfaces, forces, valid, centers)])
     return ContactProof(
         int(touching.sum()),
         largest_gap_row(forces, at, largest_gap),
@@ -171,15 +174,13 @@ def places(model: Model, surfaces: Sequence[Mesh], forces: PointForces, largest_
         np.zeros((2, count, 3)),
     )  # fmt: skip
     acting = forces.bonded | (forces.force != 0.0).any(axis=1)
-    sides: dict[int, Sides] = {}
     for row, (which, sign) in enumerate(((forces.a, 1.0), (forces.b, -1.0))):
         for index in np.unique(which[acting]).tolist():
             mine = np.flatnonzero(acting & (which == index))
             body, surface, points = model.bodies[index], surfaces[index], forces.position[mine]
-            if index not in sides:
-                sides[index] = sides_of(Mesh.of(body.vertices, surface.faces), surface, body.distance)
             near = nearest(surface, points)
-            at.push[row, mine] = largest_push(sides[index], near, sign * forces.force[mine])
+            sides = sides_of(Mesh.of(body.vertices, surface.faces), surface, body.distance, near)
+            at.push[row, mine] = largest_push(sides, near, sign * forces.force[mine])
             at.start[row, mine] = started(body, surface, points, near)
             at.distance[row, mine] = near.distance
             rows = body.face_friction
@@ -250,10 +251,13 @@ def imbalances(
     valid: NDArray[np.bool_],
     centers: Mapping[str, Array],
 ) -> Iterator[float]:
-    """Return the imbalance of each free body under valid forces [-]: force over its weight, or over the carried load if
-    that is larger, and torque about its centre of mass over the same times half its size. Along gravity only what acts
-    along gravity is load, so squeezing carries no weight. Torque that rolling resistance may hold, the force times the
-    largest lever of the surfaces, is not counted. A body without a valid force is not held at all."""
+    """Yield the imbalance of each free body under valid forces [-].
+
+    Force counts over the body's weight, or over the load that it carries if that is larger; along gravity only vertical
+    forces are load, so squeezing carries no weight. Torque about its centre of mass counts over that larger force times
+    half its size, less what rolling resistance may hold: the force times the largest lever of the surfaces. A body
+    without a valid force is not held at all.
+    """
     heaviest = max((body.mass for body in model.bodies if not body.fixed), default=0.0) * model.gravity_strength
     down = model.gravity / max(model.gravity_strength, TINY)
     for index, body in enumerate(model.bodies):

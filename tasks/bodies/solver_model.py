@@ -1,8 +1,7 @@
 """Simulation bodies as the solver's model, and the free nodes of their background grids.
 
-Free nodes of a soft body's background grid: masks of the nodes held by a clamp, a cut, a support or a core.
-
-Masks are of shape (kx, ky, kz), for node planes along x, y and z of kx, ky and kz nodes.
+Masks of the nodes held by a clamp, a cut, a support or a core are of shape (kx, ky, kz), for node planes along x, y and
+z of kx, ky and kz nodes.
 """
 
 from collections.abc import Iterable, Sequence

@@ -324,7 +324,7 @@ def refuse_few(through: float, where: str, thickness: float, setting: str) -> No
     if through < LEAST_PARTICLES:
         raise GeometryError(
             f"solver mls: {through:.1f} particles through {where} ({1e3 * thickness:.3g} mm thick), and explicit steps "
-            f"need {LEAST_PARTICLES:.0f}: give --resolution {PER_CELL * thickness / LEAST_PARTICLES:.2g} or finer and, "
-            f"as a budget limits cells, {(LEAST_PARTICLES / through) ** 3:.2g} times the cells "
-            f"(ParticlesConfig.{setting}), or --solver tl"
+            f"need {LEAST_PARTICLES:.0f}: use --solver tl, or give --resolution "
+            f"{PER_CELL * thickness / LEAST_PARTICLES:.2g} or finer and raise ParticlesConfig.{setting}, the budget of "
+            f"cells, {(LEAST_PARTICLES / through) ** 3:.2g} times"
         )

@@ -26,7 +26,6 @@ from tasks.bodies.plan_contact import plan_contact
 from tasks.bodies.solver_model import solver_model
 from tasks.cache import stage
 from tasks.particles.contact_layers import RIGID, compliance_of, layers_of
-from tasks.render.settled_meshes import is_rigid
 
 DEFORMED = 1e-4
 """Largest distance of a surface from its rigid motion at which it counts as undeformed [m]."""
@@ -57,7 +56,7 @@ def drift(particles: Particles, settled: Settled, config: DriftConfig) -> Drift:
     """Continue the simulation of a final state with the materials, friction and neighbours of the drop."""
     from solver.onward import PlacedBodies, onward  # loads Taichi, which costs seconds
 
-    if not settled.nodes and (shapes := [one.name for one in settled.bodies if not is_rigid(one, DEFORMED)]):
+    if not settled.nodes and (shapes := [one.name for one in settled.bodies if not one.is_rigid(DEFORMED)]):
         return unknown(
             f"the method keeps no displacements inside {', '.join(shapes)}, so there is no dent to continue from"
         )

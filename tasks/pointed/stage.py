@@ -134,14 +134,14 @@ def meeting(scan: Scan, scene: Segmentation, at: tuple[float, ...]) -> tuple[int
     caster = Raycaster(scene.mesh)
     if len(at) == 2:
         return highest(scan, scene, caster, point, text)
-    for outside, where, other in (
-        (point[2] < low[2] - SUNK, "under the floor", "higher"),
-        (point[2] > high[2] + SUNK, "above the scene", "lower"),
-    ):
-        if outside:
-            raise InputError(
-                f"{text} is {where}: {in_words(scan)}; give a {other} point, or two numbers: the highest surface"
-            )
+    if point[2] < low[2] - SUNK:
+        raise InputError(
+            f"{text} is under the floor: {in_words(scan)}; give a higher point, or two numbers: the highest surface"
+        )
+    if point[2] > high[2] + SUNK:
+        raise InputError(
+            f"{text} is above the scene: {in_words(scan)}; give a lower point, or two numbers: the highest surface"
+        )
     start = np.array([*point[:2], point[2] + SUNK])
     hit = caster.cast(start[None], DOWN[None])
     face = int(hit.face[0])

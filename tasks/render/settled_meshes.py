@@ -48,7 +48,7 @@ def at_rest(whole: Mesh, body: SettledBody) -> Mesh:
     """A mesh at a body's start, moved to the body's rest state: rigidly, or following its surface."""
     return (
         whole.transformed(body.world_from_start)
-        if is_rigid(body)
+        if body.is_rigid(RIGID_TOLERANCE)
         else following(whole, body.surface, body.displacement)
     )
 
@@ -109,14 +109,6 @@ def with_thing_moved(around: SettledScene, body: SettledBody) -> SettledScene:
     shift[used] = moved.vertices - whole.transformed(body.world_from_start).vertices
     vertices[used] = moved.vertices
     return SettledScene(replace(scene, mesh=replace(mesh, vertices=vertices)), shift, start, around.origin)
-
-
-def is_rigid(body: SettledBody, tolerance: float = RIGID_TOLERANCE) -> bool:
-    """Return whether the surface of a body did not deform by more than a tolerance [m]."""
-    start = body.surface.vertices - body.displacement
-    pose = body.world_from_start
-    moved = start @ pose[:3, :3].T + pose[:3, 3]
-    return bool(np.abs(moved - body.surface.vertices).max(initial=0.0) <= tolerance)
 
 
 def structure_faces(scene: Segmentation) -> NDArray[np.bool_]:

@@ -76,7 +76,8 @@ def from_inside(bounds: Array, box: OrientedBox) -> tuple[Array, bool]:
 def best_place(
     others: Mesh, thing: Mesh, box: OrientedBox, distance: float, way: Array, from_below: bool
 ) -> Array:  # fmt: skip
-    """Position from which a camera sees most of a thing among others, shape (3,); the nearest to `way` wins a tie."""
+    """Position from which a camera sees most of a thing among others, less a penalty for turning away from `way`, shape
+    (3,)."""
     solid = Raycaster(Mesh.concatenate([others, thing]))
     start = float(np.arctan2(way[1], way[0]))
     sign = -1.0 if from_below else 1.0

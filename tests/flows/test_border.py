@@ -38,8 +38,10 @@ ERRORS = [
     (OSError(errno.EMFILE, os.strerror(errno.EMFILE), "/x"), ("Too many open files", "ulimit -n", "--workers")),
     (OSError(errno.ENAMETOOLONG, os.strerror(errno.ENAMETOOLONG), "x" * 5000), ("too long", "shorter")),
     (ConnectionRefusedError(errno.ECONNREFUSED, os.strerror(errno.ECONNREFUSED)), ("Connection refused",)),
+    (BrokenPipeError(errno.EPIPE, os.strerror(errno.EPIPE)), ("Broken pipe",)),
     (MemoryError("Unable to allocate 9.9 GiB"), ("out of memory (Unable", "--workers")),
     (MemoryError(), ("out of memory; close",)),
+    (ImportError("libX.so: failed to map segment from shared object"), ("out of memory", "ulimit -v", "libX.so")),
     (subprocess.CalledProcessError(3, "ffmpeg"), ("ffmpeg", "exit status 3")),
     (RuntimeError("Failed to reach API at http://u:p@127.0.0.1/api"), ("Prefect server", "http://***@127")),
 ]
@@ -59,23 +61,29 @@ def test_the_machine_is_told_in_a_line(
 
 
 def test_the_server_is_known_by_its_errors(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Prefect's client speaks HTTP: its errors name the log."""
+    """Prefect's client speaks HTTP: its errors name the log, and the disk where that is full."""
     import httpx
 
     monkeypatch.setenv("DCAP_DATA", str(tmp_path))
     monkeypatch.delenv("PREFECT_API_URL", raising=False)
     assert "server.log" in str(machine_error(httpx.ConnectError("all connection attempts failed")))
+    monkeypatch.setattr("tasks.machine_errors._free_space", lambda path: 3 << 20)
+    assert f"3 MiB left: make room in {tmp_path / 'cache' / 'prefect'}" in str(
+        machine_error(httpx.ReadTimeout("no answer"))
+    )
 
 
 def test_a_server_of_a_team_has_its_log_elsewhere(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Not our own server's log is named for it, but its address, without who signs in there; one that we have started
-    has ours, wherever its address stands."""
+    """Neither our own server's log nor our own disk is named for it, but its address, without who signs in there; one
+    that we have started has ours, wherever its address stands."""
     import httpx
 
     monkeypatch.setenv("DCAP_DATA", str(tmp_path))
     monkeypatch.setenv("PREFECT_API_URL", "http://team:of-ours@192.0.2.7:4200/api")
+    monkeypatch.setattr("tasks.machine_errors._free_space", lambda path: 3 << 20)
     line = str(machine_error(httpx.ConnectError("all connection attempts failed")))
     assert line.endswith("; PREFECT_API_URL names http://***@192.0.2.7:4200/api: see there, or unset the variable")
+    monkeypatch.setattr("tasks.machine_errors._free_space", lambda path: 3 << 30)
     monkeypatch.setenv("DCAP_OWN_SERVER", "http://team:of-ours@192.0.2.7:4200/api")
     assert "server.log" in str(machine_error(httpx.ConnectError("all connection attempts failed")))
 
@@ -219,13 +227,15 @@ def test_a_reader_that_leaves_ends_the_program_without_a_word(tmp_path: Path, bu
 
 @pytest.mark.slow
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="only Linux has a device that is full")
-@pytest.mark.parametrize("buffered", [True, False])
-def test_output_that_cannot_be_written_is_told(tmp_path: Path, buffered: bool) -> None:
+@pytest.mark.parametrize(
+    ("buffered", "words"), [(True, "standard output: No space left on device"), (False, "No space left")]
+)
+def test_output_that_cannot_be_written_is_told(tmp_path: Path, buffered: bool, words: str) -> None:
     """Standard output on a full disk: one line and exit code 2."""
     done = shell(tmp_path, "cache ls > /dev/full", buffered=buffered)
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
-    assert "No space left" in done.stderr
+    assert words in done.stderr
 
 
 @pytest.mark.parametrize(

@@ -53,8 +53,8 @@ def test_every_mistake_of_a_dataset_file_is_told(data: Path) -> None:
     told = [(one.line, one.what) for one in report.findings if one.severity is Severity.ERROR]
     expected = [
         (1, "key 'prompt' is missing"), (2, "room 'bedrom' is neither"),
-        (4, "unknown key 'promt'; did you mean 'prompt'"), (5, "mass 'heavy'"),
-        (6, "expected keys and values"), (7, "up 'x' is not one of"), (8, "seed -1"),
+        (4, "unknown key 'promt'; did you mean 'prompt'"), (5, "mass is 'heavy'"),
+        (6, "expected keys and values"), (7, "up 'x' is not one of"), (8, "seed is -1"),
         (9, "object 'mgu' is neither next to the file nor in"), (12, "two samples have the id 'a'"),
     ]  # fmt: skip
     assert [line for line, _ in told] == [line for line, _ in expected], told

@@ -281,7 +281,7 @@ def test_physics_is_judged_where_nobody_stated_a_place(run: Path, capsys: pytest
     first = contents(run)
     assert main(["judge", str(run)]) == 0
     assert contents(run) == first
-    assert f"{'DCAP':32s}{'-':>20s}" in capsys.readouterr().out
+    assert f"{'DCAP':32s}{'-':>16s}" in capsys.readouterr().out
     found = rows_of(run)
     assert {(one["right_place"], one["composite"], one["samples"], one["left_out"]) for one in found.values()} == {
         ("", "", "4", "0")

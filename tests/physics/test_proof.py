@@ -13,7 +13,7 @@ from dcap.scene.types.mesh import Mesh
 from solver.certificate import CertificateRow, PointForces
 from solver.config import SolverConfig
 from solver.errors import UnstableStep
-from solver.model.bodies import Body, Model, SoftBody
+from solver.model.bodies import Body, Model, SignedDistance, SoftBody
 from solver.settle import settle
 from tasks.bodies.overlap import largest_push, nearest, overlap_row, sides_of, worst_row
 from tasks.bodies.proof import contact_proof, imbalances, largest_gap, proven
@@ -125,7 +125,7 @@ def test_a_state_that_was_moved_is_refuted(lab, method: Literal["tl", "mls"]) ->
                 continue  # it has none
             tried += 1
             surfaces = [Mesh.of(x, b.faces) for x, b in zip(changed, model.bodies, strict=True)]
-            if contact_proof(model, surfaces, result.forces, bound).holds:
+            if contact_proof(model, surfaces, result.forces, bound, {}).holds:
                 missed.append(f"{name}, {what}")
         check_forces(model, result, missed, name)
     assert missed == []
@@ -156,6 +156,10 @@ def check_forces(model: Model, result, missed: list[str], name: str) -> None:
         found = proven(model, replace(result, contacts=tuple(replace(row, area_m2=0.0) for row in result.contacts)))
         if found.verdict != "no_equilibrium" or "has no area" not in found.warnings[-1]:
             missed.append(f"{name}, without area")
+    for name, material in result.material.items():
+        lost = {**result.material, name: replace(material, displacement=np.full_like(material.displacement, np.nan))}
+        with pytest.raises(UnstableStep, match=r"the material of body .* is not finite"):
+            proven(model, replace(result, material=lost))
     ends = [replace(result.bodies[0], vertices=np.full_like(result.bodies[0].vertices, np.nan)), *result.bodies[1:]]
     with pytest.raises(UnstableStep, match=r"the surface of body .* is not finite"):
         proven(model, replace(result, bodies=tuple(ends)))
@@ -182,7 +186,7 @@ def acting(
     surfaces = [Mesh.of(lifted(lift)(block.vertices), block.faces), Mesh.of(floor.vertices, floor.faces)]
     if inside_out is not None:
         surfaces[inside_out] = Mesh.of(surfaces[inside_out].vertices, surfaces[inside_out].faces[:, ::-1])
-    return contact_proof(model, surfaces, forces, 3e-4)
+    return contact_proof(model, surfaces, forces, 3e-4, {})
 
 
 FEET = [(x, y, 0.0) for x in (-0.017, 0.017) for y in (-0.013, 0.013)]  # on no edge of a triangle
@@ -221,7 +225,7 @@ def test_an_open_floor_may_be_inside_out(lab, which: str) -> None:
     faces = floor.faces.copy()
     faces[:: 1 if which == "every" else 2] = faces[:: 1 if which == "every" else 2, ::-1]
     surfaces = [block, Mesh.of(floor.vertices, faces)]
-    assert contact_proof(model, surfaces, result.forces, 3e-4).holds
+    assert contact_proof(model, surfaces, result.forces, 3e-4, {}).holds
 
 
 @pytest.mark.parametrize("turned", [0, 1])
@@ -319,9 +323,12 @@ def test_an_open_block_may_not_hang_below_an_open_floor(lab) -> None:
     block, floor = lab.rigid("block", lab.Box(np.full(3, 0.05)), [0, 0, 0.025], mass=0.5), top_only(lab.floor())
     middle = block.vertices[block.faces].mean(axis=1)
     block = replace(block, faces=block.faces[middle[:, 0] < 0.0249])
-    model = Model((block, floor), np.array([0.0, 0.0, -9.81]))
-    assert held_from_below(model, np.array(FEET)).holds
-    assert not held_from_below(model, np.array(FEET), -0.05).holds
+    corners = np.array([[-2.0, -2.5, 0.0], [3.0, -2.0, 0.0], [-2.0, 3.0, 0.0]])
+    large = replace(floor, vertices=corners, faces=np.array([[0, 1, 2]], np.int32))  # farther than distance is sampled
+    for support in (floor, large):
+        model = Model((block, support), np.array([0.0, 0.0, -9.81]))
+        assert held_from_below(model, np.array(FEET)).holds
+        assert not held_from_below(model, np.array(FEET), -0.05).holds
 
 
 def held_from_below(model: Model, where: Points, raised: float = 0.0):
@@ -331,7 +338,7 @@ def held_from_below(model: Model, where: Points, raised: float = 0.0):
     forces = PointForces(np.zeros(count, int), np.ones(count, int), where, force, np.zeros(count, bool))
     ends = [lifted(raised)(model.bodies[0].vertices), *(body.vertices for body in model.bodies[1:])]
     surfaces = [Mesh.of(x, body.faces) for x, body in zip(ends, model.bodies, strict=True)]
-    return contact_proof(model, surfaces, forces, 3e-4)
+    return contact_proof(model, surfaces, forces, 3e-4, {})
 
 
 def test_squeezing_carries_no_weight(lab) -> None:
@@ -361,7 +368,7 @@ def test_friction_is_that_of_the_faces_that_touch(lab, of_faces: float, holds: b
     force = np.array([[0.8 * np.sign(x) * each, 0.0, each] for x, _, _ in FEET])
     forces = PointForces(np.zeros(4, int), np.ones(4, int), np.array(FEET), force, np.zeros(4, bool))
     surfaces = [Mesh.of(body.vertices, body.faces) for body in model.bodies]
-    assert contact_proof(model, surfaces, forces, 3e-4).holds == holds
+    assert contact_proof(model, surfaces, forces, 3e-4, {}).holds == holds
 
 
 def test_torque_acts_about_the_material_of_what_bends(lab) -> None:
@@ -374,7 +381,7 @@ def test_torque_acts_about_the_material_of_what_bends(lab) -> None:
     forces = PointForces(np.zeros(4, int), np.ones(4, int), where, force, np.zeros(4, bool))
     moved = {"block": block.center_of_mass + np.array([0.005, 0.0, 0.0])}
     assert contact_proof(model, surfaces, forces, 3e-4, moved).imbalance.holds
-    assert not contact_proof(model, surfaces, forces, 3e-4).imbalance.holds
+    assert not contact_proof(model, surfaces, forces, 3e-4, {}).imbalance.holds
 
 
 def test_a_row_that_is_no_number_is_the_worst() -> None:
@@ -399,7 +406,7 @@ def on_board(lab, where, lift: float, thick: float, soft: bool, *, wall: bool = 
     forces = PointForces(np.zeros(count, int), np.ones(count, int), np.array(where, dtype=float), force,
                          np.zeros(count, bool))  # fmt: skip
     surfaces = [Mesh.of(lifted(lift)(block.vertices), block.faces), Mesh.of(board.vertices, board.faces)]
-    return contact_proof(model, surfaces, forces, 3e-4)
+    return contact_proof(model, surfaces, forces, 3e-4, {})
 
 
 @pytest.mark.parametrize(("start", "holds"), [(0.004, False), (-0.003, True)])
@@ -419,7 +426,7 @@ def test_a_block_may_not_end_in_a_wall_that_it_does_not_push(lab, start: float, 
     forces = PointForces(np.zeros(4, int), np.ones(4, int), np.array(FEET) + moved, force, np.zeros(4, bool))
     ends = [block.vertices + moved, board.vertices, wall.vertices]
     surfaces = [Mesh.of(x, body.faces) for x, body in zip(ends, model.bodies, strict=True)]
-    proof = contact_proof(model, surfaces, forces, 3e-4)
+    proof = contact_proof(model, surfaces, forces, 3e-4, {})
     assert proof.imbalance.holds
     assert proof.holds == holds
     if not holds:
@@ -433,7 +440,8 @@ def test_a_tip_is_pushed_by_any_force_between_the_normals_of_its_faces() -> None
     mesh = Mesh.of(vertices, faces)
     force = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
     near = nearest(mesh, np.tile([0.0, 0.0, -1.0], (3, 1)))
-    up, down, along = largest_push(sides_of(mesh, mesh), near, force)
+    unknown = SignedDistance(np.zeros(3), 1.0, np.zeros((3, 3, 3), np.float32))  # the solid is closed
+    up, down, along = largest_push(sides_of(mesh, mesh, unknown, near), near, force)
     assert up == pytest.approx(1.0)
     assert down == pytest.approx(-1.0 / np.sqrt(3.0))
     assert along == pytest.approx(np.sqrt(0.5))

@@ -1,4 +1,4 @@
-"""A segmented scene as a floor plan, and the placement that a proposed box on it means.
+"""A segmented scene as a floor plan, the asset in its canonical pose, and the anchor of a proposed pose.
 
 The plan has the outline of the floor and an upright box for each thing and part. The outline is the union of the
 floor's faces seen from above, closed over gaps as wide as a wall, so that rooms that a door joins are one; holes are

@@ -237,8 +237,8 @@ class Judgement:
     """Tokens and cost of the questions of all judges of the run; None if no model was asked."""
 
 
-def write_judging(run: Path, judged: Judgement) -> Path:
-    """Write a judgement into a run; returns its folder."""
+def write_judging(run: Path, judged: Judgement) -> None:
+    """Write a judgement into a run."""
     folder, comparisons = run / JUDGING, judged.comparisons
     folder.mkdir(exist_ok=True)
     with whole_file(folder / SCORES) as draft:
@@ -249,7 +249,6 @@ def write_judging(run: Path, judged: Judgement) -> Path:
     tree["language"] = object_to_json(judged.spending) if judged.spending else None
     text = json.dumps(tree, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
     write_whole(folder / JUDGE, text.encode())
-    return folder
 
 
 def side_tree(report: SideReport) -> dict[str, object]:

@@ -8,7 +8,7 @@ shape and depth of [J85]. Metrics that would need a simulation are null.
 """
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache, partial
+from functools import cache, cached_property, lru_cache, partial
 
 import numpy as np
 import trimesh
@@ -57,7 +57,7 @@ STRUCTURE = ("floor", "ceiling", "wall", "window", "door")
 COLOR = (40, 50, 110)
 
 KEPT_SCENES = 4
-"""Number of rooms kept: the two of a pair, and the undeformed one."""
+"""Number of scenes kept, of all rooms: the two of a pair, and the undeformed one."""
 KEPT_PICTURES = 64
 """Number of pictures kept: more than the questions about two pairs show."""
 
@@ -146,7 +146,7 @@ class RoomWithBall:
                 return {BED: self.below(middle)[0], FLOOR: point}
         raise InputError(f"room {self.name} has no free floor next to its bed; known answers need some")
 
-    @lru_cache(maxsize=KEPT_PICTURES)  # noqa: B019 few rooms are ever made
+    @cache  # noqa: B019 few rooms are ever made
     def center(self, place: BallPlace) -> Array:
         """Middle of the ball [m], shape (3,): lowered onto the undeformed room, then moved by its height."""
         xy = self.asked[place.on][:2].copy()
@@ -156,7 +156,7 @@ class RoomWithBall:
         beneath = OwnedMesh(self.room.record.mesh, self.owner).over(thing).mesh
         return raised(over, place.height - float(columns(thing, Raycaster(beneath)).gap.min()))
 
-    @lru_cache(maxsize=KEPT_SCENES)  # noqa: B019
+    @lru_cache(maxsize=KEPT_SCENES)  # noqa: B019 few rooms are ever made
     def scene(self, place: BallPlace) -> OwnedMesh:
         """The room of a placement, which is measured and rendered from many sides; the bed is dented only if the place
         says so."""
@@ -225,7 +225,7 @@ class RoomWithBall:
             return cameras.overview
         return cameras.closeup(self.sights(place, asked))
 
-    @lru_cache(maxsize=KEPT_PICTURES)  # noqa: B019
+    @cache  # noqa: B019 few rooms are ever made
     def sights(self, place: BallPlace, asked: str) -> Sights:
         """Visibility of the ball at a place; the support is the bed, or all of the room's floor."""
         around, room = self.scene(place), self.room.record.mesh.bounds

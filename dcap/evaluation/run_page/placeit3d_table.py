@@ -26,7 +26,7 @@ COLUMNS = {
     "Language": ("language",), "Physical": ("physical", "physical_given"), "Spatial": ("spatial",),
     "Rotational": ("rotational",),
 }  # fmt: skip
-"""Shares in each column of the page: two are against the scene as it was left, and as it was given."""
+"""Shares in each column of the page; of two, the first is against the scene as it was left, the second as given."""
 HEADINGS = (*COLUMNS, "n", "not placed")
 NOTE = (
     "Percent of constraints (global, spatial, rotational, physical) or of samples (complete, language), by PlaceIt3D's "
@@ -74,7 +74,7 @@ def placeit3d_table(
         names: shown names of the methods.
     """
     found = shares_by_method(rows)
-    if not any((one["samples"] or 0) > (one["not_placed"] or 0) for one in found.values()):
+    if all(one["samples"] == one["not_placed"] for one in found.values()):
         return None
     shown = [(names[method], *cells(one)) for method, one in found.items()]
     text = csv_of([

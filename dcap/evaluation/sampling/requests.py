@@ -3,8 +3,7 @@
 In: carrying surfaces and objects. Out: every plausible `PlacementAsk`, and those that should be refused. An object
 plausibly fits if its footprint leaves room; only a solver decides whether it comes to rest.
 
-Random draws that depend only on words: a digest as a number, so that no draw depends on another or on their
-order.
+A draw is a digest of words as a number, so that it depends neither on other draws nor on their order.
 """
 
 import hashlib

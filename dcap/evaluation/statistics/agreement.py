@@ -11,7 +11,7 @@ in both orientations: the two values have no meaning without their item.
 Source: [K11] Krippendorff, Computing Krippendorff's Alpha-Reliability, 2011, section C (nominal data, any number of
 raters, missing data).
 
-Habits of a judge in its comparisons: how often it ties, prefers a side, and contradicts itself.
+Habits: how often a judge ties, prefers a side, and contradicts itself.
 
 Source: [C34] Clopper and Pearson, Biometrika 26, 1934, 404-413 (the exact interval of a share).
 """

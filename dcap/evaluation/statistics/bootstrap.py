@@ -73,8 +73,8 @@ def two_sided_p(resampled: NDArray[np.float64], samples: int) -> float:
     """p of the hypothesis that a difference is 0, from its values over resamples (b,): at most 1, at least 2 / (b + 1)
     and 2^(1 - samples).
 
-    The latter is the p of the exact sign-flip test if all samples agree, because resampling adds no information. So p <
-    0.01 needs eight samples.
+    The latter is the p of the exact sign-flip test if all samples agree, because resampling adds no information.
+    Eight samples are the fewest for p < 0.01.
     """
     below, above = int((resampled <= 0.0).sum()), int((resampled >= 0.0).sum())
     return min(1.0, max(2.0 * (min(below, above) + 1) / (len(resampled) + 1), 2.0 ** (1 - samples)))

@@ -30,7 +30,7 @@ from dcap.evaluation.statistics.bootstrap import (
     paired_difference,
     two_sided_p,
 )
-from dcap.evaluation.statistics.comparisons import Comparison, JudgedAxis, PairCounts, on_axis, pair_counts
+from dcap.evaluation.statistics.comparisons import AXES, Comparison, JudgedAxis, PairCounts, on_axis, pair_counts
 from dcap.evaluation.statistics.ratings import MethodRating, bradley_terry, elo_ratings, rating_difference_p
 from dcap.scene.errors import InputError
 
@@ -159,24 +159,23 @@ def score_rows(
     if counts:
         fixed = anchor or ([name for name in scores if name in counts.methods] or counts.methods)[-1]
         elo = {one.method: one for one in elo_ratings(counts, fixed, resamples=resamples, seed=seed)}
-    axes = (JudgedAxis.RIGHT_PLACE, JudgedAxis.PHYSICS_NATURALNESS)
-    columns = {axis.value: {name: value[:, k] for name, value in scores.items()} for k, axis in enumerate(axes)}
+    columns = {axis.value: {name: value[:, k] for name, value in scores.items()} for k, axis in enumerate(AXES)}
     rows = []
     for method, own in scores.items():
         known = ~np.isnan(own)
-        summaries = {axis: summary_of(own[:, k], resamples, seed) for k, axis in enumerate(axes) if known[:, k].any()}
+        summaries = {axis: summary_of(own[:, k], resamples, seed) for k, axis in enumerate(AXES) if known[:, k].any()}
         rivals = rivals_of(method, baselines, ours)
         found = {name: score_test(column, method, rivals, resamples, seed)
                  for name, column in {**columns, COMPOSITE: scores}.items()}  # fmt: skip
         found[ELO] = elo_test(counts, elo, method, rivals, resamples, seed) if counts else None
         rows.append(
             ScoreRow(
-                method,
-                {name: test for name, test in found.items() if test},
-                summaries,
-                composite([one.mean for one in summaries.values()]) if len(summaries) == len(axes) else None,
-                int(known.any(axis=1).sum()),
-                elo.get(method),
+                method=method,
+                tests={name: test for name, test in found.items() if test},
+                scores=summaries,
+                composite=composite([one.mean for one in summaries.values()]) if len(summaries) == len(AXES) else None,
+                samples=int(known.any(axis=1).sum()),
+                elo=elo.get(method),
             )
         )
     return rows
@@ -211,11 +210,13 @@ def score_test(
     `scores` by method: shape (n,) for one axis, (n, 2) for the composite; all in the same order of samples. The best
     rival is chosen on all samples that it has; of equals the first.
     """
-    known = {name: ~np.isnan(own.reshape(len(own), -1)) for name, own in scores.items()}
+    tables = {name: own.reshape(len(own), -1) for name, own in scores.items()}
+    known = {name: ~np.isnan(own) for name, own in tables.items()}
     levels = {
-        name: composite([float(one) for one in np.nanmean(scores[name].reshape(len(scores[name]), -1), axis=0)])
-        for name in rivals if name in scores and known[name].any(axis=0).all()
-    }  # fmt: skip
+        name: composite(np.nanmean(tables[name], axis=0).tolist())
+        for name in rivals
+        if name in tables and known[name].any(axis=0).all()
+    }
     if not levels:
         return None
     best = max(levels, key=lambda name: levels[name])

@@ -2,8 +2,8 @@
 
 Elo follows the recipe of GPTEval3D [W24]: a tie counts as a win of *both*, one method is the anchor with a fixed
 rating, and sum A_ij log(1 + 10^((R_j - R_i) / 400)) is smallest. Its published code runs 10,000 steps of Adam; the
-problem is convex, so here Newton's method solves it to convergence. Bradley-Terry counts half of a
-tie for each and has the mean rating fixed. Both are on the scale on which 400 points are odds of 10 to 1.
+problem is convex, so here Newton's method solves it to convergence. Bradley-Terry counts half of a tie for each and has
+the mean rating fixed. Both are on the scale on which 400 points are odds of 10 to 1.
 
 Intervals resample whole samples (cluster bootstrap), since comparisons on one sample are not independent. A resample
 in which a method was not drawn has no information on it, and does not count for it: the ridge would put it at the mean.

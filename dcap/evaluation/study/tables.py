@@ -73,10 +73,9 @@ def rater_row(rater: str, items: int, votes: Sequence[StudyVote]) -> RaterRow:
     )
 
 
-def write_raters(folder: Path, rows: Sequence[RaterRow]) -> Path:
+def write_raters(folder: Path, rows: Sequence[RaterRow]) -> None:
     """Write raters.csv."""
     write_lasting(folder / RATERS, csv_of([asdict(row) for row in rows]).encode())
-    return folder / RATERS
 
 
 @dataclass(frozen=True, slots=True)

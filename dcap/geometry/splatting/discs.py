@@ -1,10 +1,7 @@
 """Gaussian splats on the surface of a mesh: as a good scan would have them, or dense and opaque.
 
-Known geometry as splats, as ground truth for reconstructions from them.
-
-The surface of an object as Gaussians: flat discs in its colours, dense enough to be opaque.
-
-Unlike `splats_on_mesh`, whose splats imitate a scan, these are all alike and dense: nothing shows through.
+`splats_on_mesh` imitates a scan, as ground truth for reconstructions. The opaque discs of an object are all alike and
+so dense that nothing shows through.
 """
 
 from collections.abc import Callable

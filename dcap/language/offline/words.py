@@ -22,7 +22,7 @@ from dataclasses import dataclass, field
 from functools import cache, lru_cache
 
 from dcap.knowledge.lexicon import (
-    FAMILIES,
+    FAMILY_WORDS,
     OPPOSITES,
     Meaning,
     label_words,
@@ -43,7 +43,7 @@ UNKNOWN = frozenset({Meaning("unknown", "")})
 PAUSE = frozenset({Meaning("pause", "")})
 GRAMMAR = frozenset({"relation", "verb", "det", "side", "region", "restrict", "count", "face", "pose", "of"})
 """Kinds of words that take precedence over names of things in a correction."""
-OTHER_WORDS = (FAMILIES, OPPOSITES)
+OTHER_WORDS = (FAMILY_WORDS, OPPOSITES)
 """Words that are known although the grammar does not use them."""
 NOT_BY_MISTAKE = frozenset({"negation", "exclude", "choice", "numeral"})
 """Kinds of words to which a misspelling is not corrected, because they reverse the meaning of a sentence."""

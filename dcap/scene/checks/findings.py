@@ -1,7 +1,5 @@
 """Findings of a check: problems with their file and line, and the lines of values in JSON and YAML.
 
-Line numbers of the values of JSON and YAML files.
-
 The ordinary parsers read the trees; this module scans the same text again, only when a line number is requested. Works
 for any text that those parsers accept, without recursion for JSON and without expanding YAML aliases.
 """

@@ -1,7 +1,4 @@
-"""Input of the solver: gravity, and bodies with surfaces, signed distances and, if soft, points and a grid.
-
-Gravity for placements.
-"""
+"""Input of the solver: gravity, and bodies with surfaces, signed distances and, if soft, points and a grid."""
 
 from dataclasses import dataclass, field
 from enum import IntEnum

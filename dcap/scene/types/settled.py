@@ -34,6 +34,12 @@ class SettledBody:
         pose[:3, 3] = self.position
         return pose
 
+    def is_rigid(self, tolerance: float) -> bool:
+        """Return whether the surface did not deform by more than a tolerance [m]."""
+        pose = self.world_from_start
+        moved = (self.surface.vertices - self.displacement) @ pose[:3, :3].T + pose[:3, 3]
+        return bool(np.abs(moved - self.surface.vertices).max(initial=0.0) <= tolerance)
+
 
 @dataclass(frozen=True, slots=True)
 class LeanCheck:

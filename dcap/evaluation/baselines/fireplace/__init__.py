@@ -6,7 +6,7 @@ solves a library of simple binary constraints for the object's pose, and prunes 
 on renders. Options are always shown to the model in small batches (*batched visual selection*). From it are these five
 steps, the planar surfaces, the batches, that constraints are binary, and contact, parallel and non-overhang among them.
 Its code is not public, so ours are: all formulas (`problem.py`), the thresholds of the surfaces (`planar.py`), the
-way the constraints are solved (`solve.py`), batch sizes and votes (there, too), and all texts of questions. Where
+way the constraints are solved, batch sizes and votes (`solve.py`), and all texts of questions. Where
 a surface that the source would take from the mesh is missing because a thing is round or soft, a side of its box stands
 in, so that the method is not left without an answer.
 

@@ -1,4 +1,4 @@
-"""The continuous solve: few diverse poses from many samples; and batched visual selection.
+"""The continuous solve, which yields a few diverse poses from many samples, and batched visual selection.
 
 In: a `PlacementProblem` and a seed. Out: poses with their losses, the best first. Samples are points of the surface
 with yaws in steps of 15 degrees; the best of them move by compass search (Kolda, Lewis, Torczon 2003: probe along each

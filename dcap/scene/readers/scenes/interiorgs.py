@@ -223,11 +223,11 @@ def _room(index: int, room: dict[str, object], report: Report) -> Room | None:
         report(warning(what, place))
         return None
     outline = Polygon(profile)
-    if not outline.is_valid or outline.area < SMALLEST_ROOM:
-        why = f"{is_valid_reason(outline)}, area {outline.area:.2g} m2"
-        report(
-            warning(f"profile of room {index} crosses itself or has no area ({why}); give its corners in order", place)
-        )
+    if not outline.is_valid:
+        why = is_valid_reason(outline)
+        report(warning(f"profile of room {index} crosses itself ({why}); give its corners in order", place))
+    elif outline.area < SMALLEST_ROOM:
+        report(warning(f"profile of room {index} has an area of {outline.area:.2g} m2; give its corners", place))
     return Room(str(room.get("room_type") or "").lower(), profile)
 
 

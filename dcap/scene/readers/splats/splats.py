@@ -41,8 +41,6 @@ PLAIN = (
 LARGEST_LOGIT = 16.0
 """Largest logit of an opacity [-]: 0 and 1 have no finite logit, and 1e-7 from them is just as good."""
 
-LARGEST_LOG_SCALE = 20.0
-"""Largest logarithm of a size [-]: writers clip them, and e^20 m is not a sensible size."""
 
 MOST_DISCS = 100_000
 """Number of squares that represent the Gaussians of a file in finding its units and axes [-]."""

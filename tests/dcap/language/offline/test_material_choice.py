@@ -2,7 +2,7 @@
 
 import pytest
 
-from dcap.knowledge.lexicon import FAMILIES as GENERIC
+from dcap.knowledge.lexicon import FAMILY_WORDS as GENERIC
 from dcap.knowledge.lexicon import part_words, rows, things
 from dcap.knowledge.material_table import FAMILIES, families, load_materials
 from dcap.knowledge.usual_materials import MADE_OF, USUAL, materials_in, named_phrases
